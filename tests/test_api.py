@@ -10,6 +10,7 @@ import json
 import re
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +22,7 @@ from shapely import box
 
 import vinefab as vf
 from vinefab.cli.main import main
+from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import make_map
@@ -29,6 +31,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.plan_svg import contour_path
 from vinefab.rig.rig_options import read_printer
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
@@ -148,7 +151,7 @@ def test_a_check_and_a_picture_of_a_design_load_no_simulator():
     code = "import vinefab as vf; vf.check('plain_vine'); vf.Design.read('plain_vine')._repr_svg_()"
     loaded = _loaded_after(code)
     assert "numba" not in loaded
-    assert "matplotlib.pyplot" not in loaded
+    assert "matplotlib" not in loaded
     assert not any(name.startswith(("vinefab.growth", "vinefab.search")) for name in loaded)
 
 
@@ -409,11 +412,79 @@ def parsed(svg):
     return ElementTree.fromstring(svg)  # noqa: S314  our own
 
 
-@pytest.mark.parametrize("name", ["design", "map", "grown", "bare", "square", "line"])
-def test_a_noun_shows_itself_in_a_notebook(name, nouns):
-    root = parsed(nouns[name]._repr_svg_())
-    assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) > 5
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def shown(noun):
+    """Return a noun's picture: its root, how often each class occurs, all words."""
+    root = parsed(noun._repr_svg_())
+    assert root.tag == f"{SVG}svg"
+    kinds = Counter(kind for node in root.iter() for kind in (node.get("class") or "").split())
+    return root, kinds, [node.text for node in root.iter(f"{SVG}text")]
+
+
+def test_a_map_shows_its_obstacles_and_starts_in_a_notebook(nouns):
+    world = nouns["map"]
+    root, kinds, words = shown(world)
+    assert f"{world.name}: 260 x 260 mm" in words
+    rock = next(node for node in root.iter(f"{SVG}path") if "rock" in (node.get("class") or ""))
+    assert rock.get("d").count("Z") == len(world.obstacles) > 10
+    assert kinds["pose"] == len(world.starts) + 1  # and one in the legend
+    bare = dataclasses.replace(world, starts=())
+    assert "start" in words
+    assert shown(bare)[1]["pose"] == 0
+
+
+def test_a_robot_shows_levels_tips_and_reasons_in_a_notebook(nouns):
+    for name in ("grown", "bare"):
+        grown, (_, kinds, words) = nouns[name], shown(nouns[name])
+        out = int(np.count_nonzero(grown.deployed))
+        assert out > 3
+        for stop, count in grown.stops.items():
+            seen = kinds[f"stop-{stop.replace('_', '-')}"]
+            assert seen == (count + 1 if count and stop != "not_deployed" else bool(count))
+            assert any(word.endswith(f" ({count})") for word in words) or not count
+        for level in (1, 2, 3):
+            here = grown.tree.level == level
+            entry = f"level {level} ({np.count_nonzero(here & grown.deployed)} of {here.sum()})"
+            assert entry in words
+        assert kinds["line"] == 3
+        assert kinds["body"] == (3 if name == "grown" else 0)  # no design, no widths
+        assert kinds["ground"] == (1 if name == "grown" else 0)
+        assert any("(simulated)" in word for word in words)
+
+
+def test_a_robot_on_a_much_larger_map_is_shown_with_its_surroundings_only():
+    design, world = vf.Design.read("three_level_tree"), vf.maps.grid(seed=1, size_mm=3000)
+    root, _, words = shown(design.grow(world))
+    plan = root.find(f"{SVG}svg").get("viewBox").split()
+    assert float(plan[2]) < 1200
+    assert any("part of grid_1, 3000 x 3000 mm" in word for word in words)
+
+
+def test_an_outline_shows_itself_in_a_notebook(nouns):
+    for name, kind, path in (
+        ("square", "outline", "M0 0L9 0L9 -9L0 0Z"),
+        ("line", "outline open", "M0 0L9 0"),
+    ):
+        root, _, words = shown(nouns[name])
+        drawn = next(n for n in root.iter(f"{SVG}path") if "outline" in (n.get("class") or ""))
+        assert (drawn.get("class"), drawn.get("d")) == (kind, path)
+        assert "2 mm" in words
+        assert float(root.find(f"{SVG}svg").get("height")) > 50  # a straight line has room
+
+
+def test_a_design_shows_its_flat_outline_in_a_notebook(nouns):
+    design = nouns["design"]
+    root, kinds, words = shown(design)
+    contour = body_outline(design).contour
+    x0, y0, x1, y1 = contour.box_mm
+    assert f"{design.name}: 1 branch, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat" in words
+    drawn = next(n for n in root.iter(f"{SVG}path") if n.get("class") == "outline")
+    assert drawn.get("d") == contour_path(contour)
+    tree = vf.Design.read("three_level_tree")
+    assert f"three_level_tree: {tree.branch_count} branches," in " ".join(shown(tree)[2])
+    assert kinds["words"] == 2
 
 
 def test_a_robot_that_never_emerged_has_a_picture_too(world):
@@ -421,7 +492,9 @@ def test_a_robot_that_never_emerged_has_a_picture_too(world):
     grown = design.grow(world, pose=(150, 1, 90), body="inflated")
     assert grown.stops["not_deployed"] == len(grown.tree)
     for deployment in (grown, dataclasses.replace(grown, design=None, world=None)):
-        parsed(deployment._repr_svg_())
+        _, kinds, words = shown(deployment)
+        assert f"never emerged ({len(grown.tree)})" in words
+        assert kinds["mark"] == 1  # in the legend, without a shape
 
 
 # --- wrong things

@@ -20,6 +20,9 @@ from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 
+START_SIZE = 0.055
+"""Length of the arrow of a start in a picture, as a share of its longer side."""
+
 
 def grow_design(
     design: Design,
@@ -72,35 +75,66 @@ def write_deployment(
 
 def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
     """Return a noun as an SVG document for notebooks; None for what cannot be drawn."""
-    from vinefab.pages.drawing import (
-        bare_deployment_plan,
-        contour_plan,
-        deployment_plan,
-        map_plan,
-    )
-    from vinefab.pages.figure import svg_bytes
-
     if isinstance(noun, Map):
-        figure = map_plan(noun)
-    elif isinstance(noun, Contour):
-        figure = contour_plan(noun)
-    elif isinstance(noun, Design):
-        from vinefab.fabrication.outline.body_outline import body_outline
+        return _map_document(noun)
+    if isinstance(noun, Design):
+        return _design_document(noun)
+    if isinstance(noun, Contour):
+        return _contour_document(noun, "", filled=noun.closed)
+    return _deployment_document(noun)
 
-        try:
-            outline = body_outline(noun).contour
-        except BadInputError:  # a tree that no sheet could hold is shown as text
-            return None
-        x0, y0, x1, y1 = outline.box_mm
-        branches = f"{noun.branch_count} branch{'' if noun.branch_count == 1 else 'es'}"
-        size = f"{branches}, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat"
-        figure = contour_plan(outline, f"{noun.name}: {size}", filled=True)
-    else:
-        # Without a design the widths are not known: centrelines only.
-        thin = (0.0,) * int(noun.tree.level.max())
-        widths_mm = noun.design.build.widths_mm if noun.design else thin
-        if noun.world is None:
-            figure = bare_deployment_plan(noun, widths_mm)
-        else:
-            figure = deployment_plan(noun.world, noun, widths_mm)
-    return svg_bytes(figure).decode()
+
+def _map_document(world: Map) -> str:
+    from vinefab.pages.plan_document import START, plan_document
+    from vinefab.pages.plan_svg import ground_svg, pose_svg
+
+    size_mm = START_SIZE * max(world.size_mm)
+    starts = [pose_svg(start.pose, size_mm) for start in world.starts]
+    size = " x ".join(f"{side:g}" for side in world.size_mm)
+    return plan_document(
+        [ground_svg(world, box_mm=world.bounds.bounds), *starts],
+        world.bounds.bounds,
+        title=f"{world.name}: {size} mm",
+        legend=[START] if starts else [],
+    )
+
+
+def _contour_document(contour: Contour, title: str, *, filled: bool) -> str:
+    from vinefab.pages.map_view import at_least_wide
+    from vinefab.pages.plan_document import plan_document
+    from vinefab.pages.plan_svg import outline_svg
+
+    box_mm = at_least_wide(contour.box_mm)
+    return plan_document([outline_svg(contour, filled=filled)], box_mm, title=title)
+
+
+def _design_document(design: Design) -> str | None:
+    from vinefab.fabrication.outline.body_outline import body_outline
+
+    try:
+        outline = body_outline(design).contour
+    except BadInputError:  # a tree that no sheet could hold is shown as text
+        return None
+    x0, y0, x1, y1 = outline.box_mm
+    branches = f"{design.branch_count} branch{'' if design.branch_count == 1 else 'es'}"
+    title = f"{design.name}: {branches}, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat"
+    return _contour_document(outline, title, filled=True)
+
+
+def _deployment_document(deployment: Deployment) -> str:
+    from vinefab.pages.map_view import longer_mm, robot_box, robot_view
+    from vinefab.pages.plan_document import START, plan_document, robot_legend
+    from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg
+
+    world, design = deployment.world, deployment.design
+    box_mm = robot_view(world, deployment) if world else robot_box(deployment)
+    # Without a design the widths are not known: centrelines only.
+    thin = (0.0,) * int(deployment.tree.level.max())
+    parts = [ground_svg(world, box_mm=box_mm)] if world else []
+    parts.append(robot_svg(deployment, design.build.widths_mm if design else thin))
+    parts.append(pose_svg(deployment.pose, START_SIZE * longer_mm(box_mm)))
+    names = [design.name if design else "robot", f"on {world.name}" if world else "", "(simulated)"]
+    if world and box_mm != world.bounds.bounds:
+        names[1] = f"on a part of {world.name}, {world.size_mm[0]:g} x {world.size_mm[1]:g} mm"
+    title = " ".join(filter(None, names))
+    return plan_document(parts, box_mm, title=title, legend=[*robot_legend(deployment), START])

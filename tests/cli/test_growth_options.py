@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from vinefab.cli.common_options import growth_arguments, growth_from
-from vinefab.growth.options import GrowthOptions
+from vinefab.cli.common_options import growth_from
+from vinefab.growth.options import GrowthOptions, growth_arguments
 
 TRAINED = '[origin.growth]\nbody = "centerline"\nhead_on_half_angle_deg = [3.0, 9.0]\n'
 DEFAULT = "inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa"

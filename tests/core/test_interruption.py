@@ -2,11 +2,18 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
 
-from vinefab.core.interruption import REQUESTS, stop_requests, stops_deferred
+from vinefab.core.interruption import (
+    REQUESTS,
+    STOP_WITH_INPUT,
+    stop_requests,
+    stops_deferred,
+)
 
 
 @pytest.mark.parametrize("number", REQUESTS)
@@ -74,3 +81,35 @@ def test_another_thread_than_the_main_one_is_left_alone():
     thread.start()
     thread.join()
     assert not failed
+
+
+HELD = """
+import time
+from vinefab.core.interruption import stop_requests, stop_with_input
+with stop_requests() as request:
+    stop_with_input()
+    try:
+        print("ready", flush=True)
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print("stopped", request.exit_code)
+"""
+
+
+@pytest.mark.parametrize("how", ["closed", "written to"])
+def test_a_command_stops_when_whoever_began_it_is_gone(how):
+    environment = {**os.environ, STOP_WITH_INPUT: "1"}
+    with subprocess.Popen(
+        [sys.executable, "-c", HELD],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=environment,
+        text=True,
+    ) as command:
+        assert command.stdout.readline() == "ready\n"
+        if how == "closed":
+            command.stdin.close()
+        else:
+            os.write(command.stdin.fileno(), b"\n")
+        assert command.stdout.readline() == "stopped 130\n"
+        assert command.wait(30) == 0

@@ -189,6 +189,17 @@ def test_holes_in_the_bounds_and_obstacles_with_courtyards():
     assert _loops(ground.walls().link) == [4, 4, 4, 4]
 
 
+def test_walls_of_other_radii_are_dropped_and_built_again(terrain):
+    ground = terrain(ROOM, box(20.0, 20.0, 40.0, 40.0))
+    bare, thin, thick = (ground.walls(radius_mm) for radius_mm in (0.0, 1.0, 5.0))
+    ground.keep_only([1.0])
+    assert ground.walls(1.0) is thin
+    assert ground.walls(5.0) is not thick
+    assert_allclose(ground.walls(5.0).wall, thick.wall)
+    assert ground.free_space() is not None
+    assert len(ground.walls().wall) == len(bare.wall)
+
+
 def test_unknown_engine_is_refused(terrain, vine):
     with pytest.raises(UnknownNameError, match="reference"):
         grow(vine(1.0), terrain(ROOM), Pose(x_mm=1.0, y_mm=1.0, heading_rad=0.0), engine="kernal")

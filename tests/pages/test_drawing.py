@@ -10,11 +10,11 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.model.outline import Contour
-from vinefab.pages.colours import LEVEL_COLOURS
-from vinefab.pages.drawing import bare_deployment_plan, contour_plan, deployment_plan
+from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
+from vinefab.pages.drawing import deployment_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
+from vinefab.pages.plan_document import plan_css
 
 POSE = Pose(x_mm=50.0, y_mm=5.0, heading_rad=1.5)
 
@@ -81,6 +81,11 @@ PROTAN = [
     [0.114503, 0.786281, 0.099216],
     [-0.003882, -0.048116, 1.051998],
 ]
+TRITAN = [
+    [1.255528, -0.076749, -0.178779],
+    [-0.078411, 0.930809, 0.147602],
+    [0.004733, 0.691367, 0.303900],
+]
 TO_XYZ = [
     [0.4124564, 0.3575761, 0.1804375],
     [0.2126729, 0.7151522, 0.0721750],
@@ -97,41 +102,41 @@ def lab_of(colour, seen_as):
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-@pytest.mark.parametrize("seen_as", [np.eye(3), np.array(DEUTAN), np.array(PROTAN)])
-def test_levels_that_meet_are_told_apart_by_everybody(seen_as):
-    labs = [lab_of(colour, seen_as) for colour in LEVEL_COLOURS]
+DARK = dict(re.findall(r"--([\w-]+): (#\w{6});", plan_css().partition("/* Dark")[2]))
+DARK_LEVELS = tuple(DARK[f"level-{level}"] for level in range(1, 8))
+THEMES = {"light": (LEVEL_COLOURS, "#ffffff"), "dark": (DARK_LEVELS, DARK["free"])}
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("seen_as", [np.eye(3), DEUTAN, PROTAN, TRITAN])
+def test_levels_that_meet_are_told_apart_by_everybody(seen_as, theme):
+    colours, paper = THEMES[theme]
+    labs = [lab_of(colour, np.array(seen_as)) for colour in colours]
     apart = [np.linalg.norm(one - other) for one, other in itertools.pairwise(labs)]
     assert min(apart) > 30
+    ground = lab_of(paper, np.array(seen_as))
+    assert min(np.linalg.norm(lab - ground) for lab in labs) > 30
 
 
-def test_levels_that_meet_are_told_apart_in_grey():
-    lightness = [lab_of(colour, np.eye(3))[0] for colour in LEVEL_COLOURS]
+@pytest.mark.parametrize("seen_as", [np.eye(3), DEUTAN, PROTAN, TRITAN])
+def test_heat_darkens_from_step_to_step_for_everybody(seen_as):
+    lightness = [lab_of(colour, np.array(seen_as))[0] for colour in HEAT_COLOURS]
+    assert max(np.diff(lightness)) < -10
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_levels_that_meet_are_told_apart_in_grey(theme):
+    lightness = [lab_of(colour, np.eye(3))[0] for colour in THEMES[theme][0]]
     assert min(np.abs(np.diff(lightness))) > 12
 
 
-def test_a_robot_without_its_map_is_drawn_as_on_it():
-    world = world_of(100)
-    deployment = deployed(world)
-    bare, whole = (
-        bare_deployment_plan(deployment, (4.0, 2.0)),
-        deployment_plan(world, deployment, (4.0, 2.0)),
-    )
-    labels = [[text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-              for figure in (bare, whole)]  # fmt: skip
-    assert labels[0] == labels[1]
-    (x0, x1), (y0, y1) = bare.axes[0].get_xlim(), bare.axes[0].get_ylim()
-    assert x0 < deployment.points_mm[:, 0].min() < deployment.points_mm[:, 0].max() < x1
-    assert y0 < deployment.points_mm[:, 1].min() < deployment.points_mm[:, 1].max() < y1
-
-
-def test_a_contour_is_drawn_on_its_points_and_a_straight_one_has_room():
-    ends = np.array([[3.0, 5.0], [3.0, 45.0]])
-    axes = contour_plan(Contour.polyline(ends, closed=False)).axes[0]
-    assert np.array_equal(axes.lines[0].get_xydata(), ends)
-    assert not axes.patches
-    assert np.ptp(axes.get_xlim()) >= 4.0
-    square = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    axes = contour_plan(Contour.polyline(square, closed=True), "a title").axes[0]
-    assert np.array_equal(axes.lines[0].get_xydata(), [*square, square[0]])
-    assert len(axes.patches) == 1
-    assert axes.get_title() == "a title"
+def test_the_style_of_plans_has_the_colours_of_all_pictures():
+    light = dict(re.findall(r"var\(--([\w-]+), (#\w{6})\)", plan_css()))
+    assert [light[f"level-{level}"] for level in range(1, 8)] == list(LEVEL_COLOURS)
+    names = {"ink": INK, "soft": SOFT, "rock": ROCK, "rock-edge": ROCK_EDGE, "free": "#ffffff"}
+    assert {name: light[name] for name in names} == names
+    assert light.keys() == DARK.keys()
+    # Chosen by the page or by the system: the same colours.
+    chosen, _, preferred = plan_css().partition("/* Dark")[2].partition("@media")
+    pairs = [re.findall(r"--([\w-]+): (#\w{6});", text) for text in (chosen, preferred)]
+    assert pairs[0] == pairs[1]

@@ -44,7 +44,7 @@ def test_a_proposal_has_a_name_and_an_origin_of_its_own(profile):
     assert found.design.name == found.after.design == "fork_mended"
     assert found.design.origin["mended_from"] == "fork"
     assert found.design.origin["changes"] == ["the tail: 120 -> 150 mm (+25.0 %)"]
-    assert found.lines()[0].startswith("fix: 1 changes clear VF-B01")
+    assert found.lines()[0].startswith("fix: 1 change clears VF-B01")
     assert check_design(found.design, profile).blocking == ()
 
 

@@ -8,6 +8,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
+from vinefab.pages.body_raster import body_cells
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
@@ -17,7 +18,6 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.heat_map import (
     HeatMap,
     StuckSpot,
-    body_cells,
     heat_map_of,
     heat_section,
     stuck_spots,

@@ -146,6 +146,16 @@ INFEASIBLE = {
     "narrow level": (run(build=BuildSettings(trunk_width_mm=12.0)), "at least 13.9 mm", "W01"),
     "wide trunk": (run(build=BuildSettings(trunk_width_mm=120.0)), "at most 100 mm", "B02"),
     "wide children": (run(build=BuildSettings(width_ratio=0.9)), "at most 0.833", "W02"),
+    "wide child": (
+        run(build=BuildSettings(widths_mm=(40.0, 36.0))), "on level 2 at most 33.3333 mm", "W02"
+    ),
+    "narrow child": (
+        run(build=BuildSettings(widths_mm=(40.0, 8.0))),
+        "at least 8.4 mm on level 2, as width_ratio narrows it to level 3", "W01",
+    ),
+    "narrow child alone": (
+        run(build=BuildSettings(widths_mm=(40.0, 20.0, 4.0))), "at least 5 mm on level 3", "W01"
+    ),
     "short tail": (run(build=BuildSettings(tail_mm=100.0)), "build.tail_mm is 100.0", "B01"),
     "long tail": (run(build=BuildSettings(tail_mm=3000.0)), "build.tail_mm is 3000.0", "S01"),
     "full pouch": (

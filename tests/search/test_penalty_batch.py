@@ -51,6 +51,14 @@ def test_penalties_at_once_are_those_one_by_one(
     assert (wanted > 0.0).sum() > 50
 
 
+@pytest.mark.parametrize("widths_mm", [(34.0, 15.5, 12.0), (20.0, 24.0), (30.0,)], ids=str)
+def test_penalties_at_once_know_widths_by_level(widths_mm: tuple[float, ...]) -> None:
+    space = Space(BENCH, BuildSettings(widths_mm=widths_mm, width_ratio=0.7))
+    found, wanted = both(space, np.random.default_rng(6).random((60, len(space))))
+    assert np.array_equal(found == 0.0, wanted == 0.0)
+    assert np.abs(found - wanted).max() < 1e-9
+
+
 def test_both_agree_which_designs_have_none() -> None:
     space = Space(BENCH, BuildSettings(trunk_width_mm=24.0))
     found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((300, len(space))))

@@ -103,6 +103,12 @@ def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
     assert build.build(3).pouch == build.pouch
 
 
+def test_widths_are_given_by_level_or_by_the_trunk(tmp_path: Path) -> None:
+    build = read_run(written(tmp_path, "[build]\nwidths_mm = [30, 17.5]")).build
+    assert build.build(3).widths_mm == (30.0, 17.5, 10.5)
+    assert read_run(written(tmp_path, "[build]\ntrunk_width_mm = 30")).build.widths_mm == ()
+
+
 def test_designs_may_be_cut_in_pieces(tmp_path: Path) -> None:
     text = "[build]\npieces = { most = 4, ease_mm = 2 }\n[evaluation]\njoint_weight = 0.02"
     settings = read_run(written(tmp_path, text))
@@ -189,6 +195,12 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
             '[task]\nname = "reach"\nobjectives = ["reach", "branches"]\n[optimizer]\nname = "pso"',
             "optimizer.name",
             "nsga2",
+        ),
+        ("[build]\nwidths_mm = []", "build.widths_mm", "at least the trunk's"),
+        (
+            "[build]\nwidths_mm = [9]\ntrunk_width_mm = 9",
+            "build.trunk_width_mm",
+            "not beside build.widths_mm",
         ),
         ("[space]\nlength_mm = [200, 100]", "space.length_mm", "in order"),
         ("[space]\nlength_mm = [1, 2, 3]", "space.length_mm", "range"),

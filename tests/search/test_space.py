@@ -101,3 +101,14 @@ def test_a_design_outside_the_bounds_gives_the_nearest_point() -> None:
 def test_impossible_bounds_are_refused(key: str, bounds: Bounds) -> None:
     with pytest.raises(BadInputError, match=f"space.{key}"):
         SpaceSettings(**{key: bounds})
+
+
+def test_the_widths_of_the_first_levels_may_be_given() -> None:
+    build = BuildSettings(widths_mm=(36.0, 20.0), width_ratio=0.5)
+    assert build.build(1).widths_mm == (36.0,)
+    assert build.build(4).widths_mm == (36.0, 20.0, 10.0, 5.0)
+    assert BuildSettings().build(3).widths_mm == BuildSettings(widths_mm=(40.0,)).build(3).widths_mm
+    with pytest.raises(BadInputError, match=r"build\.widths_mm"):
+        BuildSettings(widths_mm=(36.0, 0.0))
+    with pytest.raises(BadInputError, match="at most 10"):
+        BuildSettings(widths_mm=(1.0,) * 11)

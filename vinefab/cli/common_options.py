@@ -28,7 +28,7 @@ from vinefab.model.files.shipped import locate
 from vinefab.model.map import Pose
 
 if TYPE_CHECKING:
-    from vinefab.growth.options import GrowthChoice, GrowthOptions
+    from vinefab.growth.options import GrowthChoice
 
 EXIT_FINDINGS = 1
 
@@ -254,16 +254,6 @@ def growth_choice(
         with located(locate("design", name)):
             trained_growth(design)
     return GrowthChoice.of(designs, given)
-
-
-def growth_arguments(options: "GrowthOptions") -> list[str]:
-    """Return the arguments that choose the same growth options again."""
-    arguments = []
-    for name, value in options.content.items():
-        parts = value if isinstance(value, list) else [value]
-        shown = ",".join(str(part).lower() for part in parts)
-        arguments += ["--growth", f"{name}={shown}"]
-    return arguments
 
 
 def _plain(text: str) -> object:

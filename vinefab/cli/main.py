@@ -18,7 +18,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
-from vinefab.core.interruption import StopRequest, stop_requests
+from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
@@ -42,6 +42,11 @@ class CommandEntry:
 
 
 COMMANDS = {
+    "studio": CommandEntry(
+        "studio",
+        "studio_command",
+        "Design in the browser: growth, score, rules and sheet follow every change.",
+    ),
     "demo": CommandEntry(
         "demo",
         "demo_command",
@@ -68,6 +73,9 @@ COMMANDS = {
     ),
     "check": CommandEntry(
         "check", "check_command", "Check a design against the rules of making and deploying it."
+    ),
+    "watch": CommandEntry(
+        "watch", "watch_command", "Grow, score and check a design anew whenever it is saved."
     ),
     "fabricate": CommandEntry(
         "fabricate",
@@ -162,6 +170,7 @@ def main(arguments: Sequence[str]) -> int:
         # Names of files and designs may hold letters that the terminal cannot show.
         sys.stdout.reconfigure(errors="backslashreplace")
     with stop_requests() as request:
+        stop_with_input()
         return _run_command(arguments, request)
 
 

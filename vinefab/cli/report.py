@@ -20,13 +20,13 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
     SetIn,
-    growth_arguments,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
 
@@ -55,6 +55,20 @@ def stop_requests() -> Iterator[StopRequest]:
             yield request
         finally:
             sys.unraisablehook = usual_hook
+
+
+@contextmanager
+def stops_expected() -> Iterator[None]:
+    """Let every request to end raise KeyboardInterrupt in the block, which is to catch it.
+
+    For commands that have no other end: to them a request is no interruption.
+    """
+
+    def stop(_: int, __: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    with _handled(stop):
+        yield
 
 
 @contextmanager
@@ -130,6 +144,26 @@ def _repeat(number: int) -> None:
         signal.pthread_kill(main_thread, number)
     else:
         signal.raise_signal(number)
+
+
+STOP_WITH_INPUT = "VINEFAB_STOP_WITH_INPUT"
+"""Environment variable, set to 1 by a program that begins a command and holds its standard input:
+when that ends or is written to, the command stops as with Ctrl-C."""
+
+
+def stop_with_input() -> None:
+    """Ask this process to stop when its standard input ends, if `STOP_WITH_INPUT` says so.
+
+    A pipe ends with the process that holds its other end, however that ends.
+    """
+    if os.environ.get(STOP_WITH_INPUT) == "1":
+        threading.Thread(target=_stop_after_input, daemon=True).start()
+
+
+def _stop_after_input() -> None:
+    with suppress(OSError):  # one that is closed has ended
+        os.read(0, 1)
+    _repeat(signal.SIGINT)
 
 
 def end_with_parent() -> None:

@@ -77,16 +77,32 @@ def check_design(
         A test rig, for the rules about its parts.
     """
     corridors = tuple(map_corridors(world) for world in maps)
+    return checked_design(design, profile, limits, deployed, corridors, rig)[1]
+
+
+def checked_design(
+    design: Design,
+    profile: LaserProfile,
+    limits: LimitChanges | None = None,
+    deployed: Deployed = (),
+    corridors: tuple[MapCorridors, ...] = (),
+    rig: RigFacts | None = None,
+) -> tuple[Subject, CheckReport]:
+    """Return what the rules look at, its laser job included, and the report of all of them.
+
+    A large design has no job where anything else forbids cutting it.
+    """
     if design.branch_count > MANY_BRANCHES:
         flat = replace(subject_of(design, None, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
     subject = subject_of(design, profile, deployed, limits)
-    return run_checks(replace(subject, corridors=corridors, rig=rig), limits)
+    subject = replace(subject, corridors=corridors, rig=rig)
+    return subject, run_checks(subject, limits)
 
 
 def _check_in_steps(
     flat: Subject, profile: LaserProfile, limits: LimitChanges | None
-) -> CheckReport:
+) -> tuple[Subject, CheckReport]:
     """Return the report of a large design, whose paths are made only if nothing else blocks it.
 
     Parameters
@@ -102,14 +118,14 @@ def _check_in_steps(
     ]
     if not report.blocking:
         subject = replace(flat, job=laser_job(flat.design, profile))
-        return merged_reports(report, run_checks(subject, limits, only=others))
+        return subject, merged_reports(report, run_checks(subject, limits, only=others))
     reason = (
         f"not looked at: the paths of {flat.design.branch_count} branches take long, and "
         "what was found forbids cutting them"
     )
     skipped = (*report.skipped, *(RuleSkipped(rule=rule, reason=reason) for rule in others))
     # A waiver may be of a finding that was not looked for.
-    return replace(report, skipped=skipped, stale_waivers=())
+    return flat, replace(report, skipped=skipped, stale_waivers=())
 
 
 def subject_of(
@@ -175,7 +191,7 @@ def deployed_lines(deployed: Deployed) -> list[str]:
 
 def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
     """Return a check as lines for the user."""
-    lines = [_finding_line(finding) for finding in report.findings]
+    lines = [finding_line(finding) for finding in report.findings]
     if verbose:
         lines += [f"ran     {r.rule}  checked {r.checked}" for r in report.run]
     lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
@@ -206,7 +222,8 @@ def verdict(report: CheckReport) -> str:
     return f"{report.design}: manufacturable: {found}"
 
 
-def _finding_line(finding: Finding) -> str:
+def finding_line(finding: Finding) -> str:
+    """Return a finding as a line for the user."""
     sign = "waived" if finding.waived else _SIGNS[finding.severity]
     who = f" [{', '.join(finding.branches[:4])}]" if finding.branches else ""
     why = f" (waived: {finding.reason})" if finding.waived else ""

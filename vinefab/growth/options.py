@@ -262,6 +262,16 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     return ", ".join(parts)
 
 
+def growth_arguments(options: GrowthOptions) -> list[str]:
+    """Return the arguments that choose the same growth options again."""
+    arguments = []
+    for name, value in options.content.items():
+        parts = value if isinstance(value, list) else [value]
+        shown = ",".join(str(part).lower() for part in parts)
+        arguments += ["--growth", f"{name}={shown}"]
+    return arguments
+
+
 def _pressure_text(options: GrowthOptions, pressures_kpa: set[float]) -> str:
     if not options.pressure_stop or not any(pressures_kpa):
         return "no pressure stops it"

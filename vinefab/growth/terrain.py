@@ -93,6 +93,13 @@ class Terrain:
                 self._walls[radius_mm] = indexed(walls, CROWDED * self.grid_mm)
             return self._walls[radius_mm]
 
+    def keep_only(self, radii_mm: Sequence[float]) -> None:
+        """Drop the walls of other radii: each takes about half a megabyte."""
+        with _BUILD_LOCK:
+            for kept in (self._free, self._walls):
+                for radius_mm in kept.keys() - {0.0, *radii_mm}:
+                    del kept[radius_mm]
+
     def contains(self, x_mm: float, y_mm: float, radius_mm: float = 0.0) -> bool:
         """Tell whether a point is in free space; a point on a wall is."""
         return self._snapped(x_mm, y_mm, radius_mm, self._snap_mm) is not None

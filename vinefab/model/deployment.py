@@ -114,6 +114,28 @@ class Deployment:
         return self.points_mm[self.first_point[1:][self.deployed] - 1]
 
     @property
+    def base_mm(self) -> Floats:
+        """Front length at which each branch begins to grow, shape (n,).
+
+        The front length is the way along the body from the robot's base to a growing tip, the same
+        for all that grow. It is infinite for what never emerges: branches of a parent that did not,
+        and those that a stuck parent holds back.
+        """
+        begin = [0.0] * len(self.tree)
+        end = np.where(self.deployed, self.grown_mm, np.inf).tolist()
+        for branch, parent in enumerate(self.tree.parent.tolist()):
+            if parent >= 0:  # parents come before children
+                begin[branch] = end[parent]
+                end[branch] += begin[branch]
+        return np.where(self.deployed, begin, np.inf)
+
+    @property
+    def full_mm(self) -> float:
+        """Front length at which the last branch has stopped; 0 if nothing grew."""
+        out = self.deployed
+        return float((self.base_mm[out] + self.grown_mm[out]).max(initial=0.0))
+
+    @property
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason, by the reason's name."""
         counts = np.bincount(self.stop, minlength=len(Stop)).tolist()

@@ -220,7 +220,10 @@ class Contour:
 
     def _arcs(self) -> Iterator[tuple[int, Segment]]:
         """Yield the arcs in order, each with its place among the segments."""
-        bulges, places = self.bulges.tolist(), np.flatnonzero(self.bulges)
+        places = np.flatnonzero(self.bulges)
+        if not len(places):
+            return
+        bulges = self.bulges.tolist()
         following = (places + 1) % len(self.points_mm)
         ends = zip(_pairs(self.points_mm[places]), _pairs(self.points_mm[following]), strict=True)
         for place, (start, end) in zip(places.tolist(), ends, strict=True):

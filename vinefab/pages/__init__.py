@@ -1,7 +1,8 @@
 """What rooms share to show things: figures, drawings of nouns, animations, the page.
 
 `colours` has the colours, `figure` blank figures and their way into bytes; `drawing` plans of maps
-and robots; `charts` the charts of searches and scores, `live_curve` one without plotting;
-`animation_svg` and `animation_gif` moving deployments; `html` the page: `Report`, `Section`,
-`Table`, `Picture`, `page_html`.
+and robots in files, `plan_svg` the same as plain SVG text for the studio, `plan_document` such
+plans that stand alone, for notebooks; `charts` the charts of searches and scores, `live_curve` one
+without plotting; `animation_svg` and `animation_gif` moving deployments; `html` the page: `Report`,
+`Section`, `Table`, `Picture`, `page_html`.
 """

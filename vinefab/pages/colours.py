@@ -13,6 +13,9 @@ Levels that meet differ in lightness as well as in hue: they stay apart in a gre
 colour-blind readers (tests/pages/test_drawing.py measures both).
 """
 
+HEAT_COLOURS = ("#fdf1dc", "#f6b65c", "#d9622b", "#8c2155", "#14213d")
+"""From seldom to always: from light to dark, so that a grey print shows the same order."""
+
 
 def level_colour(level: int) -> str:
     """Return the colour of a level, counted from 1."""

@@ -17,12 +17,10 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.model.outline import Contour
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import (
     STOP_WORDS,
-    UNSEEN,
     Box,
     bounds_in,
     longer_mm,
@@ -205,29 +203,6 @@ def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_in: float 
     return figure
 
 
-def contour_plan(
-    contour: Contour, title: str = "", *, filled: bool = False, longest_in: float = 6.5
-) -> Figure:
-    """Return a plan of a contour; what a closed or a ``filled`` one encloses is tinted."""
-    box = _at_least_wide(contour.box_mm)
-    points = contour.flattened_mm(UNSEEN * longer_mm(box))
-    with house_style():
-        figure, axes = plan_axes(box, longest_in)
-        if contour.closed or filled:
-            axes.fill(*points.T, facecolor=to_rgba(ROCK, 0.5), edgecolor="none")
-        line = np.vstack([points, points[:1]]) if contour.closed else points
-        axes.plot(*line.T, color=INK, linewidth=0.9)
-        axes.set_title(title, fontsize=9, color=SOFT)
-    return figure
-
-
-def _at_least_wide(box: Box) -> Box:
-    """Return a box, no side of it shorter than a tenth of the other: a straight line has none."""
-    least_mm = max(0.1 * longer_mm(box), 1e-3)
-    dx, dy = (max(0.0, least_mm - box[axis + 2] + box[axis]) / 2.0 for axis in (0, 1))
-    return box[0] - dx, box[1] - dy, box[2] + dx, box[3] + dy
-
-
 def deployment_plan(  # noqa: PLR0913  options by keyword
     world: Map,
     deployment: Deployment,
@@ -252,22 +227,5 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
             axes.set_title(f"part of {world.name}, {size} mm", fontsize=8, color=SOFT)
         if named:
             draw_names(axes, deployment, longer_mm(box))
-        draw_legend(axes)
-    return figure
-
-
-def bare_deployment_plan(
-    deployment: Deployment, widths_mm: tuple[float, ...], *, longest_in: float = 6.5
-) -> Figure:
-    """Return a plan of a robot without its map, which a deployment of a batch does not know."""
-    pose = deployment.pose
-    points = np.vstack([deployment.points_mm, [(pose.x_mm, pose.y_mm)]])
-    (x_min, y_min), (x_max, y_max) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    rim_mm = max(0.05 * (x_max - x_min), 0.05 * (y_max - y_min), 10.0)
-    box = (x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm)
-    with house_style():
-        figure, axes = plan_axes(box, longest_in)
-        draw_deployment(axes, deployment, widths_mm)
-        draw_pose(axes, pose, longer_mm(box))
         draw_legend(axes)
     return figure

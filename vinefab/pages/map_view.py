@@ -33,6 +33,22 @@ def robot_view(world: Map, deployment: Deployment) -> Box:
     return x_min, y_min, x_max, y_max
 
 
+def robot_box(deployment: Deployment) -> Box:
+    """Return a box around a robot whose map is not known."""
+    pose = deployment.pose
+    points = np.vstack([deployment.points_mm, [(pose.x_mm, pose.y_mm)]])
+    (x_min, y_min), (x_max, y_max) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    rim_mm = max(0.05 * (x_max - x_min), 0.05 * (y_max - y_min), 10.0)
+    return x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm
+
+
+def at_least_wide(box: Box) -> Box:
+    """Return a box, no side of it shorter than a tenth of the other: a straight line has none."""
+    least_mm = max(0.1 * longer_mm(box), 1e-3)
+    dx, dy = (max(0.0, least_mm - box[axis + 2] + box[axis]) / 2.0 for axis in (0, 1))
+    return box[0] - dx, box[1] - dy, box[2] + dx, box[3] + dy
+
+
 def longer_mm(box: Box) -> float:
     """Return the longer side of a box."""
     return max(box[2] - box[0], box[3] - box[1])

@@ -20,7 +20,7 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import Engine, grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -44,34 +44,23 @@ class History:
 
     @property
     def base_mm(self) -> Floats:
-        """Front length at which each branch begins to grow, shape (n,).
-
-        It is infinite for what never emerges: branches of a parent that did not, and those that a
-        stuck parent holds back.
-        """
-        tree, final = self.final.tree, self.final
-        begin = np.zeros(len(tree))
-        end = np.where(final.deployed, final.grown_mm, np.inf)
-        for branch in range(1, len(tree)):  # parents come before children
-            begin[branch] = end[tree.parent[branch]]
-            end[branch] += begin[branch]
-        begin[~final.deployed] = np.inf
-        return begin
+        """Front length at which each branch begins to grow, shape (n,); see `Deployment`."""
+        return self.final.base_mm
 
     @property
     def full_mm(self) -> float:
         """Front length at which the last branch has stopped; 0 if nothing grew."""
-        out = self.final.deployed
-        return float((self.base_mm[out] + self.final.grown_mm[out]).max(initial=0.0))
+        return self.final.full_mm
 
-    def at(self, front_mm: float) -> DeploymentFrame:
+    def at(self, front_mm: float, *, engine: Engine = "auto") -> DeploymentFrame:
         """Return the shape at a front length; beyond the full length, the final one."""
         positive("--history", front_mm)
         if front_mm >= self.full_mm:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
-        deployment = grow(self.design, self.terrain, self.final.pose, self.options, plan=plan)
+        pose = self.final.pose
+        deployment = grow(self.design, self.terrain, pose, self.options, engine, plan)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:

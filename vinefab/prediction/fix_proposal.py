@@ -63,7 +63,9 @@ class FixProposal:
         if self.design is None:
             return self._failed_lines()
         cost = sum(change.cost for change in self.changes)
-        cleared = f"{len(self.changes)} changes clear {_rules(self.before)}"
+        count = len(self.changes)
+        what = "1 change clears" if count == 1 else f"{count} changes clear"
+        cleared = f"{what} {_rules(self.before)}"
         summary = f"fix: {cleared}; weighted size {cost:.2f}; {self._branches_text}"
         lines = [summary, *(f"  {change.text}" for change in self.changes)]
         if cost > LARGE_CHANGE and not self._prunes and BRANCHES not in self.keep:

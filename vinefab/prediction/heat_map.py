@@ -9,7 +9,6 @@ import shapely
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
-from PIL import Image, ImageDraw
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
@@ -20,11 +19,11 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
-from vinefab.pages.colours import ALERT, LEVEL_COLOURS
+from vinefab.pages.body_raster import body_cells
+from vinefab.pages.colours import ALERT, HEAT_COLOURS
 from vinefab.pages.drawing import draw_map, draw_pose
 from vinefab.pages.figure import house_style, plan_axes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.measures import STUCK_STOPS
 from vinefab.tasks.evaluate import PreparedMap
@@ -109,26 +108,6 @@ def heat_map_of(
     )
 
 
-def body_cells(
-    deployment: Deployment,
-    widths_mm: Sequence[float],
-    low_mm: tuple[float, float],
-    cell_mm: float,
-    shape: tuple[int, int],
-) -> Floats:
-    """Return 1 where a deployed body covers a cell's middle, else 0, within about a cell."""
-    picture = Image.new("1", (shape[1], shape[0]))
-    draw = ImageDraw.Draw(picture)
-    for branch in np.flatnonzero(deployment.deployed).tolist():
-        across = inflated_diameter_mm(widths_mm[int(deployment.tree.level[branch]) - 1]) / cell_mm
-        chain = (deployment.chain_mm(branch) - np.array(low_mm)) / cell_mm - 0.5
-        draw.line([(x, y) for x, y in chain.tolist()], fill=1, width=max(1, round(across)))
-        for x, y in chain.tolist():
-            half = across / 2.0
-            draw.ellipse((x - half, y - half, x + half, y + half), fill=1)
-    return np.asarray(picture, dtype=np.float64)
-
-
 def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[StuckSpot, ...]:
     """Return the places where branches are stuck in most deployments.
 
@@ -177,10 +156,7 @@ def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
     return (x_min, y_min), cell_mm, (rows, columns)
 
 
-_HEAT = LinearSegmentedColormap.from_list(
-    "heat", ["#fdf1dc", "#f6b65c", "#d9622b", "#8c2155", LEVEL_COLOURS[0]]
-)
-"""From light to dark, so that a grey print shows the same order."""
+_HEAT = LinearSegmentedColormap.from_list("heat", HEAT_COLOURS)
 
 
 def heat_plan(heat: HeatMap) -> Figure:

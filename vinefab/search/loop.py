@@ -297,7 +297,7 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     ]
     if radius_mm > 0.0 and not any(rooms):
         allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
-        raise BadInputError("build.trunk_width_mm", space.build.trunk_width_mm, allowed)
+        raise BadInputError(space.build.widths_key, space.build.widths_value, allowed)
 
 
 def _check_start(evaluator: Evaluator, radius_mm: float) -> None:

@@ -163,7 +163,7 @@ def _build(query: SpaceQuery) -> Iterator[BadInputError]:
     checked = (
         (PLY, "evaluation.recipe", query.profile.recipe.name, ""),
         (TAIL, "build.tail_mm", build.tail_mm, "at least {:g} mm"),
-        (CLAMP, "build.trunk_width_mm", build.trunk_width_mm, "at most {:g} mm, for the clamp"),
+        (CLAMP, build.widths_key, build.widths_value, "at most {:g} mm, for the clamp"),
         (RATING, "build.pressure_kpa", build.pressure_kpa, ""),
         (BURST, "build.pressure_kpa", build.pressure_kpa, ""),
     )
@@ -179,17 +179,23 @@ def _widths(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by levels that are too narrow, or too wide for their parents."""
     build, fewest = query.settings.build, query.fewest
     least_mm, ratio = query.limit(LEAST_WIDTH), query.limit(WIDTH_RATIO)
+    key, value, given = build.widths_key, build.widths_value, max(1, len(build.widths_mm))
     for level, width_mm in enumerate(build.build(fewest).widths_mm, start=1):
         if width_mm < least_mm * (1.0 - ROUNDING):
-            wide_mm = math.ceil(10.0 * least_mm / build.width_ratio ** (level - 1)) / 10.0
-            why = f", as width_ratio narrows it to level {level}" if level > 1 else ""
-            allowed = f"at least {wide_mm:g} mm{why}"
-            yield _no(LEAST_WIDTH, "build.trunk_width_mm", build.trunk_width_mm, allowed)
+            narrowed = max(0, level - given)
+            wide_mm = math.ceil(10.0 * least_mm / build.width_ratio**narrowed) / 10.0
+            why = f", as width_ratio narrows it to level {level}" if narrowed else ""
+            where = f" on level {min(level, given)}" if build.widths_mm else ""
+            yield _no(LEAST_WIDTH, key, value, f"at least {wide_mm:g} mm{where}{why}")
     pairs = pairwise(build.build(fewest).widths_mm)
-    if any(wide / narrow < ratio * (1.0 - ROUNDING) for wide, narrow in pairs):
-        allowed = (
-            f"at most {math.floor(1000.0 / ratio) / 1000.0:g}: parents must be wider than children"
-        )
+    for level, (wide, narrow) in enumerate(pairs, start=2):
+        if wide / narrow >= ratio * (1.0 - ROUNDING):
+            continue
+        if level <= given:
+            allowed = f"on level {level} at most {wide / ratio:g} mm: parents must be wider"
+            yield _no(WIDTH_RATIO, key, value, allowed)
+        most = math.floor(1000.0 / ratio) / 1000.0
+        allowed = f"at most {most:g}: parents must be wider than children"
         yield _no(WIDTH_RATIO, "build.width_ratio", build.width_ratio, allowed)
 
 
@@ -218,7 +224,7 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
 def _leaf_alone(query: SpaceQuery, depth: int) -> Build:
     """Return the build of a vine as wide as the leaves of designs with so many levels."""
     build = query.settings.build
-    return replace(build, trunk_width_mm=build.build(depth).widths_mm[-1]).build(1)
+    return replace(build, widths_mm=build.build(depth).widths_mm[-1:]).build(1)
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -282,4 +288,8 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         allowed = (
             "another trunk or ratio: growth through the leaves needs the trunk's burst pressure"
         )
-        yield _no(WINDOW, "build.width_ratio", settings.build.width_ratio, allowed)
+        build, key = settings.build, "build.width_ratio"
+        given = (
+            (build.widths_key, build.widths_value) if build.widths_mm else (key, build.width_ratio)
+        )
+        yield _no(WINDOW, *given, allowed)

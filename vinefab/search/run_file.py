@@ -127,7 +127,8 @@ class SpaceForm(Form):
 class RunBuildForm(Form):
     """Table ``[build]``."""
 
-    trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
+    trunk_width_mm: float | None = None
+    widths_mm: list[float] | None = None
     width_ratio: float = DEFAULT_WIDTH_RATIO
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
@@ -271,7 +272,19 @@ def _task_tables(
 def _build(form: RunBuildForm) -> BuildSettings:
     pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
     pieces = None if form.pieces is None else PieceSettings(**form.pieces.model_dump())
-    return BuildSettings(**form.model_dump(exclude={"pouch", "pieces"}), pouch=pouch, pieces=pieces)
+    others = form.model_dump(exclude={"pouch", "pieces", "trunk_width_mm", "widths_mm"})
+    trunk_mm, widths_mm = form.trunk_width_mm, form.widths_mm
+    if widths_mm is not None and trunk_mm is not None:
+        raise BadInputError("build.trunk_width_mm", trunk_mm, "not beside build.widths_mm")
+    if widths_mm == []:
+        raise BadInputError("build.widths_mm", widths_mm, "at least the trunk's width")
+    return BuildSettings(
+        trunk_width_mm=DEFAULT_TRUNK_WIDTH_MM if trunk_mm is None else trunk_mm,
+        widths_mm=tuple(widths_mm or ()),
+        pouch=pouch,
+        pieces=pieces,
+        **others,
+    )
 
 
 MOST_LETTERS = 90

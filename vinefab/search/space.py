@@ -122,6 +122,9 @@ class BuildSettings:
         Lay-flat width of the trunk.
     width_ratio
         Width of a level over that of the level before.
+    widths_mm
+        Lay-flat widths of the first levels, trunk first, in place of ``trunk_width_mm``; each
+        deeper level is ``width_ratio`` times as wide as the one before. Empty: only the trunk's.
     tail_mm
         Straight length below the base.
     pressure_kpa
@@ -138,17 +141,36 @@ class BuildSettings:
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
     pouch: Pouch | None = None
     pieces: PieceSettings | None = field(default=None, metadata=LATER)
+    widths_mm: tuple[float, ...] = field(default=(), metadata=LATER)
 
     def __post_init__(self) -> None:
         positive("build.trunk_width_mm", self.trunk_width_mm)
+        for width_mm in self.widths_mm:
+            positive("build.widths_mm", width_mm)
+        if len(self.widths_mm) > MOST_LEVELS:
+            given = f"{len(self.widths_mm)} widths"
+            raise BadInputError("build.widths_mm", given, f"at most {MOST_LEVELS}, one per level")
         positive("build.width_ratio", self.width_ratio, 1.0, "")
         number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
         number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
 
+    @property
+    def widths_key(self) -> str:
+        """The key of a run file that says how wide the first levels are."""
+        return "build.widths_mm" if self.widths_mm else "build.trunk_width_mm"
+
+    @property
+    def widths_value(self) -> float | list[float]:
+        """The value of that key."""
+        return list(self.widths_mm) or self.trunk_width_mm
+
     def build(self, depth: int) -> Build:
         """Return the build of a design with so many levels."""
+        first_mm = self.widths_mm or (self.trunk_width_mm,)
+        last = len(first_mm) - 1
         widths_mm = tuple(
-            round(self.trunk_width_mm * self.width_ratio**level, 3) for level in range(depth)
+            round(first_mm[min(level, last)] * self.width_ratio ** max(0, level - last), 3)
+            for level in range(depth)
         )
         return Build(
             widths_mm=widths_mm,

@@ -3,5 +3,6 @@
 ``state`` reads what is open on the page; each ``*_answer`` module turns it into what one panel
 shows, with the library's public functions and nothing else. ``panels`` lists them and where each is
 computed, ``lanes`` are the processes, ``app`` is the server, ``gate`` its guard, ``desk`` the files
-that the user opened. The page is in ``page/``: plain modules, no build step.
+that the user opened, ``search_desk`` the searches that the page begins with what ``run_request``
+writes. The page is in ``page/``: plain modules, no build step.
 """

@@ -34,6 +34,8 @@ class Panel:
 
 PANELS = {
     "live": Panel(module="live_answer", lane=LIVE),
+    "before": Panel(module="live_answer", lane=LIVE),  # of the version that is compared with
+    "front": Panel(module="front_answer", lane=LIVE),
     "rules": Panel(module="rules_answer", lane="rules"),
     "fix": Panel(module="fix_answer", lane="fix"),
     "family": Panel(module="family_answer", lane="family"),

@@ -12,14 +12,15 @@ from shapely import Polygon
 from shapely.affinity import translate
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.registry import with_parameters
 from vinefab.core.validation import LARGEST_MM, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.maps.make_map import generate
+from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_of
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 
@@ -27,7 +28,8 @@ PAGE = "the page"
 """What messages call the source of a value that was set on the page."""
 
 MOST_EDITS = 10_000
-MOST_FAMILY = 200
+MOST_FAMILY, MOST_POSES = 200, 5
+MOST_SEED = 2**62
 
 MapSource = Mapping[str, Any]
 """``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
@@ -40,6 +42,7 @@ class Family:
     environment: str = "grid"
     count: int = 40
     seed: int = 1000  # of the first map; the others follow
+    poses: int = 1  # on each map, drawn from its starts
     files: tuple[str, ...] = ()  # in place of an environment
 
     @classmethod
@@ -48,10 +51,13 @@ class Family:
         files = content.get("files") or []
         if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
             raise BadInputError("family.files", files, "paths of map files", PAGE)
+        if len(files) > MOST_FAMILY:
+            raise BadInputError("family.files", len(files), f"at most {MOST_FAMILY} files", PAGE)
         return cls(
             environment=_text("family.environment", content.get("environment", "grid")),
             count=whole("family.count", content.get("count", 40), 1, MOST_FAMILY),
             seed=whole("family.seed", content.get("seed", 1000), 0, 2**31),
+            poses=whole("family.poses", content.get("poses", 1), 1, MOST_POSES),
             files=tuple(files),
         )
 
@@ -118,7 +124,7 @@ def world_of(content: Mapping[str, Any]) -> Map:
     edits = content.get("edits") or []
     if not isinstance(edits, list) or len(edits) > MOST_EDITS:
         raise BadInputError("map.edits", "edits", f"a list of at most {MOST_EDITS}", PAGE)
-    stamp = _stamp(Path(source["file"])) if isinstance(source.get("file"), str) else ""
+    stamp = _stamp(path_given("map.file", source["file"])) if "file" in source else ""
     return _edited_world(json.dumps(source, sort_keys=True), json.dumps(edits), stamp)
 
 
@@ -141,7 +147,9 @@ def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed fi
         return read_map(Path(_text("map.file", given["file"])))
     environment = _text("map.environment", given.get("environment"))
     options = _mapping("map.options", given.get("options") or {})
-    return generate(environment, given.get("seed", 0), **options)
+    kind = ENVIRONMENTS[environment]
+    seed = whole("map.seed", given.get("seed", 0), 0, MOST_SEED)
+    return kind.make(seed, with_parameters(kind.options, environment, options))
 
 
 def _apply(edit: Any, obstacles: list[Polygon], key: str) -> None:  # noqa: ANN401  JSON

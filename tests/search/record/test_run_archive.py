@@ -13,9 +13,10 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity, RunResult, map_fingerprint
+from vinefab.search.record.result import Progress, RunIdentity, RunResult, map_fingerprint
 from vinefab.search.record.run_archive import (
     RECORD_FILE,
+    RecordTail,
     RunArchive,
     map_from_text,
     map_to_text,
@@ -124,6 +125,9 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
         evaluation=EvaluationSettings(joint_weight=0.01),
     )
     assert settings_from_plain(plain_settings(rich)) == rich
+    wide = replace(rich, build=BuildSettings(widths_mm=(30.0, 20.0)))
+    assert settings_from_plain(json.loads(json.dumps(plain_settings(wide)))) == wide
+    assert "widths_mm" not in json.dumps(plain_settings(small))
     assert "pieces" not in json.dumps(plain_settings(small))
     assert "joint_weight" not in json.dumps(plain_settings(small))
 
@@ -143,6 +147,36 @@ def test_a_run_that_has_not_ended_has_no_result(
     assert plain_summary(archive)["best_fitness"] is None
     with pytest.raises(BadInputError, match="has not ended"):
         archive.result()
+
+
+def test_a_run_is_followed_while_it_is_recorded(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    path = tmp_path / RECORD_FILE
+    assert RecordTail.read(path) is None
+    path.touch()  # as SQLite leaves it until the run has chosen how to write
+    assert RecordTail.read(path) is None
+    path.unlink()
+    seen: list[int] = []
+
+    def follow(progress: Progress) -> None:
+        tail = RecordTail.read(path, len(seen))
+        assert tail is not None
+        assert not tail.stopped
+        seen.extend(generation.number for generation in tail.generations)
+        for one in tail.generations:
+            np.testing.assert_array_equal(one.x, progress.history[one.number].x)
+
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps) as store:
+        result = Search.of(small, maps, None).run(store=store, progress=follow)
+    tail = RecordTail.read(path, len(seen))
+    assert tail is not None
+    seen += [generation.number for generation in tail.generations]
+    assert seen == list(range(len(result.history)))
+    assert (tail.stopped, tail.run_id, tail.settings) == ("generations", result.run_id, small)
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(UnreadableFileError):
+        RecordTail.read(path)
 
 
 def test_records_are_found_below_a_folder_and_others_refused(

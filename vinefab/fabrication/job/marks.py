@@ -125,6 +125,9 @@ HEIGHTS_MM = (4.0, 3.0, 2.5)
 """Letter heights to try, largest first; the smallest keeps strokes over 0.4 mm."""
 
 _STEP_MM = 5.0
+_FIRST_BOXES, _MOST_BOXES = 32, 512
+"""Places for a label that are looked at together, at first and at most."""
+
 _LINE = 1.5
 
 Box = tuple[float, float, float, float]
@@ -165,20 +168,34 @@ class FreeRoom:
     ) -> None:
         self.within = within
         self.bodies = shapely.STRtree(list(bodies))
-        self.taken = shapely.union_all([region(path.contour) for path in paths])
-        shapely.prepare(self.taken)
+        taken = shapely.union_all([region(path.contour) for path in paths])
+        # Marks are many and small: each stays a shape of its own beside that of all paths.
+        self._taken: list[shapely.Geometry] = []
+        self.take(taken)
         shapely.prepare(self.bodies.geometries)
 
     def has(self, contour: Contour) -> bool:
         """Whether a mark lies on the sheet, clear of everything else."""
         line = shapely.LineString(contour.points_mm)
         inside = shapely.box(*self.within).buffer(1e-6).covers(line)
-        return bool(inside) and not shapely.dwithin(self.taken, line, CLEAR_MM - 1e-6)
+        return bool(inside) and not self._near(np.array([line]), CLEAR_MM - 1e-6).any()
 
     def take(self, shape: shapely.Geometry) -> None:
         """Occupy a shape, so that later marks keep clear of it."""
-        self.taken = shapely.union(self.taken, shape)
-        shapely.prepare(self.taken)
+        shapely.prepare(shape)
+        self._taken.append(shape)
+
+    def take_path(self, path: LaserPath) -> None:
+        """Occupy the area of a path."""
+        self.take(region(path.contour))
+
+    def _near(self, shapes: NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
+        """Return which shapes lie within a distance of anything that is occupied."""
+        near = np.zeros(len(shapes), dtype=np.bool_)
+        for one in self._taken:
+            rows = np.flatnonzero(~near)
+            near[rows] = shapely.dwithin(one, shapes[rows], by_mm)
+        return near
 
     def box_near(
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
@@ -202,7 +219,7 @@ class FreeRoom:
             share = 1.0 - CLEAR_MM / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             ends[:, 1] = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
             lines = shapely.linestrings(ends)
-            clear = np.asarray(~shapely.dwithin(self.taken, lines, CLEAR_MM - 1e-6))
+            clear = ~self._near(np.asarray(lines), CLEAR_MM - 1e-6)
             # It must not seem to lead to another robot.
             clear &= self._alone(np.asarray(shapely.points(ends[:, 1])), own)
             if clear.any():
@@ -228,9 +245,13 @@ class FreeRoom:
         up = up[(up + size_mm[1] >= around[1]) & (up <= around[3])]
         x, y = (grid.ravel() for grid in np.meshgrid(across, up))
         away = np.hypot(x + size_mm[0] / 2 - to_mm[0], y + size_mm[1] / 2 - to_mm[1])
-        for rows in np.array_split(np.argsort(away, kind="stable"), max(1, len(x) // 500)):
+        order, done, count = np.argsort(away, kind="stable"), 0, _FIRST_BOXES
+        while done < len(order):
+            # Ever more at a time: mostly one of the first is free.
+            rows = order[done : done + count]
+            done, count = done + count, min(2 * count, _MOST_BOXES)
             boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
-            yield np.asarray(boxes)[~shapely.dwithin(self.taken, boxes, CLEAR_MM)]
+            yield np.asarray(boxes)[~self._near(np.asarray(boxes), CLEAR_MM)]
 
     def _beside(self, boxes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
         """Return which boxes lie beside a robot, and nearer to it than to any other."""
@@ -370,7 +391,7 @@ def marks_of(
     free = FreeRoom(bodies, within, areas)
     folds = [fold_marking(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):
-        free.take(FreeRoom([path], within).taken)
+        free.take_path(path)
     labels = [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
     made = [*folds, *labels]
     return Marking(

@@ -62,7 +62,7 @@ def marks_of_pieces(
     layout = flat_layout(robots[0].design)
     made = [fold_marking(robot, free) for robot in robots if robot.piece == piece_label(0)]
     for path in (path for one in made for path in one.paths):
-        free.take(FreeRoom([path], within).taken)
+        free.take_path(path)
     for own, robot in enumerate(robots):
         for end, sleeve in _ends(robot, partition):
             made.append(_joint(robot, free, layout, (own, end, sleeve)))
@@ -104,7 +104,7 @@ def _joint(
     if end == PLUG:
         paths = [mark(tick, name, robot.of) for tick in _depth(robot, sleeve, frame, free)]
         for path in paths:
-            free.take(FreeRoom([path], free.within).taken)
+            free.take_path(path)
         if not paths:
             words += f" {sleeve.plug_mm - sleeve.socket_mm:g} mm"
     near = _on_sheet(robot, placed((beyond, 0.0), frame))

@@ -224,18 +224,47 @@ APART_MM = 8.0
 
 CELL_MM = 2.0
 MOST_CELLS = 400_000
+_SAMPLES, _SAMPLES_AT_ONCE = 160, 10
+_SPREAD = np.arange(_SAMPLES) * 61 % _SAMPLES  # 61 and 160 have no common factor
 TURNS = 24
 """Rotations tried of each robot."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Stamp:
-    """The cells that a robot takes in one rotation."""
+    """A robot in one rotation, and the cells that it takes, found when they are first needed."""
 
-    turn_rad: float
-    low_mm: tuple[float, float]  # lower left corner of the rotated robot's box
-    size_mm: tuple[float, float]  # width and height of the box
-    cells: Cells  # the box's corner lies ``rim`` cells from the array's corner
+    def __init__(self, shape: shapely.Polygon, turn_rad: float) -> None:
+        self.turn_rad = turn_rad
+        self.turned = shapely.affinity.rotate(shape, turn_rad, origin=(0, 0), use_radians=True)
+        x0, y0, x1, y1 = self.turned.bounds
+        self.low_mm = x0, y0  # lower left corner of the rotated robot's box
+        self.size_mm = x1 - x0, y1 - y0  # width and height of the box
+        self._cells: Cells | None = None
+
+    def cells(self, bed: "_Bed") -> Cells:
+        """Return the cells nearer to the robot than half the distance kept.
+
+        The box's corner lies ``bed.rim`` cells from the array's corner.
+        """
+        if self._cells is None:
+            near = shapely.buffer(self.turned, bed.near_mm, quad_segs=4)
+            across, up = (
+                low + (np.arange(bed.counted(side), dtype=np.float64) - bed.rim + 0.5) * bed.cell_mm
+                for low, side in zip(self.low_mm, self.size_mm, strict=True)
+            )
+            self._cells = _within(near, across, up)
+        return self._cells
+
+    def edge_cells(self, bed: "_Bed") -> list[list[int]]:
+        """Return column and row of some of the `cells`, spread along the robot's edge."""
+        edge = max(shapely.get_parts(self.turned).tolist(), key=shapely.area).exterior
+        along_mm = np.linspace(0.0, edge.length, _SAMPLES, endpoint=False)
+        # In an order that is spread too: neighbours are taken at the same places.
+        points = shapely.line_interpolate_point(edge, along_mm[_SPREAD])
+        inner = (shapely.get_coordinates(points) - self.low_mm) / bed.cell_mm
+        # The middle of a point's own cell is nearer than the distance kept.
+        found: list[list[int]] = (np.floor(inner).astype(np.int64) + bed.rim).tolist()
+        return found
 
 
 class _Bed:
@@ -246,27 +275,14 @@ class _Bed:
         self.cell_mm = max(CELL_MM, math.sqrt(room_mm[0] * room_mm[1] / MOST_CELLS))
         self.near_mm = APART_MM / 2.0 + self.cell_mm * math.sqrt(0.5)
         self.rim = math.ceil(self.near_mm / self.cell_mm) + 1
-        shape = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in reversed(room_mm)]
+        shape = [self.counted(side) for side in reversed(room_mm)]
         self.taken: Cells = np.zeros(shape, dtype=np.bool_)
         self.period = [scipy.fft.next_fast_len(length, real=True) for length in shape]
         self.used_mm = (0.0, 0.0)
 
-    def stamp(self, robot: shapely.Polygon, turn_rad: float) -> _Stamp:
-        """Return the cells nearer to a robot than half the distance kept."""
-        turned = shapely.affinity.rotate(robot, turn_rad, origin=(0, 0), use_radians=True)
-        x0, y0, x1, y1 = turned.bounds
-        near = shapely.buffer(turned, self.near_mm, quad_segs=4)
-        counts = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in (x1 - x0, y1 - y0)]
-        across, up = (
-            low + (np.arange(count, dtype=np.float64) - self.rim + 0.5) * self.cell_mm
-            for low, count in zip((x0, y0), counts, strict=True)
-        )
-        return _Stamp(
-            turn_rad=turn_rad,
-            low_mm=(x0, y0),
-            size_mm=(x1 - x0, y1 - y0),
-            cells=_within(near, across, up),
-        )
+    def counted(self, side_mm: float) -> int:
+        """Return how many cells a side of a robot's box takes, with the rim on both ends."""
+        return math.ceil(side_mm / self.cell_mm) + 2 * self.rim
 
     def places(self, stamp: _Stamp) -> tuple[int, int]:
         """Return how many rows and columns the corner of a robot's box may lie in; 0 if none."""
@@ -289,7 +305,7 @@ class _Bed:
         return scipy.fft.rfft2(cells.astype(np.float32), s=self.period)
 
     def best(
-        self, stamp: _Stamp, taken: NDArray[np.complexfloating]
+        self, stamp: _Stamp, taken: NDArray[np.complexfloating], least: float = math.inf
     ) -> tuple[float, int, int] | None:
         """Return the least use of the bed with the robot in a free cell, and that cell; or None.
 
@@ -297,25 +313,46 @@ class _Bed:
         ----------
         taken
             The bed's `spectrum`.
+        least
+            A use that is known to be possible: None may be returned where none is less.
         """
         rows, columns = self.places(stamp)
         if not rows:
             return None
-        collisions = scipy.fft.irfft2(taken * np.conj(self._transform(stamp.cells)), s=self.period)
-        at_rows, at_columns = np.nonzero(collisions[:rows, :columns] < 0.5)
-        if not len(at_rows):
-            return None
+        at_rows, at_columns = np.arange(rows), np.arange(columns)
         wide = np.maximum(self.used_mm[0], at_columns * self.cell_mm + stamp.size_mm[0])
         high = np.maximum(self.used_mm[1], at_rows * self.cell_mm + stamp.size_mm[1])
+        if not any(self.used_mm):
+            return float(wide[0] * high[0]), 0, 0
+        # What a place uses grows with its row and its column: those that count fill a corner.
+        rows = int(np.count_nonzero(wide[0] * high + 1e-3 * at_rows <= least))
+        columns = int(np.count_nonzero(wide * high[0] + 1e-3 * at_columns <= least))
+        if not rows or not columns or self._meets_everywhere(stamp, rows, columns):
+            return None
+        covered = self._transform(stamp.cells(self))
+        collisions = scipy.fft.irfft2(taken * np.conj(covered), s=self.period)
+        free_rows, free_columns = np.nonzero(collisions[:rows, :columns] < 0.5)
+        if not len(free_rows):
+            return None
         # The film used; ties go to the place nearest to the corner.
-        used = wide * high + 1e-3 * (at_rows + at_columns)
+        used = wide[free_columns] * high[free_rows] + 1e-3 * (free_rows + free_columns)
         first = int(np.argmin(used))
-        return float(used[first]), int(at_rows[first]), int(at_columns[first])
+        return float(used[first]), int(free_rows[first]), int(free_columns[first])
+
+    def _meets_everywhere(self, stamp: _Stamp, rows: int, columns: int) -> bool:
+        """Tell quickly whether a part of a robot's edge is taken at each of the first places."""
+        left = np.ones((rows, columns), dtype=np.bool_)
+        for count, (column, row) in enumerate(stamp.edge_cells(self)):
+            left &= ~self.taken[row : row + rows, column : column + columns]
+            if count % _SAMPLES_AT_ONCE == 0 and not left.any():
+                return True
+        return not left.any()
 
     def put(self, stamp: _Stamp, row: int, column: int) -> None:
         """Take the cells of a robot."""
-        high, wide = stamp.cells.shape
-        self.taken[row : row + high, column : column + wide] |= stamp.cells[
+        cells = stamp.cells(self)
+        high, wide = cells.shape
+        self.taken[row : row + high, column : column + wide] |= cells[
             : self.taken.shape[0] - row, : self.taken.shape[1] - column
         ]
         self.used_mm = (
@@ -333,10 +370,14 @@ def _within(shape: shapely.Geometry, across: Floats, up: Floats) -> Cells:
     ]
     (x0, y0), (x1, y1) = np.concatenate(ends).transpose(1, 2, 0)
     # Every row of the grid crosses an edge or not; a point is inside after an odd number.
-    row, edge = np.nonzero((y0 <= up[:, None]) != (y1 <= up[:, None]))
+    first, last = np.searchsorted(up, np.stack([np.minimum(y0, y1), np.maximum(y0, y1)]))
+    count = last - first
+    edge = np.repeat(np.arange(len(x0)), count)
+    row = np.arange(len(edge)) + np.repeat(first - (np.cumsum(count) - count), count)
     x = x0[edge] + (up[row] - y0[edge]) / (y1[edge] - y0[edge]) * (x1[edge] - x0[edge])
-    crossed = np.zeros((len(up), len(across) + 1), dtype=np.int64)
-    np.add.at(crossed, (row, np.searchsorted(across, x)), 1)
+    width = len(across) + 1
+    place = row * width + np.searchsorted(across, x)
+    crossed = np.bincount(place, minlength=len(up) * width).reshape(len(up), width)
     inside: Cells = np.cumsum(crossed, axis=1)[:, :-1] % 2 == 1
     return inside
 
@@ -389,7 +430,7 @@ def _nested(
         key = shapes[row].wkb
         if key not in stamps:
             turns = np.arange(TURNS) * math.tau / TURNS
-            stamps[key] = [bed.stamp(shapes[row], turn) for turn in turns.tolist()]
+            stamps[key] = [_Stamp(shapes[row], turn) for turn in turns.tolist()]
         found[row] = _put(bed, stamps[key], corner_mm)
     return found
 
@@ -405,14 +446,18 @@ def _long_mm(shape: shapely.Polygon) -> float:
 
 
 def _put(bed: _Bed, stamps: list[_Stamp], corner_mm: float) -> BedPlacement | None:
-    tries, taken, least = list[tuple[tuple[float, int, int], _Stamp]](), bed.spectrum(), math.inf
-    for stamp in stamps:
-        if bed.least_use(stamp) <= least and (best := bed.best(stamp, taken)) is not None:
-            tries.append((best, stamp))
+    # Those that may need the least film first: once one is placed, most of the others cannot need
+    # less. Of equals the first rotation counts, whatever the order in which they are tried.
+    tries, taken, least = list[tuple[tuple[float, int, int], int]](), bed.spectrum(), math.inf
+    for number in sorted(range(len(stamps)), key=lambda number: bed.least_use(stamps[number])):
+        stamp = stamps[number]
+        if bed.least_use(stamp) <= least and (best := bed.best(stamp, taken, least)):
+            tries.append((best, number))
             least = min(least, best[0])
     if not tries:
         return None
-    (_, row, column), stamp = min(tries, key=lambda found: found[0][0])
+    (_, row, column), number = min(tries, key=lambda found: (found[0][0], found[1]))
+    stamp = stamps[number]
     bed.put(stamp, row, column)
     return BedPlacement(
         angle_rad=math.remainder(stamp.turn_rad, math.tau),

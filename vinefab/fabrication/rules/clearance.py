@@ -239,7 +239,7 @@ def _capsule_polygons(subject: Subject) -> np.ndarray:
         shapely.buffer(shapely.points(centre), np.maximum(half, 1e-6), quad_segs=64)
         for centre, half in ends
     ]
-    return np.asarray(shapely.convex_hull(shapely.union_all(np.stack(discs, axis=1), axis=1)))
+    return np.asarray(shapely.convex_hull(shapely.multipolygons(np.stack(discs, axis=1))))
 
 
 def _near_webs(

@@ -36,9 +36,12 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     marks = subject.job.along(Operation.MARK)
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
     bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
+    lines = [mark.contour.flattened_mm() for mark in marks]
+    shapes = np.array([_line(mark) for mark in marks], dtype=object)
+    apart_mm = [body.apart_mm(lines, shapes) for body in bodies]
+    nearest_mm = np.min(apart_mm, axis=0) if apart_mm else np.full(len(marks), math.inf)
     violations: dict[str, Violation] = {}
-    for mark in marks:
-        away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
+    for mark, away_mm in zip(marks, nearest_mm.tolist(), strict=True):
         broken = limits.least(away_mm)
         # The strokes of one label share its name: the nearest of them stands for all.
         if broken and (
@@ -146,12 +149,19 @@ class _Body:
         self.edge = shapely.LineString(np.concatenate([points, points[:1]]))
         shapely.prepare([self.area, self.edge])
 
-    def apart_mm(self, mark: LaserPath) -> float:
-        """Return the distance of a mark from the body, 0 where it reaches inside."""
-        points = mark.contour.flattened_mm()
-        if shapely.contains_xy(self.area, points[:, 0], points[:, 1]).any():
-            return 0.0
-        return float(shapely.distance(self.edge, _line(mark)))
+    def apart_mm(self, lines_mm: Sequence[Floats], shapes: NDArray[np.object_]) -> Floats:
+        """Return the distances of marks from the body, 0 for those that reach inside.
+
+        Parameters
+        ----------
+        lines_mm, shapes
+            The marks as points and as lines.
+        """
+        points = np.concatenate(lines_mm)
+        inside = shapely.contains_xy(self.area, points[:, 0], points[:, 1])
+        first = np.cumsum([0, *map(len, lines_mm[:-1])])
+        reaches: NDArray[np.bool_] = np.logical_or.reduceat(inside, first)
+        return np.where(reaches, 0.0, shapely.distance(self.edge, shapes))
 
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:

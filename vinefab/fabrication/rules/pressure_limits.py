@@ -202,6 +202,44 @@ class GrowthConstantsRange:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureGauge:
+    """What growth to the worst tip takes beside what the widest part stands."""
+
+    # loose, tight: the worst tip with film that is stored loosely and tightly
+    loose: WorstBranch
+    tight: WorstBranch
+    source: str  # where the growth constants come from, as a phrase
+    growth_measured: bool  # whether all constants of growth were
+    seam_measured: bool  # whether the seam was, to its limit
+    width_mm: float  # the widest lay-flat width
+    safe_kpa: float  # what that stands, with the safety factor
+    growth_limit_kpa: float  # what growth may take of it, with the margin
+
+
+def pressure_gauge(subject: Subject, profile: LaserProfile, limits: Limits) -> PressureGauge:
+    """Return what growth takes, in free space and over all deployments, and what it may take.
+
+    Parameters
+    ----------
+    limits
+        Those of rule VF-P03.
+    """
+    fit, material = GrowthConstantsRange.of(profile, limits), profile.material
+    loose, tight = worst_growths(subject, (fit.loose, fit.tight), fit.diameter_mm)
+    width_mm, _ = widest(subject)
+    return PressureGauge(
+        loose=loose,
+        tight=tight,
+        source=fit.source,
+        growth_measured=fit.measured,
+        seam_measured=material.seam.is_measured_limit,
+        width_mm=width_mm,
+        safe_kpa=safe_pressure_kpa(width_mm, material, limits),
+        growth_limit_kpa=growth_limit_kpa(width_mm, material, limits),
+    )
+
+
 def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
 
@@ -212,20 +250,16 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     """
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the seam")
-    fit = GrowthConstantsRange.of(subject.profile, limits)
-    loose, tight = worst_growths(subject, (fit.loose, fit.tight), fit.diameter_mm)
-    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.source})"
-    width_mm, _ = widest(subject)
-    top_kpa = safe_pressure_kpa(width_mm, subject.profile.material, limits)
-    most_kpa = growth_limit_kpa(width_mm, subject.profile.material, limits)
-    violations = []
-    measured = fit.measured and subject.profile.material.seam.is_measured_limit
-    if too_much := _too_much((loose, tight), most_kpa, measured=measured):
+    gauge = pressure_gauge(subject, subject.profile, limits)
+    loose, tight, top_kpa = gauge.loose, gauge.tight, gauge.safe_kpa
+    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({gauge.source})"
+    violations, measured = [], gauge.growth_measured and gauge.seam_measured
+    if too_much := _too_much((loose, tight), gauge.growth_limit_kpa, measured=measured):
         worst, broken = too_much
         message = (
-            f"growth to this tip {worst.place} takes {takes}, and {width_mm:.1f} mm of lay-flat "
-            f"width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen the narrow "
-            "branches, or shorten and straighten the way"
+            f"growth to this tip {worst.place} takes {takes}, and {gauge.width_mm:.1f} mm of "
+            f"lay-flat width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen "
+            "the narrow branches, or shorten and straighten the way"
         )
         violations.append(_violation(subject, worst, message, broken))
     elif subject.design.build.pressure_kpa < loose.pressure_kpa:

@@ -29,7 +29,11 @@ class Form(BaseModel):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file."""
-    text = read_text(path, LARGEST_TOML_BYTES)
+    return toml_content(read_text(path, LARGEST_TOML_BYTES), path)
+
+
+def toml_content(text: str, path: str | Path) -> dict[str, Any]:
+    """Return the content of the text of a TOML file."""
     if long_key := _LONG_KEY.search(text):
         # tomllib would need time that grows with the square of the parts.
         line = text.count("\n", 0, long_key.start()) + 1

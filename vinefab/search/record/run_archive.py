@@ -145,6 +145,7 @@ def _build(record: Mapping[str, Any]) -> BuildSettings:
     return BuildSettings(
         pouch=None if pouch is None else Pouch(**pouch),
         pieces=None if pieces is None else PieceSettings(**pieces),
+        widths_mm=tuple(given.pop("widths_mm", ())),
         **given,
     )
 
@@ -252,10 +253,12 @@ def _connected(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
 
 
-def read_generations(connection: sqlite3.Connection) -> list[Generation]:
-    """Return every generation recorded, in order."""
+def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:
+    """Return every generation recorded, in order, from a number on."""
     rows = connection.execute(
-        "SELECT number, x, fitness, composite, penalty, seconds FROM generation ORDER BY 1"
+        "SELECT number, x, fitness, composite, penalty, seconds FROM generation WHERE number >= ? "
+        "ORDER BY 1",
+        (first,),
     ).fetchall()
     return [_generation(connection, row) for row in rows]
 
@@ -441,6 +444,65 @@ class RunArchive:
 
 def _session(began_utc: str, seconds: str) -> Session:
     return Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecordTail:
+    """What a record has from one generation on: for following a run that is going on.
+
+    Reading it does not keep the run waiting, and takes as long as what is new.
+    """
+
+    settings: RunSettings
+    run_id: str
+    generations: tuple[Generation, ...]  # those with the number asked for, or a later one
+    stopped: str  # why the run stopped; empty before it has
+    winner_score: Score | None  # of its winner, on fresh poses; None before it has one
+
+    @classmethod
+    def read(cls, path: Path, first: int = 0) -> "RecordTail | None":
+        """Return the generations from a number on; None while there is no record yet.
+
+        Raises
+        ------
+        UnreadableFileError
+            For a damaged record.
+        """
+        if not is_record(path):
+            return None
+        with damage_errors(path), closing(_connected(path)) as connection:
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+            if "run" not in tables:
+                return None
+            # One transaction, so that all is of one moment.
+            connection.execute("BEGIN")
+            entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+            identity = recorded_identity(entries, path)
+            winner = connection.execute("SELECT score FROM finalist WHERE place = 0").fetchone()
+            return cls(
+                settings=settings_from_plain(identity.settings),
+                run_id=identity.run_id,
+                generations=tuple(read_generations(connection, first)),
+                stopped=entries.get("stopped", ""),
+                winner_score=None if winner is None else score_from_text(winner[0]),
+            )
+
+
+_WAL_PLACE, _WAL_VERSIONS = 18, b"\x02\x02"
+"""Where the first page of a SQLite file says that it has a write-ahead log."""
+
+
+def is_record(path: Path) -> bool:
+    """Tell whether a file may be read as a record without disturbing the run that creates it.
+
+    A new file is empty until its run has chosen the write-ahead log, for which it must be alone.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_WAL_PLACE + len(_WAL_VERSIONS))
+    except OSError:
+        return False
+    return head[_WAL_PLACE:] == _WAL_VERSIONS
 
 
 def records_in(folder: Path) -> list[Path]:

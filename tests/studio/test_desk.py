@@ -1,0 +1,434 @@
+import asyncio
+import json
+import os
+import shutil
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+import pytest
+
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.maps.make_map import generate
+from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import locate
+from vinefab.studio.desk import DESK, Desk
+from vinefab.studio.recovery import MOST_RECOVERIES, recovery_folder
+
+MINE = """\
+# by hand
+schema = "vinefab/design-1"
+name = "mine"
+[trunk]
+length = 120.0  # mm
+[[level]]
+branches = 3
+length = 90.0
+angle_deg = 33.333333333333336  # a third
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path / "own"))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    (folder / "mine.toml").write_text(MINE)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture
+def desk(folder):
+    return Desk(folder)
+
+
+def opened(desk: Desk, name: str = "mine.toml") -> dict:
+    return desk.open_design({"design": name})
+
+
+def with_length(content: dict, length_mm: float) -> dict:
+    return {**content, "trunk": {"length": length_mm}}
+
+
+def test_a_design_is_opened_changed_and_saved_with_its_comments(desk, folder):
+    file = opened(desk)
+    assert file["writable"]
+    assert file["path"] == "mine.toml"
+    assert file["text"] == MINE
+    answer = desk.save_design(
+        {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
+    )
+    assert answer["saved"]
+    # The page shows the third rounded: that is no change.
+    assert (folder / "mine.toml").read_text() == MINE.replace("120.0", "130.0")
+    assert opened(desk)["stamp"] == answer["stamp"]
+    again = {"path": "mine.toml", "design": with_length(file["design"], 9), **answer}
+    assert desk.save_design(again)["saved"]
+
+
+def test_a_file_changed_elsewhere_is_left_alone_unless_forced(desk, folder):
+    file = opened(desk)
+    theirs = MINE.replace("120.0", "77.0").replace("# by hand", "# by another hand")
+    (folder / "mine.toml").write_text(theirs)
+    ask = {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
+    answer = desk.save_design(ask)
+    assert (answer["saved"], answer["why"]) == (False, "changed")
+    assert answer["design"]["trunk"]["length"] == 77.0
+    assert (folder / "mine.toml").read_text() == theirs
+    assert desk.save_design({**ask, "force": True})["saved"]
+    assert (folder / "mine.toml").read_text() == theirs.replace("77.0", "130.0")
+
+
+def test_of_two_tabs_that_save_one_file_the_second_is_asked(desk):
+    first, second = opened(desk), opened(desk)
+    answers = [
+        desk.save_design(
+            {"path": "mine.toml", "design": with_length(tab["design"], mm), "stamp": tab["stamp"]}
+        )
+        for tab, mm in ((first, 1.0), (second, 2.0))
+    ]
+    assert [answer["saved"] for answer in answers] == [True, False]
+    assert answers[1]["design"]["trunk"]["length"] == 1.0
+
+
+def test_tabs_that_save_at_once_never_overwrite_each_other(desk):
+    file = opened(desk)
+
+    def save(length_mm: float) -> dict:
+        content = with_length(file["design"], length_mm)
+        return desk.save_design({"path": "mine.toml", "design": content, "stamp": file["stamp"]})
+
+    with ThreadPoolExecutor(4) as threads:
+        answers = list(threads.map(save, [1.0, 2.0, 3.0, 4.0]))
+    won = [length for length, answer in zip([1, 2, 3, 4], answers, strict=True) if answer["saved"]]
+    assert [opened(desk)["design"]["trunk"]["length"]] == won
+
+
+def test_a_broken_version_on_disk_is_a_conflict_and_keeping_mine_keeps_the_comments(desk, folder):
+    file = opened(desk)
+    (folder / "mine.toml").write_text("half a fi")
+    ask = {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
+    answer = desk.save_design(ask)
+    assert not answer["saved"]
+    assert answer["design"] is None
+    assert "not TOML" in answer["problem"]
+    forced = desk.save_design({**ask, "force": True})
+    assert "broken" in forced["note"]
+    assert (folder / "mine.toml").read_text() == MINE.replace("120.0", "130.0")
+
+
+def test_a_file_that_went_is_written_again_with_its_comments(desk, folder):
+    file = opened(desk)
+    (folder / "mine.toml").unlink()
+    ask = {"path": "mine.toml", "design": file["design"], "stamp": file["stamp"]}
+    assert desk.save_design(ask)["saved"]
+    assert (folder / "mine.toml").read_text() == MINE
+
+
+def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(desk, folder):
+    shipped = opened(desk, "grid_explorer")
+    assert not shipped["writable"]
+    assert shipped["path"] == "grid_explorer"
+    ask = {"path": "copy.toml", "design": shipped["design"], "from": "grid_explorer"}
+    assert desk.save_design(ask)["saved"]
+    assert (folder / "copy.toml").read_text() == locate("design", "grid_explorer").read_text()
+    (folder / "other.toml").write_text(MINE)
+    answer = desk.save_design({**ask, "path": "other.toml"})
+    assert (answer["saved"], answer["why"]) == (False, "exists")
+    assert (folder / "other.toml").read_text() == MINE
+    assert desk.save_design({**ask, "path": "new.toml", "from": None})["saved"]
+    assert read_design(folder / "new.toml") == read_design("grid_explorer")
+
+
+def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
+    designs = tmp_path / "own" / "designs"
+    designs.mkdir(parents=True)
+    (designs / "kept.toml").write_text(MINE)
+    desk = Desk(folder, [designs / "kept.toml"])
+    for path in (designs / "kept.toml", locate("design", "grid_explorer")):
+        file = opened(desk, str(path))
+        assert not file["writable"]
+        before = path.read_text()
+        with pytest.raises(BadInputError, match="path is"):
+            desk.save_design({"path": str(path), "design": file["design"], "force": True})
+        assert path.read_text() == before
+    assert opened(desk, "kept")["design"]["name"] == "mine"
+
+
+def outside_paths(folder, tmp_path) -> list[str]:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "secret.toml").write_text(MINE)
+    (folder / "link.toml").symlink_to(outside / "secret.toml")
+    (folder / "folder").symlink_to(outside)
+    (folder / "round").symlink_to(folder / "round")
+    os.mkfifo(folder / "pipe.toml")
+    return [
+        "../outside/secret.toml",
+        str(outside / "secret.toml"),
+        "link.toml",
+        "folder/secret.toml",
+        "round",
+        "pipe.toml",
+        "/proc/self/environ",
+        "/proc/self/mem",
+        "/dev/zero",
+        "/etc/passwd",
+        ".",
+        "",
+        "a\0b",
+        "\ud800.toml",
+        "a" * 5000,
+        "b" * 300 + ".toml",
+        "~/x.toml",
+    ]
+
+
+def test_nothing_outside_the_folders_is_read_or_written(desk, folder, tmp_path):
+    design = opened(desk)["design"]
+    for path in outside_paths(folder, tmp_path):
+        for refused in (
+            lambda path=path: desk.open_design({"design": path}),
+            lambda path=path: desk.open_map({"path": path}),
+            lambda path=path: desk.open_recipe({"recipe": path}),
+            lambda path=path: desk.check_paths({"map": {"source": {"file": path}}}),
+            lambda path=path: desk.check_paths({"family": {"files": [path]}}),
+        ):
+            with pytest.raises(VinefabError) as error:
+                refused()
+            assert "\n" not in str(error.value)
+            assert len(str(error.value)) < 2000
+        if path != "~/x.toml":
+            with pytest.raises(VinefabError):
+                desk.save_design({"path": path, "design": design, "force": True})
+    with pytest.raises(BadInputError, match="recipe"):
+        desk.check_paths({"recipe": "../outside/secret.toml"})
+    assert (tmp_path / "outside" / "secret.toml").read_text() == MINE
+    for wrong in (None, 7, ["mine.toml"], {"a": 1}):
+        with pytest.raises(VinefabError):
+            desk.open_design({"design": wrong})
+    desk.check_paths({"design": {}, "map": None, "family": {"files": None}, "recipe": None})
+    desk.check_paths({"recipe": "co2_60w__stretchlon_200"})
+
+
+def test_files_named_on_the_command_line_open_their_folders(folder, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "robot.toml").write_text(MINE)
+    (elsewhere / "grid.geojson").write_text("{}")
+    desk = Desk(folder, [elsewhere / "robot.toml"])
+    assert opened(desk, str(elsewhere / "robot.toml"))["writable"]
+    desk.check_paths({"map": {"source": {"file": str(elsewhere / "grid.geojson")}}})
+
+
+def test_a_path_that_was_checked_is_checked_again(desk, folder, tmp_path, monkeypatch):
+    state = {"family": {"files": ["a.geojson"]}}
+    (folder / "a.geojson").write_text("{}")
+    desk.check_paths(state)
+    (folder / "a.geojson").unlink()
+    (folder / "a.geojson").symlink_to(tmp_path / "other.geojson")
+    (tmp_path / "other.geojson").write_text("{}")
+    later = time.monotonic() + 1.1
+    monkeypatch.setattr("vinefab.studio.desk.monotonic", lambda: later)
+    with pytest.raises(BadInputError, match=r"family\.files"):
+        desk.check_paths(state)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"\xff\xfe", "is not UTF-8 text"),
+        (b"name = [", "is not TOML"),
+        (b'schema = "vinefab/design-1"\nname = "x"\n', "trunk is missing"),
+        (b"a" * 2_000_000, "is larger than 1048576 bytes"),
+        (b"a = " + b"[" * 1_000_000, "nested too deep"),
+    ],
+)
+def test_what_is_no_design_is_refused_in_one_line(desk, folder, data, says):
+    (folder / "odd.toml").write_bytes(data)
+    with pytest.raises(VinefabError, match=says) as error:
+        opened(desk, "odd.toml")
+    assert str(error.value).count("odd.toml") == 1
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_of_100_mb_is_refused_without_reading_it(desk, folder):
+    with (folder / "huge.toml").open("wb") as stream:
+        stream.truncate(100_000_000)
+    began = time.process_time()
+    with pytest.raises(UnreadableFileError, match="is larger than"):
+        opened(desk, "huge.toml")
+    answer = desk.save_design({"path": "huge.toml", "design": opened(desk)["design"]})
+    assert not answer["saved"]
+    assert "is larger than" in answer["problem"]
+    (folder / "huge.toml").rename(folder / "huge.geojson")
+    with pytest.raises(UnreadableFileError, match="is larger than"):
+        desk.open_map({"path": "huge.geojson"})
+    assert time.process_time() - began < 0.5
+
+
+@pytest.mark.parametrize(
+    ("path", "kind", "says"),
+    [
+        ("mine.txt", BadInputError, r"ending in \.toml"),
+        ("no/mine.toml", CannotWriteError, "folder does not exist"),
+        ("folder.toml", CannotWriteError, "no plain file"),
+    ],
+)
+def test_places_that_cannot_be_written_are_refused(desk, folder, path, kind, says):
+    (folder / "folder.toml").mkdir()
+    with pytest.raises(kind, match=says):
+        desk.save_design({"path": path, "design": opened(desk)["design"]})
+
+
+def test_choices_are_what_lies_in_the_folders_and_what_ships(desk, folder, tmp_path):
+    (folder / "maps").mkdir()
+    (folder / "maps" / "a.geojson").write_text(map_text(generate("grid", 3)))
+    (folder / "run.toml").write_text('schema = "vinefab/run-1"\n')
+    (folder / ".hidden").mkdir()
+    shutil.copy(folder / "mine.toml", folder / ".hidden" / "other.toml")
+    recipe = locate("recipe", "co2_60w__stretchlon_200").read_text()
+    (folder / "recipe.toml").write_text(recipe.replace('"co2_60w__stretchlon_200"', '"recipe"', 1))
+    (folder / "up").symlink_to(tmp_path)
+    found = desk.choices({})
+    here = {"mine.toml": "folder"}
+    assert {e["path"]: e["where"] for e in found["designs"] if e["where"] == "folder"} == here
+    assert [entry["path"] for entry in found["maps"]] == ["maps/a.geojson"]
+    assert {"name": "grid_explorer", "path": "grid_explorer", "where": "shipped"} in found[
+        "designs"
+    ]
+    assert "recipe.toml" in [entry["path"] for entry in found["recipes"]]
+    cave = next(entry for entry in found["environments"] if entry["name"] == "cave")
+    assert cave["options"]["size_mm"] > 0
+    assert found["complete"]
+    json.dumps(found)
+    assert desk.open_map({"path": "maps/a.geojson"})["source"] == {"file": "maps/a.geojson"}
+    assert desk.open_recipe({"recipe": "recipe.toml"})["recipe"] == "recipe.toml"
+
+
+def test_choices_of_a_crowded_folder_are_bounded_and_say_so(desk, folder):
+    for number in range(400):
+        (folder / f"{number}.geojson").touch()
+    found = desk.choices({})
+    assert len(found["maps"]) == 300
+    assert not found["complete"]
+
+
+def test_unsaved_work_is_kept_listed_and_dropped(desk):
+    state = {"design": opened(desk)["design"], "locks": ["trunk.length"]}
+    for number in range(MOST_RECOVERIES + 5):
+        desk.keep_recovery(
+            {"key": f"tab{number:05}", "state": state, "file": {"path": "mine.toml"}}
+        )
+    listed = desk.recoveries({})["recoveries"]
+    assert len(listed) == MOST_RECOVERIES == len(list(recovery_folder().iterdir()))
+    assert listed[0]["key"] == "tab00024"
+    assert listed[0]["name"] == "mine"
+    assert desk.open_recovery({"key": "tab00024"})["state"] == state
+    desk.drop_recovery({"key": "tab00024"})
+    (recovery_folder() / "recovery-tab00023.json").write_text("{")
+    assert len(desk.recoveries({})["recoveries"]) == MOST_RECOVERIES - 2
+    for key in ("../../x", "", None, "a" * 41, "A" * 8):
+        with pytest.raises(BadInputError):
+            desk.keep_recovery({"key": key, "state": state})
+    with pytest.raises(BadInputError, match="at most"):
+        desk.keep_recovery({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
+
+
+def test_a_save_drops_the_unsaved_work_and_a_refused_one_keeps_it(desk):
+    file = opened(desk)
+    desk.keep_recovery({"key": "thistab", "state": {"design": file["design"]}})
+    ask = {"path": "mine.toml", "design": file["design"], "recovery": "thistab"}
+    assert not desk.save_design({**ask, "stamp": "old"})["saved"]
+    assert desk.recoveries({})["recoveries"]
+    assert desk.save_design({**ask, "stamp": file["stamp"]})["saved"]
+    assert not desk.recoveries({})["recoveries"]
+
+
+def watched(desk: Desk, *changes) -> list[dict]:
+    """Make changes one after the other while the desk watches; return the events of each."""
+    events: list[dict] = []
+
+    async def scene() -> list[list[dict]]:
+        task = asyncio.create_task(desk.watch(events.append))
+        await asyncio.sleep(0.25)
+        seen = []
+        for change in changes:
+            events.clear()
+            change()
+            for _ in range(100):
+                await asyncio.sleep(0.05)
+                if events:
+                    break
+            await asyncio.sleep(0.1)
+            seen.append(list(events))
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return seen
+
+    return asyncio.run(scene())
+
+
+def by_rename(path, text):
+    """Save as vim does: the old file is moved away, the new one written and moved here."""
+    path.rename(path.with_suffix(".bak"))
+    beside = path.with_suffix(".new")
+    beside.write_text(text)
+    beside.rename(path)
+
+
+def test_changes_from_outside_are_told_once_each(desk, folder):
+    file = opened(desk)
+    path = folder / "mine.toml"
+    grid = folder / "grid.geojson"
+    grid.write_text(map_text(generate("grid", 3)))
+    desk.open_map({"path": "grid.geojson"})
+    in_place, renamed, broken, mended, on_the_map = watched(
+        desk,
+        lambda: path.write_text(MINE.replace("120.0", "121.0")),
+        lambda: by_rename(path, MINE.replace("120.0", "122.0")),
+        lambda: path.write_text("half a"),
+        lambda: path.write_text(MINE),
+        lambda: grid.write_text(map_text(generate("grid", 4))),
+    )
+    assert [event["design"]["trunk"]["length"] for event in in_place] == [121.0]
+    assert [event["design"]["trunk"]["length"] for event in renamed] == [122.0]
+    assert [(event["design"], "not TOML" in event["problem"]) for event in broken] == [(None, True)]
+    assert [event["stamp"] for event in mended] == [file["stamp"]]
+    assert [(event["kind"], event["path"]) for event in on_the_map] == [("map", "grid.geojson")]
+    assert all(event["event"] == "file_changed" for event in in_place + on_the_map)
+
+
+def test_what_is_opened_while_watching_is_watched_and_own_saves_carry_their_stamp(desk, folder):
+    file = opened(desk)
+    other = folder / "sub" / "other.toml"
+    other.parent.mkdir()
+    other.write_text(MINE)
+    saved = {}
+
+    def save():
+        content = with_length(file["design"], 5.0)
+        ask = {"path": "mine.toml", "design": content, "stamp": file["stamp"]}
+        saved.update(desk.save_design(ask))
+
+    def open_and_change():
+        opened(desk, "sub/other.toml")
+        other.write_text(MINE.replace("120.0", "6.0"))
+
+    own, theirs = watched(desk, save, open_and_change)
+    assert [event["stamp"] for event in own] == [saved["stamp"]]
+    assert [event["design"]["trunk"]["length"] for event in theirs] == [6.0]
+
+
+def test_every_function_of_the_desk_takes_what_a_page_may_send(desk):
+    for function in DESK.values():
+        for ask in ({}, {"path": 1, "design": [], "key": {}, "state": 3, "recipe": []}):
+            with suppress(VinefabError):
+                json.dumps(function(desk, ask))
+    assert design_content(read_design("mine.toml"))["name"] == "mine"

@@ -1,0 +1,216 @@
+"""Exports of the page: byte for byte what the command line shown beside the button writes."""
+
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+import vinefab.cli.report  # noqa: F401  so that its names can be replaced
+from vinefab.cli.main import main
+from vinefab.core.errors import VinefabError
+from vinefab.core.jsontext import GENERATOR
+from vinefab.model.files.design_toml import design_content, design_text, read_design
+from vinefab.model.files.map_geojson import map_text
+from vinefab.studio.export_answer import export_answer
+from vinefab.studio.state import StudioState
+from vinefab.studio.workplace import Opened, Workplace
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def quiet(_share, _text):
+    pass
+
+
+def opened(name="plain_vine", **more):
+    small = {"columns": 2, "rows": 2, "size_mm": 200.0}
+    source = {"environment": "grid", "seed": 3, "options": small}
+    return {
+        "design": design_content(read_design(name)),
+        "map": {"source": source, "edits": []},
+        **more,
+    }
+
+
+def export(content, what, out, **ask):
+    return export_answer(StudioState.of(content), {"what": what, "out": out, **ask}, quiet)
+
+
+def everything():
+    """Every file below the current folder, with its bytes."""
+    return {p: p.read_bytes() for p in sorted(Path().rglob("*")) if p.is_file()}
+
+
+def run_again(answer, *inputs):
+    """Run the command of an answer where nothing but its inputs lies, and return what is there."""
+    kept = {Path(name): Path(name).read_bytes() for name in (*answer["inputs"], *inputs)}
+    manifests = {p: p.read_bytes() for p in Path().rglob("*.inputs/MANIFEST.sha256")}
+    for path in Path().iterdir():
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for path, data in {**kept, **manifests}.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    program, *words = shlex.split(answer["command"])
+    assert program == "vinefab"
+    assert main([*words, "-q"]) == 0
+    return everything()
+
+
+MOVED = {"pose": {"x_mm": 101.3, "y_mm": 12.1, "heading_deg": 97.3}}
+
+
+def edited(content):
+    edits = [["move", 0, 3.3, -1.7], ["add", [[20, 150], [40.1234567891, 150], [30, 180]]]]
+    content["map"]["edits"] = [*edits, ["remove", 2]]
+    content["design"]["trunk"]["length"] = 133.33333333
+    content["design"]["name"] = "own"
+    return content
+
+
+@pytest.mark.parametrize(
+    ("what", "out", "options", "more"),
+    [
+        ("package", "to cut/package", {"allow_uncalibrated": True, "zip": True}, {}),
+        ("picture", "grown.svg", {"label": True}, {**MOVED, "growth": {"body": "centerline"}}),
+        ("picture", "grown.gif", {"frames": 3}, MOVED),
+        ("rig", "rig", {"fit_mm": 120.0, "lid": True, "pictures": False}, MOVED),
+    ],
+)
+def test_the_command_shown_writes_the_same_bytes(what, out, options, more):
+    answer = export(edited(opened(**more)), what, out, options=options)
+    assert not answer["refused"]
+    assert f"{out}.inputs/design.toml" in answer["inputs"]
+    first = everything()
+    assert {Path(name) for name in answer["written"]} <= first.keys()
+    assert run_again(answer) == first
+
+
+class FoundInNoTime:
+    """Stands in for a prediction, which takes seconds: its page says what went in."""
+
+    def __init__(self, design, profile, families, plan, _progress):
+        self.given = (design_text(design), profile.recipe.name, plan)
+        self.worlds = [map_text(world) for family in families for world in family.worlds]
+
+    def page(self, origin, _sections, _progress):
+        return f"{GENERATOR} {self.given} {self.worlds} {origin.command} {origin.inputs}"
+
+
+def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
+    for place in ("prediction.predict.predict", "cli.report.predict"):
+        monkeypatch.setattr(f"vinefab.{place}", FoundInNoTime)
+    for place in ("prediction.prediction_json", "cli.report"):
+        monkeypatch.setattr(f"vinefab.{place}.summary_lines", lambda _: ["found"])
+    monkeypatch.setattr("vinefab.cli.report.prediction_text", lambda *_: "")
+    content = edited(opened(**MOVED, growth={"storage_kpa": 1.25}))
+    options = {"poses": 2, "environment": "pegs", "count": 3}
+    answer = export(content, "report", "page.html", options=options)
+    assert '"coordinates": [101.3, 12.1]' in Path("page.html.inputs/map.geojson").read_text()
+    first = everything()
+    assert run_again(answer) == first
+
+
+def test_saved_files_are_called_by_their_names_and_not_written_again(here):
+    read_design("plain_vine").write(here / "mine.toml")
+    main(["map", "grid", "--columns", "3", "--rows", "3", "--out", "lab.geojson", "-q"])
+    content = opened("mine.toml", map={"source": {"file": "lab.geojson"}, "edits": []})
+    files = {"design_file": str(here / "mine.toml"), "map_file": "lab.geojson"}
+    answer = export(content, "picture", "grown.svg", **files)
+    assert answer["command"] == "vinefab grow mine.toml --map lab.geojson --svg grown.svg"
+    assert answer["inputs"] == []
+    first = everything()
+    assert run_again(answer, "mine.toml", "lab.geojson") == first
+    content["design"]["trunk"]["length"] += 1.0
+    answer = export(content, "picture", "other.svg", **files)
+    assert answer["inputs"] == ["other.svg.inputs/design.toml"]
+    assert "--map lab.geojson" in answer["command"]
+
+
+def test_rules_and_an_unconfirmed_recipe_refuse_a_package():
+    answer = export(opened(), "package", "package")
+    assert "--allow-uncalibrated" in answer["refused"]
+    content = opened()
+    content["design"]["build"]["widths_mm"] = [3.0]
+    options = {"allow_uncalibrated": True}
+    answer = export(content, "package", "package", options=options)
+    assert "VF-W01" in answer["refused"]
+    assert "VF-W01" in {finding["id"] for finding in answer["findings"]}
+    assert answer["written"] == []
+    assert everything() == {}
+
+
+@pytest.mark.parametrize(
+    ("what", "out", "options", "words"),
+    [
+        ("picture", "../grown.svg", {}, "out is '../grown.svg'; allowed: a path in"),
+        ("picture", "/etc/grown.svg", {}, "allowed: a path in"),
+        ("picture", "link/grown.svg", {}, "allowed: a path in"),
+        ("package", ".", {}, "allowed: a path in"),
+        ("picture", "grown.txt", {}, "a file name ending in .svg or .png or .gif"),
+        ("picture", "grown.png", {"animate": True}, "ending in .svg or .gif, to move"),
+        ("picture", "a\nb.svg", {}, "allowed: a path"),
+        ("picture", "x" * 5000, {}, "allowed: a path"),
+        ("picture", None, {}, "out is missing"),
+        (
+            "package",
+            "p",
+            {"copies": 10**6},
+            "copies is 1000000; allowed: a whole number",
+        ),
+        ("package", "p", {"force": True}, "package.force is True; allowed: one of"),
+        ("poster", "p", {}, "no export is called 'poster'"),
+        ("picture", "mine.svg", {}, "was not written by vinefab; choose another name"),
+        ("package", "own", {}, "was not written by vinefab; choose another name"),
+    ],
+)
+def test_what_cannot_be_written_is_one_line_and_changes_nothing(here, what, out, options, words):
+    (here / "link").symlink_to(here.parent)
+    (here / "mine.svg").write_text("drawn by hand")
+    (here / "own").mkdir()
+    (here / "own" / "notes.txt").write_text("by hand")
+    before = everything()
+    with pytest.raises(VinefabError) as raised:
+        export(opened(), what, out, options=options)
+    assert words in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert "--force" not in str(raised.value)
+    assert everything() == before
+
+
+def test_inputs_that_somebody_changed_are_not_overwritten(here):
+    export(opened(), "picture", "grown.svg")
+    (here / "grown.svg.inputs" / "design.toml").write_text("# written by vinefab, then by me")
+    with pytest.raises(VinefabError, match="was changed since vinefab wrote it; choose another"):
+        export(edited(opened()), "picture", "grown.svg")
+
+
+def test_the_page_does_not_say_where_may_be_written(here):
+    state = opened()
+    ask = {"out": "p", "roots": ["/"], "state": {"map": {"source": {"file": "/etc/passwd"}}}}
+    asked = Workplace(Opened(folder=here)).allowed("export", state, ask)
+    assert asked == {"out": "p", "roots": [str(here)], "state": state}
+
+
+def test_commands_are_told_without_writing():
+    exports = {
+        "package": {"out": "package", "options": {"copies": 2}},
+        "picture": {"out": "../grown.svg"},
+        "rig": {"out": "rig", "options": {"style": "board"}},
+        "snapshot": {"out": "my page.html"},
+    }
+    found = export(opened(), "command", None, exports=exports, design_file="plain_vine")
+    assert everything() == {}
+    assert found["unverified"] is True
+    commands = found["commands"]
+    assert commands["package"]["command"] == (
+        "vinefab fabricate plain_vine --copies 2 --out package"
+    )
+    assert commands["package"]["inputs"] == []
+    assert "a path in" in commands["picture"]["error"]
+    assert commands["snapshot"]["command"] == "vinefab studio 'my page.html'"
+    assert "--style=board --out rig" in commands["rig"]["command"]

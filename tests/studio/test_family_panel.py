@@ -1,0 +1,194 @@
+"""The panels of many maps and of the comparison, in a real browser with stored answers."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from tests.studio.test_family_answer import heat_share
+from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.studio.panels import answer_of
+from vinefab.studio.snapshot import snapshot_html
+
+STATE = {
+    "design": design_content(read_design("plain_vine")),
+    "map": {"source": {"environment": "pegs", "seed": 1}, "edits": []},
+    "pose": None,
+    "recipe": None,
+    "task": "reach",
+    "family": {"environment": "pegs", "count": 4, "seed": 20},
+    "growth": {},
+    "locks": [],
+}
+
+FAKE = """async () => {
+  const {createStore} = await import("studio/store.js");
+  const {mount} = await import("studio/family_panel.js");
+  const compare = await import("studio/compare.js");
+  const stored = structuredClone({state: studio.store.get(), answers: studio.answers});
+  const state = structuredClone(stored.state);
+  const listeners = {}, told = [], asked = [];
+  const app = {
+    store: createStore(state), answers: {}, live: true, reference: null, previewed: null,
+    file: {saved_design: structuredClone(state.design)},
+    shown: () => app.store.get(), say: () => {}, on: () => {}, onProgress: () => {},
+    onPreview: () => {}, onReference: (fn) => told.push(fn), cancel: () => {},
+    setReference: (reference) => {
+      app.reference = reference;
+      told.forEach((fn) => fn(reference));
+    },
+    onAnswer: (panel, fn) => (listeners[panel] ??= []).push(fn),
+    ask: async (panel, ask, {state: given} = {}) => {
+      asked.push([panel, structuredClone(ask)]);
+      const answer = structuredClone(stored.answers[panel === "before" ? "live" : panel]);
+      if (panel === "family") {
+        answer.quick = Boolean(ask.quick);
+        for (const entry of answer.maps) if (ask.have.includes(entry.key)) entry.ground_svg = null;
+      }
+      if (panel !== "before") app.put(panel, answer);
+      return answer;
+    },
+    put: (panel, answer) => {
+      app.answers[panel] = answer;
+      for (const fn of listeners[panel] ?? []) fn(answer, app.store.get());
+    },
+  };
+  const family = document.getElementById("family"), strip = document.getElementById("compare");
+  family.replaceChildren();
+  strip.replaceChildren();
+  family.hidden = false;
+  compare.mount(strip, app);
+  mount(family, app);
+  globalThis.fake = {app, asked, stored};
+}"""
+
+MINUS, DASH = "\u2212", "\u2013"
+WAIT = "(ms) => new Promise((done) => setTimeout(done, ms))"
+
+
+@pytest.fixture(scope="module")
+def answers():
+    names = ("live", "rules", "family")
+    return {name: answer_of(name, copy.deepcopy(STATE), {}, lambda *_: None) for name in names}
+
+
+@pytest.fixture
+def page(browser, answers, tmp_path):
+    path = tmp_path / "snapshot.html"
+    path.write_bytes(snapshot_html(STATE, answers))
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    errors = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.goto(path.as_uri())
+    opened.wait_for_selector("html[data-ready]")
+    yield opened
+    opened.close()
+    assert errors == []
+
+
+def test_a_snapshot_shows_every_map_and_where_bodies_lie(page, answers):
+    page.click("#tab-family")
+    page.wait_for_selector(".tile .robot")
+    family = answers["family"]
+    values = page.locator(".tile .value").all_text_contents()
+    assert values == [f"{entry['score']:.3f}" for entry in family["maps"]]
+    assert (
+        page.locator(".tile svg .ground").count() == page.locator(".tile svg .robot").count() == 4
+    )
+    words = page.locator("#family .summary").first.text_content()
+    assert f"reach, mean {family['distribution']['mean']:.3f}" in words
+    assert "over 4 maps" in words
+    assert "simulated" in words
+    page.click("[data-view=heat]")
+    painted = page.evaluate("""() => {
+      const canvas = document.querySelector(".heat-plate canvas");
+      const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      return [...data].filter((_, at) => at % 4 === 3 && data[at]).length;
+    }""")
+    assert painted == np.count_nonzero(heat_share(family["heat"]))
+    page.focus(".heat-plate canvas")
+    page.keyboard.press("ArrowUp")
+    assert "% of 4 maps" in page.locator(".heat .here").text_content()
+
+
+def test_a_drag_is_followed_quickly_and_a_rest_in_full(page):
+    page.evaluate(FAKE)
+    page.evaluate(WAIT, 250)
+    asked = page.evaluate("fake.asked.splice(0).filter(([panel]) => panel === 'family')")
+    assert [ask.get("quick", False) for _, ask in asked] == [False]
+    page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
+    page.evaluate(WAIT, 600)
+    for length in (150, 151, 152):
+        page.evaluate(
+            "mm => fake.app.store.change('l', (s) => { s.design.trunk.length = mm }, {group: 'g'})",
+            length,
+        )
+    page.evaluate(WAIT, 250)
+    asked = page.evaluate("fake.asked.splice(0).filter(([panel]) => panel === 'family')")
+    assert [ask.get("quick", False) for _, ask in asked] == [True] * 3 + [False]
+    rest = asked[-1][1]
+    # All grounds are there, and the version before has scores to be compared with.
+    assert len(rest["have"]) == len(rest["before"]) == 4
+    assert page.locator(".tile .difference").first.text_content() == "="
+
+
+def test_a_map_is_opened_where_its_robot_was_grown(page, answers):
+    page.evaluate(FAKE)
+    page.wait_for_selector(".tile .robot")
+    page.select_option("#family-sort", "worst")
+    scores = page.locator(".tile .value").all_text_contents()
+    assert scores == sorted(scores, key=float)
+    worst = min(answers["family"]["maps"], key=lambda entry: entry["score"])
+    page.locator(".tile button").first.click()
+    opened = page.evaluate("fake.app.store.get()")
+    assert opened["map"] == {"source": worst["source"], "edits": []}
+    assert opened["pose"] == worst["pose"]
+
+
+def test_the_version_before_is_the_one_that_rested(page):
+    page.evaluate(FAKE)
+    page.evaluate("""() => {
+      for (const name of ["live", "rules"]) fake.app.put(name, fake.stored.answers[name]);
+    }""")
+    page.evaluate(WAIT, 600)
+    first = page.evaluate("fake.app.store.get().design.trunk.length")
+    change = """([mm, better]) => {
+      fake.app.store.change("l", (s) => { s.design.trunk.length = mm; });
+      const live = structuredClone(fake.stored.answers.live);
+      live.scores.reach += better;
+      live.facts.pressure_needed_kpa += 1;
+      fake.app.put("live", live);
+    }"""
+    page.evaluate(change, [111, 0.01])
+    page.evaluate(change, [122, 0.02])
+    assert page.evaluate("fake.app.reference.design.trunk.length") == first
+    cells = "[...document.querySelectorAll('[data-measure=%s] td')].map((td) => td.textContent)"
+    assert page.evaluate(cells % "score-reach")[2] == "+0.020better"
+    assert page.evaluate(cells % "pressure")[2] == "+1.0worse"
+    assert page.evaluate(cells % "score-coverage")[2] == "=same"
+    page.evaluate(WAIT, 600)
+    page.evaluate(change, [133, -0.01])
+    assert page.evaluate("fake.app.reference.design.trunk.length") == 122
+    assert page.evaluate(cells % "score-reach")[2] == f"{MINUS}0.030worse"
+    page.click("#keep-reference")
+    assert page.evaluate("fake.app.reference") is None
+    page.evaluate(WAIT, 600)
+    page.evaluate(change, [144, 0.0])
+    page.evaluate(change, [155, 0.0])
+    assert page.evaluate("fake.app.reference.design.trunk.length") == 133
+    page.select_option("#compare-with", "saved")
+    assert page.evaluate("fake.app.reference.design.trunk.length") == first
+
+
+def test_on_another_map_the_version_before_is_grown_again(page):
+    page.evaluate(FAKE)
+    page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
+    page.evaluate(WAIT, 600)
+    page.evaluate("fake.app.store.change('l', (s) => { s.design.trunk.length = 111; })")
+    page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
+    page.evaluate("fake.app.store.change('m', (s) => { s.map.source.seed = 2; })")
+    cell = "document.querySelector('[data-measure=score-reach] td').textContent"
+    assert page.evaluate(cell) == DASH
+    page.evaluate(WAIT, 250)
+    assert page.evaluate("fake.asked.some(([panel]) => panel === 'before')")
+    assert page.evaluate(cell) != DASH

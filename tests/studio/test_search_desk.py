@@ -1,0 +1,349 @@
+"""Searches of the page are runs of the command, and stop, resume and load as these do."""
+
+import asyncio
+import copy
+import functools
+import json
+import sqlite3
+import time
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.cli.main import main
+from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content, design_of, design_text, read_design
+from vinefab.search.costs import COSTS
+from vinefab.search.front_files import front_json, front_of
+from vinefab.search.record.result import Generation
+from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.run import run_search
+from vinefab.search.run_file import read_run
+from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
+from vinefab.search.space import Bounds, Space, SpaceSettings
+from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
+from vinefab.studio.search_desk import SEARCH_DESK, FollowedRecord, LiveFront, SearchDesk
+from vinefab.studio.state import StudioState
+
+SMALL = {"columns": 2, "rows": 2, "size_mm": 300.0}
+
+
+def page(name="plain_vine", **changes):
+    """What the page sends: a shipped design on a small map."""
+    design = json.loads(json.dumps(design_content(Design.read(name))))
+    source = {"environment": "grid", "seed": 3, "options": SMALL}
+    return copy.deepcopy({"design": design, "map": {"source": source, "edits": []}, **changes})
+
+
+def ask(**changes):
+    """What the page asks of a search that takes a moment."""
+    few = {"population": 4, "generations": 3, "fabricable": False, "maps": {"shown": True}}
+    return {**few, **changes}
+
+
+@pytest.fixture
+def desk(tmp_path):
+    made = SearchDesk((tmp_path,), tmp_path)
+    yield made
+    made.close()
+
+
+def followed(desk, until, patience_s=90.0):
+    """Return the events of a search up to the first that is wanted."""
+    events, end_s = [], time.monotonic() + patience_s
+    while time.monotonic() < end_s:
+        event = desk.news()
+        if event is not None:
+            json.dumps(event, allow_nan=False)  # plain values
+            events.append(event)
+            if until(event):
+                return events
+        time.sleep(0.05)
+    raise AssertionError(f"not seen: {events[-1:]}")
+
+
+def read_archive(folder):
+    return RunArchive.read(folder / "run.sqlite").result()
+
+
+def is_over(event):
+    return event["state"] != "running"
+
+
+def generations(folder):
+    with closing(sqlite3.connect(folder / "run.sqlite")) as connection:
+        query = "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1"
+        return connection.execute(query).fetchall()
+
+
+@pytest.fixture
+def front_run(tmp_path):
+    """A run for a front that has ended, without its pictures."""
+    settings = RunSettings(
+        name="two",
+        maps=MapSettings(count=1, options=SMALL),
+        space=SpaceSettings(levels=Bounds(low=1, high=2)),
+        search=SearchSettings(population=8, generations=3, seed=3),
+        optimizer=replace(RunSettings().optimizer, name="nsga2"),
+        objectives=("coverage", "film_length"),
+    )
+    few = {"finalists": 6, "final_poses_per_map": 1, "finalists_by": "training"}
+    settings = replace(settings, evaluation=replace(settings.evaluation, fabricable=False, **few))
+    folder = tmp_path / "two"
+    result = run_search(settings, folder)
+    (folder / "front").mkdir()
+    members = front_of(result, settings)
+    (folder / "front.json").write_text(front_json(members, result, settings))
+    for member in members:
+        (folder / "front" / f"{member.design.name}.toml").write_text(design_text(member.design))
+    return folder, members
+
+
+def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
+    desk, tmp_path, monkeypatch
+):
+    # Its page takes seconds to draw, and no more room in the suite.
+    plain = SearchDesk._arguments
+    monkeypatch.setattr(SearchDesk, "_arguments", lambda *given: [*plain(*given), "--no-page"])
+    begun = desk.start(ask(generations=800), StudioState.of(page()))
+    words = "vinefab optimize search_1/run.toml --out search_1 --workers 1 --quiet --no-page"
+    assert (begun["folder"], begun["command"]) == ("search_1", words)
+    with pytest.raises(BadInputError, match="one at a time"):
+        desk.start(ask(), StudioState.of(page()))
+    followed(desk, lambda event: event["generations"] > 0)
+    desk.stop()
+    stopped = followed(desk, is_over)[-1]
+    assert stopped["state"] == "stopped"
+    assert 0 < stopped["generations"] < 800
+    assert desk.runs()["runs"][0]["state"] == "unfinished"
+
+    assert desk.resume({"folder": "search_1"})["command"] == f"{words} --resume"
+    events = followed(desk, is_over)
+    assert events[-1]["state"] == "ended", events[-1]["line"]
+    assert events[-1]["share"] == 1.0
+    assert 0 < len(events[-1]["curve"]) <= 240
+    assert [e["evaluations"] for e in events] == sorted(e["evaluations"] for e in events)
+    assert desk.runs()["runs"][0]["state"] == "ended"
+
+    page_run, same = tmp_path / "search_1", tmp_path / "same"
+    command = ["optimize", str(page_run / RUN_FILE), "--out", str(same), "--no-page", "-q"]
+    assert main(command) == 0
+    assert (page_run / "best.toml").read_bytes() == (same / "best.toml").read_bytes()
+    assert generations(page_run) == generations(same)
+    best = design_of(desk.load({"folder": "search_1", "point": "best"})["design"], "page")
+    assert best == read_design(same / "best.toml")
+    assert design_of(events[-1]["best"], "page") == best
+
+
+def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_path):
+    given = page("six_branch_anchor")
+    # No start of the map has room for such a trunk: the run file is right, the run cannot be.
+    given["design"]["build"]["widths_mm"] = [400.0, 20.0]
+    desk.start(ask(), StudioState.of(given))
+    event = followed(desk, is_over)[-1]
+    assert event["state"] == "failed"
+    assert "build.widths_mm is [400.0, 20.0]; allowed: " in event["line"]
+    assert not (tmp_path / "search_1").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"ranges": {"trunk.length": [200, 100]}}, "^the page: space.*in order"),
+        ({"ranges": {"level.9.length": [1, 2]}}, "ranges of trunk.length"),
+        ({"levels": [3, 2]}, "3 to 10"),
+        ({"levels": "all"}, r"\[fewest, most\]"),
+        ({"task": "swim"}, "swim"),
+        ({"task": None}, "texts, numbers and lists"),
+        (
+            {"ranges": {"trunk.length": functools.reduce(lambda one, _: [one], range(99), 1)}},
+            "32 levels",
+        ),
+        ({"seed": 10**400}, "64 bits"),
+        ({"folder": "x" * 5000}, "."),
+        ({"population": 1}, "optimizer.population"),
+        ({"population": "many"}, "optimizer.population"),
+        ({"optimizer": "guess"}, "guess"),
+        ({"objectives": ["cost"]}, "task.objectives"),
+        ({"maps": {"files": ["../elsewhere.geojson"]}}, "a path below"),
+        ({"maps": {"files": ["none.geojson"]}}, "none.geojson"),
+        ({"folder": "../elsewhere"}, "a path below"),
+        ({"folder": "taken"}, "an empty one"),
+        ({"folder": "."}, "an empty one"),
+        ({"folder": "a b/\n"}, "letters that can be shown"),
+        ({"folder": "a b"}, "name is 'a b'"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_line_and_leaves_nothing(desk, tmp_path, changes, words):
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "notes.txt").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(VinefabError, match=words) as caught:
+        desk.start(ask(**changes), StudioState.of(page()))
+    assert "\n" not in str(caught.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_locked_values_are_fixed_and_others_have_ranges_around_them(tmp_path):
+    locks = ["level.0.angle_deg", "level.0.branches", "build.tail_mm"]
+    state = StudioState.of(page("six_branch_anchor", locks=locks))
+    for name, text in run_files(state, {}, tmp_path).items():
+        (tmp_path / name).write_text(text)
+    settings = read_run(tmp_path / RUN_FILE)
+    design, space = state.design, Space(settings.space, settings.build)
+    (level,) = design.levels
+    assert settings.space.bounds(2, "branches") == Bounds(low=level.branches, high=level.branches)
+    assert [variable.name for variable in space.variables] == [
+        "length_mm", "length_mm", "growth_percent",
+    ]  # fmt: skip
+    # The design itself lies in the space, built as it is; a search begins at it.
+    found = space.design(space.vector(design))
+    assert found.trunk_length_mm == pytest.approx(design.trunk_length_mm, abs=0.01)
+    assert found.levels[0].fan_rad == pytest.approx(level.fan_rad, abs=1e-9)
+    for name in ("widths_mm", "tail_mm", "pressure_kpa", "pouch", "pieces"):
+        assert getattr(found.build, name) == getattr(design.build, name)
+    assert len(settings.start_from) == 1
+    assert settings.growth == state.growth
+
+
+def test_a_level_with_locked_values_cannot_be_left_out(tmp_path):
+    state = StudioState.of(page("three_level_tree", locks=["level.1.length"]))
+    with pytest.raises(BadInputError, match="level 3 has locked values"):
+        run_files(state, {"levels": [2, 3]}, tmp_path)
+
+
+def test_a_proposal_says_what_a_search_leaves_out():
+    given = page("six_branch_anchor")
+    given["design"]["build"]["taper"] = [1.0, 0.9]
+    assert any("taper" in note for note in run_proposal(StudioState.of(given))["notes"])
+    for value in run_proposal(StudioState.of(given))["values"]:
+        assert value["range"][0] <= value["value"] <= value["range"][1]
+
+
+def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
+    folder, members = front_run
+    (run,) = desk.runs()["runs"]
+    front = desk.front({"folder": "two"})["front"]
+    assert front["is_final"]
+    assert run["best_score"] == read_archive(folder).score.composite["mean"]
+    assert "fresh poses (simulated)" in run["best_words"]
+    assert [one["name"] for one in front["objectives"]] == ["coverage score", "film length"]
+    assert [point["point"] for point in front["points"]] == [m.design.name for m in members]
+    assert front["points"][0]["values"] == [members[0].fitness, members[0].further[0]]
+    name = members[-1].design.name
+    found = desk.load({"folder": "two", "point": name})
+    assert design_of(found["design"], "page") == read_design(folder / "front" / f"{name}.toml")
+    assert "simulated" in found["words"]
+
+
+def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(desk, front_run):
+    folder, _ = front_run
+    record = FollowedRecord(folder / "run.sqlite")
+    record.look()
+    points = record.front.plain()["points"]
+    values = [point["values"] for point in points]
+    for fitness, film_mm in values:  # none dominates another
+        assert not any(f >= fitness and mm < film_mm for f, mm in values)
+    best = max(points, key=lambda point: point["values"][0])
+    assert best["values"][0] == record.best
+    found = desk.load({"folder": "two", "point": best["point"]})["design"]
+    assert found["trunk"] == record.best_content()["trunk"]
+    (folder / "front.json").unlink()
+    assert desk.front({"folder": "two"})["front"] == record.front.plain()
+
+
+def test_a_front_of_three_aims_stays_bounded():
+    # Scores that rise with both costs: no design dominates another.
+    settings = RunSettings(objectives=("coverage", "film_length", "reach"))
+    front, rng, count = LiveFront(settings), np.random.default_rng(2), 60
+    space = Space(settings.space, settings.build)
+    for number in range(40):
+        x = rng.random((count, len(space)))
+        film_mm = COSTS["film_length"].of(space.batch(x), space.build_of)
+        front.take(
+            Generation(
+                number=number,
+                x=x,
+                fitness=film_mm / 1e6,
+                composite=film_mm / 1e6,
+                penalty=np.zeros(count),
+                terms={"reach": rng.random(count)},
+                seconds=0.1,
+            )
+        )
+        assert len(front.plain()["points"]) <= 120
+    values = [point["values"][1] for point in front.plain()["points"]]
+    assert values == sorted(values)
+    assert len(values) > 60
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"folder": "two", "point": "9:0"}, "G:R"),
+        ({"folder": "two", "point": "0:99"}, "G:R"),
+        ({"folder": "two", "point": "²:1"}, "G:R"),
+        ({"folder": "two", "point": "../two"}, "one of two_01"),
+        ({"folder": "two", "point": 3}, "point"),
+        ({"folder": "..", "point": "best"}, "a path below"),
+        ({"folder": "none", "point": "best"}, "a run with a valid design"),
+    ],
+)
+@pytest.mark.usefixtures("front_run")
+def test_what_cannot_be_loaded_is_one_line(desk, given, words):
+    with pytest.raises(VinefabError, match=words):
+        desk.load(given)
+
+
+@pytest.mark.usefixtures("front_run")
+def test_a_run_of_the_command_line_is_resumed_with_its_own_file_and_seed(
+    desk, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(SearchDesk, "_begin", lambda _self, arguments, *_: arguments)
+    with pytest.raises(BadInputError, match="its run file"):
+        desk.resume({"folder": "two"})
+    (tmp_path / "other.toml").write_text('schema = "vinefab/run-1"\nname = "two"\n')
+    (tmp_path / "runs.toml").write_text(
+        """schema = "vinefab/run-1"
+name = "two"
+maps = { count = 1, options = { columns = 2, rows = 2, size_mm = 300.0 } }
+task = { name = "coverage", objectives = ["coverage", "film_length"] }
+space = { levels = [1, 2] }
+optimizer = { population = 8, generations = 9, seed = 4 }
+[evaluation]
+fabricable = false
+finalists = 6
+final_poses_per_map = 1
+finalists_by = "training"
+"""
+    )
+    command = ["optimize", "runs.toml", "--out", "two", "--workers", "1", "--quiet"]
+    assert desk.resume({"folder": "two"}) == [*command, "--seed", "3", "--resume"]
+    with pytest.raises(UnreadableFileError, match=r"run\.sqlite"):
+        desk.resume({"folder": "."})
+
+
+def test_what_is_new_is_told_once(desk):
+    told, news = [], iter([{"event": "search", "share": 0.5}, None])
+    desk.news = lambda: next(news, None)
+
+    async def watched():
+        task = asyncio.create_task(desk.watch(told.append))
+        await asyncio.sleep(0.05)
+        task.cancel()
+
+    asyncio.run(watched())
+    assert told == [{"event": "search", "share": 0.5}]
+
+
+def test_the_page_reaches_every_function_by_name(desk):
+    proposed = SEARCH_DESK["search_propose"](desk, page(), {})
+    assert proposed["folder"] == "search_1"
+    assert SEARCH_DESK["search_runs"](desk, None, {})["runs"] == []
+    with pytest.raises(BadInputError, match="one that is running"):
+        SEARCH_DESK["search_stop"](desk, None, {})
+    with pytest.raises(BadInputError, match="what is open on the page"):
+        SEARCH_DESK["search_start"](desk, None, {})

@@ -1,0 +1,87 @@
+"""What the page sends becomes nouns, or one line that names the key."""
+
+import copy
+import json
+
+import pytest
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.maps.make_map import grid
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
+from vinefab.model.files.map_geojson import map_text
+from vinefab.studio.panels import PANELS, answer_of
+from vinefab.studio.state import StudioState, world_of
+
+GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
+
+
+def state(**changes):
+    design = json.loads(json.dumps(design_content(Design.read("grid_explorer"))))
+    return {"design": design, "map": copy.deepcopy(GRID), **changes}
+
+
+def test_a_state_gives_the_design_and_the_map_that_it_names():
+    read = StudioState.of(state())
+    assert read.design == Design.read("grid_explorer")
+    assert map_text(read.world) == map_text(grid(3))
+    assert read.start == grid(3).starts[0].pose
+
+
+def test_edits_are_applied_in_order():
+    square = [[0, 0], [10, 0], [10, 10], [0, 10]]
+    edits = [["add", square], ["move", 36, 5, -2], ["remove", 0]]
+    world = world_of({**GRID, "edits": edits})
+    before = grid(3).obstacles
+    assert len(world.obstacles) == len(before)
+    assert world.obstacles[0].equals(before[1])
+    assert world.obstacles[-1].bounds == (5.0, -2.0, 15.0, 8.0)
+
+
+def test_a_map_file_is_read_anew_when_it_changes(tmp_path):
+    path = tmp_path / "m.geojson"
+    content = {"source": {"file": str(path)}, "edits": []}
+    for seed in (1, 2):
+        path.write_text(map_text(grid(seed)))
+        assert map_text(world_of(content)) == map_text(grid(seed))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"design": None}, "design"),
+        ({"design": {}}, "schema"),
+        ({"map": {"source": {"environment": "moon"}}}, "moon"),
+        ({"map": {"source": {"environment": "grid", "seed": -1}}}, "map.seed"),
+        ({"map": {"source": {"environment": "grid", "options": {"size": 1}}}}, "grid.size"),
+        ({"map": {**GRID, "edits": [["move", 99, 1, 1]]}}, "map.edits.0"),
+        ({"map": {**GRID, "edits": [["add", [[0, 0], [1, 1], [1, 0], [0, 1]]]]}}, "map.edits.0"),
+        ({"map": {**GRID, "edits": [["move", 0, float("nan"), 1]]}}, "map.edits.0"),
+        ({"map": {**GRID, "edits": [["turn", 0, 1]]}}, "map.edits.0"),
+        ({"map": {**GRID, "edits": "none"}}, "map.edits"),
+        ({"pose": {"x_mm": 1}}, "pose"),
+        ({"pose": {"x_mm": "1", "y_mm": 1, "heading_deg": 0}}, "pose.x_mm"),
+        ({"recipe": "moon"}, "moon"),
+        ({"recipe": 3}, "recipe"),
+        ({"family": {"count": 1000}}, "family.count"),
+        ({"family": {"files": "a"}}, "family.files"),
+        ({"growth": {"gravity": 1}}, "gravity"),
+    ],
+)
+def test_what_cannot_be_used_is_named(changes, words):
+    with pytest.raises(VinefabError, match=words.replace(".", r"\.")):
+        StudioState.of(state(**changes))
+
+
+def test_a_wrong_value_of_the_design_is_named_by_its_key():
+    broken = state()
+    broken["design"]["level"][1]["length"] = -3
+    with pytest.raises(BadInputError, match=r"level\.2\.length|level\.1\.length|level\[2\]"):
+        StudioState.of(broken)
+
+
+def test_every_panel_has_its_function_and_others_are_refused():
+    for panel in PANELS.values():
+        assert callable(panel.answer)
+    with pytest.raises(BadInputError, match="moon"):
+        answer_of("moon", state(), {}, lambda *_: None)

@@ -1,0 +1,327 @@
+"""Maps, robots, starts and outlines as plain SVG text: the studio, its snapshots, notebooks.
+
+Coordinates are millimetres of the map with y turned over (SVG counts downwards); no transform
+stands on the whole. How things look is left to ``templates/plan.css``; the ``<svg>`` around them
+has the class ``plan``. Two things are the page's:
+
+- Marks and lines keep their size on screen if the page sets the CSS variable ``--mm-per-px``, the
+  millimetres that a pixel shows, on the ``<svg>``: at the beginning and whenever the zoom changes.
+- A robot at front length s, without asking anybody: every path with ``data-branch`` shows ``s -
+  data-base`` of its length (``stroke-dasharray="LENGTH 1e9"``), nothing if that is not positive,
+  all of it from ``data-grown`` on; what has ``data-front`` is seen once s has reached it. Branches
+  at rest, contacts and lengths are exact. What grows on is not: a tip that slides along a wall
+  turns the stretch behind it, and dashes show that stretch where it comes to lie in the end, so
+  that the tip may be centimetres off. The exact shape is `robot_svg` of ``History.at(s)``.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map, Pose
+from vinefab.model.outline import Contour
+from vinefab.pages.colours import LEVEL_COLOURS
+from vinefab.pages.map_view import (
+    STOP_WORDS,
+    UNSEEN,
+    Box,
+    bounds_in,
+    longer_mm,
+    rock_in,
+)
+from vinefab.physics.tube import inflated_diameter_mm
+
+MOST_BRANCHES = 3000
+"""A robot of more branches is drawn without detail: one path per level, no marks."""
+
+MOST_OBSTACLES = 10_000
+"""A map of more obstacles is drawn as one path: a page could not hold an element for each."""
+
+_MOST_CORNERS = 10_000
+"""A map of more corners is drawn without those that are too fine to be seen."""
+
+_COARSE = 5.0
+"""How much more is too fine to be seen on a drawing without detail."""
+
+MARKS = {
+    Stop.FULL_LENGTH: '<circle r="2.7"/>',
+    Stop.HEAD_ON: '<path d="M-3.8-2.3-2.3-3.8 0-1.5 2.3-3.8 3.8-2.3 1.5 0 3.8 2.3 2.3 3.8 0 1.5'
+    '-2.3 3.8-3.8 2.3-1.5 0Z"/>',
+    Stop.CORNER: '<path d="M0-4.2 4 3H-4Z"/>',
+    Stop.PRESSURE: '<path d="M-3.1-3.1H3.1V3.1H-3.1Z"/>',
+}
+"""What stands at a tip, by why it stopped, in pixels around it; the shape alone says it."""
+
+CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
+"""What stands where a body is wrapped around a wall, in pixels around it."""
+
+
+def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) -> str:
+    """Return bounds and obstacles of a map as ``<g class="ground">``.
+
+    Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
+    the bounds another one without. Without ``detail`` all of them are one path, simplified for a
+    small picture; with a box they are too, cut off well outside of it.
+    """
+    if detail and box_mm is None and len(world.obstacles) <= MOST_OBSTACLES:
+        bounds, outside, obstacles = _all_of(world)
+        rock = [f'<path class="rock" d="{path}"/>' for path in _rings_paths(outside)]
+        rock += [
+            f'<path class="rock" data-obstacle="{index}" d="{path}"/>'
+            for index, path in enumerate(_rings_paths(obstacles))
+        ]
+    else:
+        bounds, solid = _seen_of(world, box_mm, 1.0 if detail else _COARSE)
+        rock = [f'<path class="rock merged" d="{"".join(_rings_paths(solid))}"/>'] if solid else []
+    edge = "".join(_rings_paths(bounds))
+    free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
+    return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
+
+
+def robot_svg(
+    deployment: Deployment,
+    widths_mm: tuple[float, ...],
+    *,
+    is_growing: NDArray[np.bool_] | None = None,
+    detail: bool = True,
+) -> str:
+    """Return a robot as ``<g class="robot">``: bodies and centrelines by level, the trunk on top.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat width of each level; where it is 0, only centrelines are drawn.
+    is_growing
+        Which branches grow on, shape (n,), in an earlier shape: their tips have no mark.
+    detail
+        Give every branch a path of its own that can be shortened to any front length
+        (``data-branch``, ``data-base``, ``data-grown``), and mark contacts and tips. Without it
+        a level is one path.
+    """
+    detail = detail and len(deployment.tree) <= MOST_BRANCHES
+    points = _placed(deployment.points_mm)
+    first = deployment.first_point.tolist()
+    paths = [_chain_path(points[a:b]) for a, b in pairwise(first)]
+    marked = _branch_marks(deployment) if detail else [""] * len(paths)
+    parts = []
+    for level in range(int(deployment.tree.level.max()), 0, -1):
+        out = np.flatnonzero((deployment.tree.level == level) & deployment.deployed).tolist()
+        if detail:
+            course = "".join(f'<path{marked[branch]} d="{paths[branch]}"/>' for branch in out)
+        else:
+            course = f'<path d="{"".join(paths[branch] for branch in out)}"/>' if out else ""
+        parts.append(_level(level, course, widths_mm[level - 1]))
+    if detail:
+        at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
+        parts += [_contacts(deployment, points), _tips(deployment, points, at_rest)]
+    attributes = f'data-full="{_text(deployment.full_mm)}"'
+    return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
+
+
+def outline_svg(contour: Contour, *, filled: bool = True) -> str:
+    """Return a contour of lines and arcs as one exact path, ``class="outline"``."""
+    kind = "outline" if filled else "outline open"
+    return f'<path class="{kind}" d="{contour_path(contour)}"/>'
+
+
+def contour_path(contour: Contour) -> str:
+    """Return a contour as the ``d`` of an SVG path, y turned over; arcs stay arcs."""
+    points = [(x, y) for x, y in contour.points_mm.tolist()]
+    steps = [f"M{_pair(*points[0])}"]
+    ends = points[1:] + points[:1]
+    for start, end, bulge in zip(points, ends, contour.bulges.tolist(), strict=False):
+        steps.append(f"L{_pair(*end)}" if bulge == 0.0 else _arc(start, end, bulge))
+    return "".join(steps) + ("Z" if contour.closed else "")
+
+
+def pose_svg(pose: Pose, size_mm: float) -> str:
+    """Return a start as ``<g class="pose">``: a dot and an arrow of a size, both to be grabbed.
+
+    The group alone has the place and the heading in its ``transform``; a page that drags it sets
+    ``translate(x -y) rotate(-heading_deg)`` anew.
+    """
+    neck, barb, dot = (_text(size_mm * share) for share in (0.66, 0.14, 0.12))
+    place = f"translate({_pair(pose.x_mm, pose.y_mm)}) rotate({_text(-pose.heading_deg)})"
+    return (
+        f'<g class="pose" transform="{place}"><path class="shaft" d="M0 0H{neck}"/>'
+        f'<path class="handle heading" d="M{_text(size_mm)} 0L{neck} {barb}V-{barb}Z"/>'
+        f'<circle class="handle base" r="{dot}"/></g>'
+    )
+
+
+def view_box(box_mm: Box, rim_mm: float = 0.0) -> str:
+    """Return the ``viewBox`` that shows a box of the map and a rim around it."""
+    x_min, y_min, x_max, y_max = box_mm
+    size = (x_max - x_min + 2.0 * rim_mm, y_max - y_min + 2.0 * rim_mm)
+    return f"{_pair(x_min - rim_mm, y_max + rim_mm)} {_text(size[0])} {_text(size[1])}"
+
+
+# --- Ground ---------------------------------------------------------------------------------------
+
+
+def _all_of(world: Map) -> tuple[list[Polygon], list[Polygon], list[Polygon]]:
+    """Return bounds, what is solid around them, and obstacles; plainer where they are many."""
+    outside = _outside(world)
+    shapes = [world.bounds, *outside, *world.obstacles]
+    if shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
+        shapes = shapely.simplify(shapes, UNSEEN * longer_mm(world.bounds.bounds)).tolist()
+    return shapes[:1], shapes[1 : 1 + len(outside)], shapes[1 + len(outside) :]
+
+
+def _seen_of(world: Map, box_mm: Box | None, coarse: float) -> tuple[list[Polygon], list[Polygon]]:
+    """Return bounds and all that is solid, as far as it can be seen in a box or the whole map."""
+    if box_mm is None:
+        bounds, solid = [world.bounds], [*_outside(world), *world.obstacles]
+    else:
+        bounds, solid = _polygons([bounds_in(world, box_mm)]), _polygons(rock_in(world, box_mm))
+    tolerance_mm = coarse * UNSEEN * longer_mm(box_mm or world.bounds.bounds)
+    plain: list[Polygon] = shapely.simplify([*bounds, *solid], tolerance_mm).tolist()
+    return plain[: len(bounds)], plain[len(bounds) :]
+
+
+def _outside(world: Map) -> list[Polygon]:
+    """Return what is solid because it lies outside of the bounds, as far as their box goes."""
+    whole = shapely.box(*world.bounds.bounds)
+    if not world.bounds.interiors and world.bounds.equals(whole):
+        return []
+    return _polygons([shapely.difference(whole, world.bounds)])
+
+
+def _polygons(shapes: Iterable[BaseGeometry]) -> list[Polygon]:
+    """Return the polygons in shapes; a cut may leave lines and points beside them."""
+    parts = shapely.get_parts(list(shapes)).tolist()
+    return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
+
+
+def _rings_paths(polygons: Sequence[Polygon]) -> list[str]:
+    """Return each polygon as the ``d`` of a path; outer rings run one way and holes the other."""
+    oriented = shapely.orient_polygons(np.array(polygons, dtype=np.object_))
+    rings, owner = shapely.get_rings(oriented, return_index=True)
+    corners_mm, ring = shapely.get_coordinates(rings, return_index=True)
+    # Steps between rounded places add up to rounded places: no error gathers, half the text.
+    places = np.rint(corners_mm * (100.0, -100.0))
+    steps = (np.diff(places, axis=0) / 100.0).tolist()
+    texts = [f"{dx:.10g} {dy:.10g}" for dx, dy in steps]
+    first = np.searchsorted(ring, np.arange(len(rings) + 1)).tolist()
+    begins = (places / 100.0 + 0.0)[first[:-1]].tolist()  # no -0
+    paths = [""] * len(polygons)
+    for index, (x, y), begin, end in zip(owner.tolist(), begins, first, first[1:], strict=False):
+        paths[index] += f"M{x:.10g} {y:.10g}l{' '.join(texts[begin : end - 2])}Z"
+    return paths
+
+
+# --- Robot ----------------------------------------------------------------------------------------
+
+
+def _placed(points_mm: Floats) -> list[str]:
+    """Return points as ``x y``, to a thousandth of a millimetre."""
+    placed = np.round(points_mm * (1.0, -1.0), 3) + 0.0  # no -0
+    return [f"{x:.10g} {y:.10g}" for x, y in placed.tolist()]
+
+
+def _chain_path(points: list[str]) -> str:
+    if len(points) < 2:
+        return f"M{points[0]}h0" if points else ""
+    return f"M{points[0]}L{' '.join(points[1:])}"
+
+
+def _level(level: int, course: str, width_mm: float) -> str:
+    """Return the bodies of a level and its lines; one opacity, so that crossings do not darken."""
+    colour = (level - 1) % len(LEVEL_COLOURS) + 1
+    body = f'<g class="body" stroke-width="{_text(inflated_diameter_mm(width_mm))}">{course}</g>'
+    lines = f'<g class="line">{course}</g>'
+    return f'<g class="level level-{colour}">{body if width_mm else ""}{lines}</g>'
+
+
+def _branch_marks(deployment: Deployment) -> list[str]:
+    """Return the attributes by which a page finds a branch and shortens it."""
+    base_mm, grown_mm = deployment.base_mm.tolist(), deployment.grown_mm.tolist()
+    return [
+        f' data-branch="{name}" data-base="{base:.10g}" data-grown="{grown:.10g}"'
+        for name, base, grown in zip(
+            deployment.tree.ids, _thousandths(base_mm), _thousandths(grown_mm), strict=True
+        )
+    ]
+
+
+def _thousandths(values: list[float]) -> list[float]:
+    return [round(value, 3) for value in values]
+
+
+def _contacts(deployment: Deployment, points: list[str]) -> str:
+    """Return a diamond at every contact, with the front length at which a tip came there."""
+    first, base_mm = deployment.first_point.tolist(), deployment.base_mm.tolist()
+    marks = []
+    for branch, base in enumerate(base_mm):
+        if first[branch + 1] - first[branch] < 3:
+            continue
+        strides = np.hypot(*np.diff(deployment.chain_mm(branch), axis=0).T)
+        fronts_mm = (base + np.cumsum(strides[:-1])).tolist()
+        inner = points[first[branch] + 1 : first[branch + 1] - 1]
+        marks += [
+            f'<g data-front="{_text(front)}" transform="translate({place})">{CONTACT}</g>'
+            for front, place in zip(fronts_mm, inner, strict=True)
+        ]
+    return f'<g class="contacts">{"".join(marks)}</g>'
+
+
+def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_]) -> str:
+    """Return the mark of every tip at rest, with what became of the branch in words."""
+    last, stops = deployment.first_point[1:].tolist(), deployment.stop.tolist()
+    fronts_mm = (deployment.base_mm + deployment.grown_mm).tolist()
+    grown_mm, planned_mm = deployment.grown_mm.tolist(), deployment.tree.length_mm.tolist()
+    marks, names = [], deployment.tree.ids
+    for branch in np.flatnonzero(at_rest).tolist():
+        stop, name = Stop(stops[branch]), names[branch]
+        place, front = points[last[branch] - 1], _text(fronts_mm[branch])
+        length = f"{grown_mm[branch]:.1f} of {planned_mm[branch]:.1f} mm (simulated)"
+        marks.append(
+            f'<g class="mark {stop_class(stop)}" data-branch="{name}" '
+            f'data-front="{front}" transform="translate({place})">'
+            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
+        )
+    return f'<g class="tips">{"".join(marks)}</g>'
+
+
+def stop_class(stop: Stop) -> str:
+    """Return the class of a mark by which a style knows why the branch stopped."""
+    return f"stop-{stop.label.replace('_', '-')}"
+
+
+# --- Lines and arcs -------------------------------------------------------------------------------
+
+_STRAIGHT_MM = 1e-4
+"""An arc that bulges less than this is written as a line."""
+
+_LONG_BULGE = math.tan(0.5)
+"""Of an arc of 2 rad. The centre of a longer one would hang on the last digit of its ends."""
+
+
+def _arc(start: tuple[float, float], end: tuple[float, float], bulge: float) -> str:
+    (x0, y0), (x1, y1) = start, end
+    chord_mm = math.hypot(x1 - x0, y1 - y0)
+    if abs(bulge) * chord_mm < 2.0 * _STRAIGHT_MM:
+        return f"L{_pair(x1, y1)}"
+    if abs(bulge) > _LONG_BULGE:
+        half = math.tan(math.atan(bulge) / 2.0)
+        middle = (x0 + x1 + bulge * (y1 - y0)) / 2.0, (y0 + y1 - bulge * (x1 - x0)) / 2.0
+        return _arc(start, middle, half) + _arc(middle, end, half)
+    radius = f"{chord_mm * (1.0 + bulge**2) / (4.0 * abs(bulge)):.9g}"
+    return f"A{radius} {radius} 0 0 {0 if bulge > 0.0 else 1} {_pair(x1, y1)}"
+
+
+def _pair(x_mm: float, y_mm: float) -> str:
+    return f"{_text(x_mm)} {_text(-y_mm)}"
+
+
+def _text(value: float) -> str:
+    """Return a number to a thousandth, without zeros at its end."""
+    return f"{round(value, 3) + 0.0:.10g}"

@@ -1,0 +1,267 @@
+"""The server's application: the page, and a socket for each tab that is open."""
+
+import asyncio
+import base64
+import hashlib
+import json
+import traceback
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager, suppress
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.studio.door import Door
+from vinefab.studio.gate import Gate
+from vinefab.studio.lanes import ProcessLane, Question, ThreadLane
+from vinefab.studio.workplace import TIP, Workplace
+
+PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
+MODULES = "<!-- modules -->"
+"""What in ``index.html`` is replaced by the import map, here and in snapshots."""
+
+_FIRST_PICTURE_S = 2.0
+"""Time that everything else leaves to the first picture."""
+
+_PATIENCE_S = 5.0
+"""Time in which a socket must show its token."""
+
+_LONGEST_HELLO = 1000
+"""Characters of a message from whoever has not shown a token yet."""
+
+_MOST_ASKED = 64
+"""Questions of one tab that are being answered."""
+
+_MOST_UNREAD = 100
+"""Messages that a tab may leave unread before it is asked nothing more of."""
+
+_LANES = ("rules", "fix", "family", "export")
+
+
+def live_scripts() -> tuple[str, str]:
+    """Return the scripts of the served page, and the hash that its policy lets pass."""
+    names = sorted(path.name for path in PAGE_FOLDER.glob("*.js"))
+    modules = json.dumps({"imports": {f"studio/{name}": f"/page/{name}" for name in names}})
+    digest = base64.b64encode(hashlib.sha256(modules.encode()).digest()).decode()
+    html = (
+        f'<script type="importmap">{modules}</script>\n'
+        '<script type="module" src="/page/app.js"></script>'
+    )
+    return html, f"sha256-{digest}"
+
+
+class Studio:
+    """What all tabs share: the lanes, the files, the events."""
+
+    def __init__(self, workplace: Workplace, door: Door) -> None:
+        self.workplace = workplace
+        self.door = door
+        self.live = ThreadLane()
+        self.lanes = {name: ProcessLane(name) for name in _LANES}
+        self._tabs: set[Tab] = set()
+
+    def tell_all(self, event: Mapping[str, Any]) -> None:
+        """Send an event to every tab."""
+        for tab in self._tabs:
+            tab.put(event)
+
+    @asynccontextmanager
+    async def running(self, _: Starlette) -> AsyncIterator[None]:
+        """Watch files and runs while the server is up; end every process with it."""
+        tasks = [
+            asyncio.create_task(work)
+            for work in self.workplace.background(self.tell_all, self.live)
+        ]
+        try:
+            yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            for lane in self.lanes.values():
+                lane.close()
+            self.live.close()
+            self.workplace.close()
+
+    async def page(self, _: Request) -> Response:
+        """Return the page itself."""
+        text = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+        return HTMLResponse(text.replace(MODULES, live_scripts()[0]))
+
+    async def socket(self, socket: WebSocket) -> None:
+        """Serve a tab until it is closed."""
+        await socket.accept()
+        tab = Tab(self, socket)
+        with suppress(WebSocketDisconnect):
+            if not await self._admits(socket):
+                await socket.close(1008, "the token is missing or old")
+                return
+            self._tabs.add(tab)
+            try:
+                await tab.serve()
+            finally:
+                self._tabs.discard(tab)
+                tab.close()
+
+    async def _admits(self, socket: WebSocket) -> bool:
+        """Tell whether a socket shows the token, soon and at once."""
+        try:
+            hello = await asyncio.wait_for(_received(socket, _LONGEST_HELLO), _PATIENCE_S)
+        except TimeoutError:
+            return False
+        return self.door.opens(hello.get("token"))
+
+
+class Tab:
+    """One open page: its questions, one at a time for each panel."""
+
+    def __init__(self, studio: Studio, socket: WebSocket) -> None:
+        self._studio = studio
+        self._socket = socket
+        self._asked: dict[str, asyncio.Task[None]] = {}
+        self._out: asyncio.Queue[str] = asyncio.Queue()
+
+    def put(self, message: Mapping[str, Any]) -> None:
+        """Send a message, after those before it."""
+        # Written here, so that a value that JSON has no word for is the fault of its question.
+        self._out.put_nowait(json.dumps(message, allow_nan=False))
+
+    async def serve(self) -> None:
+        """Greet the page, then answer it until it is gone."""
+        sending = asyncio.create_task(self._send())
+        try:
+            hello = await self._studio.live.run(self._studio.workplace.hello)
+            self.put({"event": "hello", **hello})
+            while True:
+                self._take(await _received(self._socket))
+                while self._out.qsize() > _MOST_UNREAD and not sending.done():  # it does not read
+                    await asyncio.sleep(0.05)
+        finally:
+            sending.cancel()
+
+    def close(self) -> None:
+        """Drop what was asked: nobody waits for it any more."""
+        for task in self._asked.values():
+            task.cancel()
+
+    async def _send(self) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError):  # the tab was closed meanwhile
+            while True:
+                await self._socket.send_text(await self._out.get())
+
+    def _take(self, message: Mapping[str, Any]) -> None:
+        if "cancel" in message:
+            task = self._asked.get(str(message["cancel"]))
+            if task is not None:
+                task.cancel()
+            return
+        key = "panel" if "panel" in message else "desk"
+        name, number = str(message.get(key, ""))[:100], message.get("seq")
+        number = number if isinstance(number, int) else 0
+        reply = {key: name, "seq": number}
+        slot = name if key == "panel" else f"{name} {number}"
+        if slot in self._asked:
+            self.put({**reply, "error": {"message": "one question at a time for each panel"}})
+            return
+        if len(self._asked) >= _MOST_ASKED:
+            self.put({**reply, "error": {"message": f"at most {_MOST_ASKED} questions at once"}})
+            return
+        task = asyncio.create_task(self._answer(message, reply))
+        self._asked[slot] = task
+        task.add_done_callback(lambda done: self._settle(slot, reply, done))
+
+    def _settle(self, slot: str, reply: Mapping[str, Any], done: asyncio.Task[None]) -> None:
+        """Forget a question that is over; say so where nothing else has."""
+        self._asked.pop(slot, None)
+        if done.cancelled():
+            self.put({**reply, "error": {"message": "stopped", "stopped": True}})
+            return
+        error = done.exception()
+        if isinstance(error, VinefabError):
+            self.put({**reply, "error": {"message": str(error)}})
+        elif error is not None:
+            # A bug: the page goes on, and whoever started the server can report it.
+            traceback.print_exception(error)
+            words = f"this should not happen: {type(error).__name__}: {error}"
+            self.put({**reply, "error": {"message": words}})
+
+    async def _answer(self, message: Mapping[str, Any], reply: Mapping[str, Any]) -> None:
+        state, ask = message.get("state") or {}, message.get("ask") or {}
+        if not isinstance(state, dict) or not isinstance(ask, dict):
+            raise BadInputError("message", "state, ask", "names with values", "the page")
+        workplace = self._studio.workplace
+        if "desk" in reply:
+            name = str(reply["desk"])
+            # Files and runs are read beside the thread that follows the pointer.
+            run = self._studio.live.run if name == TIP else asyncio.to_thread
+            found = await run(lambda: workplace.answer(name, state, ask))
+        else:
+            ask = workplace.allowed(str(reply["panel"]), state, ask)
+            question = Question(panel=str(reply["panel"]), state=state, ask=ask)
+            lane = await self._lane(question.panel)
+            found = await lane.answer(question, self._progress(reply))
+        self.put({**reply, "answer": found})
+
+    async def _lane(self, panel: str) -> ThreadLane | ProcessLane:
+        """Return where a panel is answered; no process is started before the first picture."""
+        lane = self._studio.lanes.get(panel)
+        if lane is None:
+            return self._studio.live
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._studio.live.answered.wait(), _FIRST_PICTURE_S)
+        return lane
+
+    def _progress(self, reply: Mapping[str, Any]) -> Callable[[float, str], None]:
+        loop = asyncio.get_running_loop()
+
+        def send(share: float, text: str) -> None:
+            loop.call_soon_threadsafe(self.put, {**reply, "progress": [share, text]})
+
+        return send
+
+
+async def _received(socket: WebSocket, longest: int | None = None) -> Mapping[str, Any]:
+    """Return the next message of the page; one that is no object closes the socket."""
+    try:
+        text = await socket.receive_text()
+        message = json.loads(text) if longest is None or len(text) <= longest else None
+    except (ValueError, RecursionError, KeyError):
+        message = None
+    except RuntimeError as error:  # sending has found out before that nobody is there
+        raise WebSocketDisconnect(1006) from error
+    if not isinstance(message, dict):
+        await socket.close(1003, "messages are JSON objects")
+        raise WebSocketDisconnect(1003)
+    return message
+
+
+def make_app(workplace: Workplace, door: Door) -> ASGIApp:
+    """Return the guarded application."""
+    studio = Studio(workplace, door)
+    templates = Path(str(files("vinefab.pages"))) / "templates"
+    app = Starlette(
+        routes=[
+            Route("/", studio.page),
+            WebSocketRoute("/socket", studio.socket),
+            Route("/page/plan.css", _file(templates / "plan.css", "text/css")),
+            Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+        ],
+        lifespan=studio.running,
+    )
+    return Gate(app, door, (live_scripts()[1],))
+
+
+def _file(path: Path, kind: str) -> Callable[[Request], Response]:
+    def respond(_: Request) -> Response:
+        return Response(path.read_bytes(), media_type=kind)
+
+    return respond

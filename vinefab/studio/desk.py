@@ -1,0 +1,527 @@
+"""The files of the studio: what may be opened, saving, and changes from outside.
+
+One desk serves all tabs. It reads and writes only in its folders: where the command was started,
+and where the files lie that were named there; shipped and own designs and recipes are read only.
+"""
+
+import asyncio
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from vinefab.core.atomic import write_bytes
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnreadableFileError,
+    VinefabError,
+)
+from vinefab.core.hashing import sha256_of
+from vinefab.core.units import deg
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
+from vinefab.model.files.design_edit import edited_text
+from vinefab.model.files.design_toml import design_content, design_of, design_text
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import (
+    KINDS,
+    existing_file,
+    locate,
+    names,
+    path_given,
+    read_bytes,
+    shipped_root,
+    user_names,
+    user_root,
+)
+from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
+from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
+from vinefab.studio.state import PAGE
+
+LARGEST_MAP_BYTES = 32 << 20
+"""Of a map that is opened on the page; commands read larger ones."""
+
+MOST_LISTED = 300
+"""Files of each kind in the list of choices."""
+
+_DEEPEST_FOLDER = 3
+_MOST_LOOKED_AT = 5000
+_HEAD_BYTES = 4096
+_SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
+_CHECKED_FOR_S = 1.0
+_LONGEST_PATH = 1024
+_LONGEST_NAME = 255
+
+FileTell = Callable[[Mapping[str, Any]], None]
+"""Sends an event to every tab."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    """What a design file holds just now."""
+
+    stamp: str  # SHA-256 of its bytes; empty where there is no file
+    text: str | None = None  # with the mark of its byte order, if it has one
+    design: Design | None = None
+    problem: str | None = None  # why it gives no design
+
+    @property
+    def content(self) -> dict[str, Any] | None:
+        return None if self.design is None else design_content(self.design)
+
+
+class Desk:
+    """The files that the user opened, and where more may be.
+
+    Parameters
+    ----------
+    start
+        Where the command was started.
+    named
+        Files named on the command line; their folders are open as well.
+    """
+
+    def __init__(self, start: Path, named: Iterable[Path] = ()) -> None:
+        self.start = start.resolve()
+        folders = [self.start, *((self.start / path).resolve().parent for path in named)]
+        self.roots = tuple(dict.fromkeys(folders))
+        self._lock = Lock()
+        self._watched: dict[Path, str] = {}  # file -> its kind
+        self._told: dict[Path, str] = {}  # file -> the stamp that the tabs know
+        self._texts: dict[Path, str] = {}  # file -> the last text that was a design
+        self._checked: dict[tuple[str, str], float] = {}
+        self._more: Callable[[], object] = lambda: None
+
+    @property
+    def readable(self) -> tuple[Path, ...]:
+        """The folders that may be read."""
+        return (*self.roots, *_library())
+
+    def choices(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what can be opened: designs, maps, recipes, and environments with options."""
+        files, is_complete = self._files()
+        found: dict[str, list[dict[str, str]]] = {"design": [], "recipe": [], "map": []}
+        for kind, path in files:
+            if len(found[kind]) < MOST_LISTED:
+                shown = self.shown(path)
+                found[kind].append({"name": path.stem, "path": shown, "where": "folder"})
+            else:
+                is_complete = False
+        for kind in ("design", "recipe"):
+            own = [{"name": name, "path": name, "where": "own"} for name in user_names(kind)]
+            taken = {entry["name"] for entry in own}
+            shipped = [
+                {"name": name, "path": name, "where": "shipped"}
+                for name in names(kind)
+                if name not in taken
+            ]
+            found[kind] += [*own, *shipped]
+        environments = [
+            {"name": name, "about": made.description, "options": asdict(made.options())}
+            for name, made in ((name, ENVIRONMENTS[name]) for name in ENVIRONMENTS)
+        ]
+        return {
+            "designs": found["design"],
+            "maps": found["map"],
+            "recipes": found["recipe"],
+            "environments": environments,
+            "folders": [str(root) for root in self.roots],
+            "complete": is_complete,
+        }
+
+    def open_design(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a design with its file; ``design`` is a path or a name."""
+        path = self._named("design", ask.get("design"))
+        version = _version(path)
+        if version.design is None or version.text is None:
+            raise UnreadableFileError(path, (version.problem or "").removeprefix(f"{path}: "))
+        self._texts[path] = version.text
+        self._watch(path, "design", version.stamp)
+        return {
+            "design": version.content,
+            "path": path.stem if _is_library(path) else self.shown(path),
+            "name": path.stem,
+            "writable": self.is_writable(path),
+            "stamp": version.stamp,
+            "text": version.text,
+        }
+
+    def open_map(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the source of a map file that can be read; ``path`` is its path."""
+        path = self.allowed_path("map", ask.get("path"))
+        stamp = _stamp(path, LARGEST_MAP_BYTES)
+        world = read_map(path)
+        self._watch(path, "map", stamp)
+        return {
+            "source": {"file": self.shown(path)},
+            "name": world.name,
+            "obstacles": len(world.obstacles),
+            "starts": len(world.starts),
+            "stamp": stamp,
+        }
+
+    def open_recipe(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a recipe that can be read is opened by; ``recipe`` is a path or a name."""
+        given = ask.get("recipe")
+        path = self._named("recipe", given)
+        title = read_profile(path).recipe.title
+        self._watch(path, "recipe", _stamp(path, LARGEST_TOML_BYTES))
+        name = str(given) if _is_name(given) else self.shown(path)
+        return {"recipe": name, "title": title}
+
+    def save_design(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Write a design into a file; nothing is written where the file is another than expected.
+
+        Parameters
+        ----------
+        ask
+            ``path``, ``design`` (content), ``stamp`` of the version that is known, ``force`` to
+            write all the same, ``from``: the file whose comments a new one takes over, and
+            ``recovery``: the key of what is no longer unsaved.
+        """
+        path = self._target(ask.get("path"))
+        content = ask.get("design")
+        if not isinstance(content, Mapping):
+            raise BadInputError("design", content, "names with values", PAGE)
+        design = design_of(content, PAGE)
+        with self._lock:
+            now = _version(path)
+            if now.stamp and now.stamp != ask.get("stamp") and not ask.get("force"):
+                return self._conflict(path, now, known=bool(ask.get("stamp")))
+            text, note = self._new_text(path, now, design, ask.get("from"))
+            write_bytes(path, text.encode(), force=True)
+            self._texts[path] = text
+        stamp = sha256_of(text.encode())
+        self._watch(path, "design", stamp)
+        if ask.get("recovery"):
+            drop_unsaved(ask["recovery"])
+        answer = {"saved": True, "path": self.shown(path), "stamp": stamp, "text": text}
+        return {**answer, "writable": True, "note": note}
+
+    def keep_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``."""
+        state = ask.get("state")
+        if not isinstance(state, Mapping):
+            raise BadInputError("state", state, "names with values", PAGE)
+        return {"kept": str(keep_unsaved(ask.get("key"), state, ask.get("file")))}
+
+    def recoveries(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what unsaved work there is, the newest first."""
+        return {"recoveries": list_unsaved()}
+
+    def open_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return unsaved work with its state."""
+        return read_unsaved(ask.get("key"))
+
+    def drop_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Remove unsaved work."""
+        drop_unsaved(ask.get("key"))
+        return {}
+
+    def check_paths(self, state: Mapping[str, Any]) -> None:
+        """Raise BadInputError unless every file that a state names may be read."""
+        source = _member(_member(state, "map"), "source")
+        files = _member(state, "family").get("files")
+        wanted = [("map.source.file", source.get("file"))]
+        wanted += [("family.files", name) for name in files] if isinstance(files, list) else []
+        recipe = state.get("recipe")
+        if recipe is not None and self._is_path("recipe", recipe):
+            wanted.append(("recipe", recipe))
+        now = monotonic()
+        for key, given in wanted:
+            if given is None or self._checked.get((key, str(given)), -1.0) > now:
+                continue  # every move of the pointer asks
+            path = self.allowed_path(key, given)
+            if path not in self._watched:
+                stamp = _stamp(path, LARGEST_MAP_BYTES)
+                self._watch(path, "recipe" if key == "recipe" else "map", stamp)
+            if len(self._checked) > 1000:
+                self._checked.clear()
+            self._checked[key, str(given)] = now + _CHECKED_FOR_S
+
+    def allowed_path(self, key: str, given: object, *, to_write: bool = False) -> Path:
+        """Return where a path of the page leads, or raise BadInputError if that is elsewhere."""
+        path = _ordinary(key, given)
+        folders = self.roots if to_write else self.readable
+        real = Path(os.path.realpath(self.start / path))
+        if not any(real.is_relative_to(folder) for folder in folders):
+            allowed = f"a file in {' or '.join(map(str, self.roots))}"
+            raise BadInputError(key, given, allowed, PAGE)
+        return real if to_write else existing_file(real)
+
+    def is_writable(self, path: Path) -> bool:
+        """Tell whether a file may be saved where it lies."""
+        inside = any(path.is_relative_to(root) for root in self.roots)
+        return inside and not _is_library(path) and os.access(path.parent, os.W_OK)
+
+    def shown(self, path: Path) -> str:
+        """Return a path as the user would type it where the command was started."""
+        return str(path.relative_to(self.start) if path.is_relative_to(self.start) else path)
+
+    async def watch(self, tell: FileTell) -> None:
+        """Tell when an opened file changes on disk, until cancelled."""
+        from watchfiles import awatch  # noqa: PLC0415  of the extra
+
+        loop, polls = asyncio.get_running_loop(), False
+        while True:
+            more = asyncio.Event()
+            self._more = lambda more=more: loop.call_soon_threadsafe(more.set)  # type: ignore[misc]
+            await self._tell_changes(list(self._watched), tell)
+            folders = {path.parent for path in list(self._watched) if path.parent.is_dir()}
+            if not folders:
+                await more.wait()
+                continue
+            try:
+                async for changes in awatch(
+                    *sorted(folders),
+                    watch_filter=None,
+                    debounce=300,
+                    step=50,
+                    stop_event=more,
+                    recursive=False,
+                    force_polling=polls,
+                ):
+                    await self._tell_changes([Path(path) for _, path in changes], tell)
+            except OSError:
+                # The folder went, or the system watches no more of them.
+                polls = True
+                await asyncio.sleep(1.0)
+
+    async def _tell_changes(self, paths: Sequence[Path], tell: FileTell) -> None:
+        for path in dict.fromkeys(path for path in paths if path in self._watched):
+            event = await asyncio.to_thread(self._change, path)
+            if event and not event["stamp"]:
+                await asyncio.sleep(0.15)  # some editors move the old file away first
+                event = await asyncio.to_thread(self._change, path)
+            if event:
+                self._told[path] = event["stamp"]
+                tell(event)
+
+    def _change(self, path: Path) -> dict[str, Any] | None:
+        """Return the event of a file that is another than the tabs know; None if it is not."""
+        kind = self._watched[path]
+        design, problem = None, None
+        if kind == "design":
+            version = _version(path)
+            stamp, design, problem = version.stamp, version.content, version.problem
+            if version.text is not None and version.design is not None:
+                self._texts[path] = version.text
+        else:
+            stamp = ""
+            try:
+                stamp = _stamp(path, LARGEST_MAP_BYTES)
+                if stamp != self._told.get(path):
+                    (read_map if kind == "map" else read_profile)(path)
+            except VinefabError as error:
+                problem = str(error)
+        if stamp == self._told.get(path):
+            return None
+        about = {"event": "file_changed", "kind": kind, "path": self.shown(path), "stamp": stamp}
+        return {**about, "design": design, "problem": problem}
+
+    def _watch(self, path: Path, kind: str, stamp: str) -> None:
+        if path in self._watched:
+            return
+        self._told[path] = stamp
+        self._watched[path] = kind
+        self._more()
+
+    def _named(self, kind: str, given: object) -> Path:
+        """Return the file of a design or a recipe, given by its path or its name."""
+        if not self._is_path(kind, given):
+            given = locate(kind, str(given))
+        return self.allowed_path(kind, given)
+
+    def _is_path(self, key: str, given: object) -> bool:
+        """Tell whether this is a path and no name of a shipped or own file."""
+        path = _ordinary(key, given)
+        return not _is_name(given) or (self.start / path).is_file()
+
+    def _target(self, given: object) -> Path:
+        """Return where a design may be written."""
+        path = self.allowed_path("path", given, to_write=True)
+        if path.suffix.lower() != ".toml":
+            raise BadInputError("path", given, "a name ending in .toml", PAGE)
+        if _is_library(path):
+            raise BadInputError(
+                "path", given, "another name: shipped and own designs are read only here", PAGE
+            )
+        if not path.parent.is_dir():
+            raise CannotWriteError(self.shown(path), "its folder does not exist")
+        if os.path.lexists(path) and not path.is_file():
+            raise CannotWriteError(self.shown(path), "it is no plain file")
+        return path
+
+    def _conflict(self, path: Path, now: _Version, *, known: bool) -> dict[str, Any]:
+        return {
+            "saved": False,
+            "why": "changed" if known else "exists",
+            "path": self.shown(path),
+            "stamp": now.stamp,
+            "design": now.content,
+            "problem": now.problem,
+        }
+
+    def _new_text(
+        self, path: Path, now: _Version, design: Design, source: object
+    ) -> tuple[str, str]:
+        """Return the text to write, and what the user should know of it."""
+        if now.design is not None and now.text is not None:
+            return edited_text(now.text, _unrounded(design, now.design), path), ""
+        base, note = self._texts.get(path), ""
+        if now.stamp and base is not None:
+            note = "the version on disk was broken; it was replaced"
+        if base is None and source is not None:
+            base = self._text_of(source)
+        if base is None:
+            return design_text(design), note
+        with suppress(CannotWriteError):
+            old = design_of(toml_content(base.removeprefix("\ufeff"), path), path)
+            return edited_text(base, _unrounded(design, old), path), note
+        return design_text(design), "its comments could not be taken over"
+
+    def _text_of(self, source: object) -> str | None:
+        """Return the text of the file that a design was opened from, if it still gives a design."""
+        path = self._named("design", source)
+        return self._texts.get(path) or _version(path).text
+
+    def _files(self) -> tuple[list[tuple[str, Path]], bool]:
+        """Return the files of the folders by kind, and whether all were looked at."""
+        found: list[tuple[str, Path]] = []
+        seen: set[Path] = set()
+        left = _MOST_LOOKED_AT
+        for root in self.roots:
+            for path in _walk(root, _DEEPEST_FOLDER):
+                left -= 1
+                if left < 0:
+                    return found, False
+                kind = _kind(path)
+                if kind and path not in seen and not _is_library(path):
+                    seen.add(path)
+                    found.append((kind, path))
+        return found, True
+
+
+DESK: dict[str, Callable[[Desk, Mapping[str, Any]], dict[str, Any]]] = {
+    "choices": Desk.choices,
+    "open_design": Desk.open_design,
+    "open_map": Desk.open_map,
+    "open_recipe": Desk.open_recipe,
+    "save_design": Desk.save_design,
+    "keep_recovery": Desk.keep_recovery,
+    "recoveries": Desk.recoveries,
+    "open_recovery": Desk.open_recovery,
+    "drop_recovery": Desk.drop_recovery,
+}
+"""What the page may ask of the desk, by name."""
+
+
+def _library() -> tuple[Path, ...]:
+    """Return the folders of shipped and own files."""
+    roots = [shipped_root(), user_root()]
+    return tuple(
+        Path(os.path.realpath(root / folder)) for root in roots for folder in KINDS.values()
+    )
+
+
+def _is_library(path: Path) -> bool:
+    return any(path.is_relative_to(folder) for folder in _library())
+
+
+def _ordinary(key: str, given: object) -> Path:
+    """Return a path that a system can look for."""
+    path = path_given(key, given)
+    try:
+        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
+    except UnicodeEncodeError:  # halves of letters
+        too_long = True
+    if too_long or len(str(path)) > _LONGEST_PATH:
+        raise BadInputError(key, given, "a path of ordinary length", PAGE)
+    return path
+
+
+def _is_name(given: object) -> bool:
+    """Tell whether this is a bare name, as of a shipped design."""
+    return isinstance(given, str) and not Path(given).suffix and Path(given).parent == Path()
+
+
+def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = content.get(key)
+    return value if isinstance(value, Mapping) else {}
+
+
+def _version(path: Path) -> _Version:
+    """Return what a file holds just now, also if that is no design or nothing."""
+    if not path.exists():
+        return _Version("", problem=f"{path}: there is no such file")
+    try:
+        data = read_bytes(path, LARGEST_TOML_BYTES)
+    except UnreadableFileError as error:
+        return _Version("unreadable", problem=str(error))
+    stamp = sha256_of(data)
+    try:
+        text = data.decode("utf-8")
+        return _Version(
+            stamp, text, design_of(toml_content(text.removeprefix("\ufeff"), path), path)
+        )
+    except UnicodeDecodeError as error:
+        return _Version(stamp, problem=f"{path}: is not UTF-8 text (byte {error.start})")
+    except VinefabError as error:
+        return _Version(stamp, problem=str(error))
+
+
+def _stamp(path: Path, most_bytes: int) -> str:
+    return sha256_of(read_bytes(path, most_bytes))
+
+
+def _unrounded(design: Design, old: Design) -> Design:
+    """Return a design with the angles and growths of the file that the page shows rounded."""
+    fans = {deg(level.fan_rad): level.fan_rad for level in old.levels}
+    growths = {round(100.0 * level.growth, 9): level.growth for level in old.levels}
+    levels = tuple(
+        replace(
+            level,
+            fan_rad=fans.get(deg(level.fan_rad), level.fan_rad),
+            growth=growths.get(round(100.0 * level.growth, 9), level.growth),
+        )
+        for level in design.levels
+    )
+    return replace(design, levels=levels)
+
+
+def _walk(folder: Path, depth: int) -> Iterator[Path]:
+    """Give the files below a folder, those in it first; hidden ones and links are left out."""
+    try:
+        with os.scandir(folder) as entries:
+            listed = sorted(entries, key=lambda entry: entry.name)
+    except OSError:
+        return
+    folders = []
+    for entry in listed:
+        if entry.name.startswith((".", "node_modules", "__pycache__")) or entry.is_symlink():
+            continue
+        if entry.is_dir():
+            folders.append(Path(entry.path))
+        elif entry.is_file():
+            yield Path(entry.path)
+    for below in folders if depth else ():
+        yield from _walk(below, depth - 1)
+
+
+def _kind(path: Path) -> str:
+    """Return what a file can be opened as, by its name and its head."""
+    if path.suffix.lower() == ".geojson":
+        return "map"
+    if path.suffix.lower() != ".toml":
+        return ""
+    with suppress(OSError), path.open("rb") as stream:
+        found = _SCHEMA.search(stream.read(_HEAD_BYTES))
+        return found.group(1).decode() if found else ""
+    return ""

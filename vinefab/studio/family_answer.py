@@ -1,0 +1,550 @@
+"""The panel of many maps: a design on a family of maps, its scores, and where its body lies."""
+
+import base64
+import itertools
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.hashing import fingerprint
+from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.validation import Floats, number
+from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Build, Design
+from vinefab.model.map import Map, Pose, Start
+from vinefab.pages.body_raster import body_cells
+from vinefab.pages.colours import HEAT_COLOURS
+from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
+from vinefab.studio.panels import Tell
+from vinefab.studio.state import PAGE, Family, StudioState, world_of
+from vinefab.tasks.evaluate import PreparedMap, poses_on
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.task import (
+    Task,
+    TaskOutcomes,
+    check_on_map,
+    concatenated_outcomes,
+    outcomes,
+    search_form,
+)
+
+QUICK_S, FIRST_S = 0.15, 0.5
+"""So long walls for new widths are built while something is dragged, and before the simulator is
+compiled: some maps must do then."""
+
+LEAST_MAPS = 4
+"""So many maps are always evaluated, however long it takes."""
+
+MOST_INTERPRETED = 1500
+"""Branches that the interpreter grows, in a fifth of a second, until the simulator is compiled."""
+
+MOST_WALLS = 1000
+"""Pairs of a map and a body radius whose walls are kept, half a megabyte each."""
+
+SILENT_S = 0.3
+"""What is over within so long is not announced."""
+
+COMPILING = "compiling the simulator, once on this computer"
+
+
+def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
+    """Return how a design does on many maps: one entry for each, and what they say together.
+
+    Scores are those of `vinefab.score` on the same maps and as many poses, all simulated.
+
+    Parameters
+    ----------
+    state
+        What is open on the page; its map and pose play no part.
+    ask
+        ``quick``: for while something is dragged, the task's fast approximations, on as many maps
+        as there is time for. ``soon``: as many maps as the interpreter can do while the simulator
+        is compiled; else that is waited for. ``have``: keys of maps whose ground the page holds.
+        ``draw``: keys of the maps whose robot it shows, all if not given. ``heat``: whether it
+        shows where bodies lie. ``before``: by the maps' keys the scores of the version to compare
+        with.
+    """
+    asked = _Asked.of(ask)
+    places = _KEPT.places(state.family, tell)
+    trial = _tried(state, asked, places, tell)
+    by_map = [list(trial.deployments[rows]) for rows in trial.rows]
+    means = trial.means
+    pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
+    widths_mm = state.design.build.widths_mm
+    entries = [_ground_entry(place, asked.have) for place in places]
+    for entry, grown, rows in zip(entries, by_map, trial.rows, strict=False):
+        entry.update(_growth_entry(grown, trial.scores[rows].tolist()))
+        entry["score"] = means[entry["key"]]
+        if asked.draws(entry["key"]):
+            entry["robot_svg"] = robot_svg(grown[0], widths_mm, detail=False)
+    return {
+        "task": state.task,
+        "poses": state.family.poses,
+        "standing": "simulated",
+        "quick": asked.quick,
+        "compiling": COMPILING if trial.compiling else None,
+        "maps": entries,
+        "evaluated": len(by_map),
+        "environments": list(ENVIRONMENTS),
+        "distribution": _distribution(list(means.values()), list(asked.before.values())),
+        "difference": _difference(pairs, QUICK_ERROR if asked.quick else 0.0),
+        "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
+        "heat": heat_cells(places, by_map, widths_mm) if asked.heat else None,
+    }
+
+
+# --- What is asked ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What the panel asks, see `family_answer`."""
+
+    quick: bool
+    soon: bool
+    heat: bool
+    have: frozenset[str]
+    draw: frozenset[str] | None
+    before: Mapping[str, float]
+
+    @classmethod
+    def of(cls, ask: Mapping[str, Any]) -> "_Asked":
+        before, draw = ask.get("before") or {}, ask.get("draw")
+        if not isinstance(before, Mapping):
+            raise BadInputError("before", before, "scores by the maps' keys", PAGE)
+        return cls(
+            quick=bool(ask.get("quick", False)),
+            soon=bool(ask.get("quick", False) or ask.get("soon", False)),
+            heat=bool(ask.get("heat", True)),
+            have=_keys("have", ask.get("have") or []),
+            draw=None if draw is None else _keys("draw", draw),
+            before={
+                str(key): number(f"before.{key}", score, -1e12, 1e12)
+                for key, score in before.items()
+            },
+        )
+
+    def draws(self, key: str) -> bool:
+        """Tell whether a map's robot is in view."""
+        return self.draw is None or key in self.draw
+
+
+def _keys(name: str, given: object) -> frozenset[str]:
+    if not isinstance(given, list):
+        raise BadInputError(name, given, "a list of maps' keys", PAGE)
+    return frozenset(map(str, given))
+
+
+# --- Maps, prepared once ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Place:
+    """One map of a family."""
+
+    key: str  # names the map and what is on it: another one after its file has changed
+    source: Mapping[str, Any]  # as in the page's state
+    prepared: PreparedMap
+
+    def start_of(self, index: int) -> Pose:
+        """Return the middle of the range that a pose was drawn from."""
+        starts = self.prepared.world.starts
+        return starts[index % len(starts)].pose
+
+
+@dataclass(slots=True)
+class _Kept:
+    """Maps and their walls: designs change often, maps seldom."""
+
+    places_of: dict[str, Place] = field(default_factory=dict)  # by their source, as text
+    walls: set[tuple[str, float]] = field(default_factory=set)  # keys and radii built so far
+    # the latest, by its maps and radii: every set of radii is one more copy of all walls
+    terrains: dict[tuple[Any, ...], TerrainSet] = field(default_factory=dict)
+
+    def places(self, family: Family, tell: Tell) -> list[Place]:
+        """Return the maps of a family, prepared."""
+        sources = _sources(family)
+        began, places = time.monotonic(), list[Place]()
+        for index, source in enumerate(sources):
+            if time.monotonic() - began > SILENT_S:
+                tell(index / len(sources), f"preparing maps: {index} of {len(sources)}")
+            places.append(self._place(source))
+        return places
+
+    def _place(self, source: Mapping[str, Any]) -> Place:
+        name, world = _text(source), world_of({"source": source})
+        held = self.places_of.get(name)
+        if held is None or held.prepared.world is not world:
+            held = Place(key=_key(name, world), source=source, prepared=PreparedMap.of(world))
+            self.places_of[name] = held
+        return held
+
+    def with_walls(
+        self, places: Sequence[Place], radii_mm: Sequence[float], most_s: float, tell: Tell
+    ) -> Sequence[Place]:
+        """Build the walls for some body radii; return the maps that have them when time is up."""
+        if len(self.walls) > MOST_WALLS:
+            self._forget_all_but(places, radii_mm)
+        began = time.monotonic()
+        for index, place in enumerate(places):
+            spent_s = time.monotonic() - began
+            if index >= LEAST_MAPS and spent_s > most_s:
+                return places[:index]
+            if spent_s > SILENT_S:
+                tell(index / len(places), f"walls for these widths: {index} of {len(places)} maps")
+            for radius_mm in radii_mm:
+                place.prepared.terrain.walls(radius_mm)
+                self.walls.add((place.key, radius_mm))
+        return places
+
+    def _forget_all_but(self, places: Sequence[Place], radii_mm: Sequence[float]) -> None:
+        self.places_of = {_text(place.source): place for place in places}
+        for place in places:
+            place.prepared.terrain.keep_only(radii_mm)
+        self.walls = {(place.key, radius_mm) for place in places for radius_mm in radii_mm}
+
+    def terrain_set(self, places: Sequence[Place], radii_mm: Sequence[float]) -> TerrainSet:
+        """Return the terrains of some maps, whose walls are put one after the other but once."""
+        wanted = (*(place.key for place in places), *radii_mm)
+        if wanted not in self.terrains:
+            terrains = TerrainSet([place.prepared.terrain for place in places])
+            self.terrains = {wanted: terrains}
+        return self.terrains[wanted]
+
+
+_KEPT = _Kept()
+
+
+def _sources(family: Family) -> list[dict[str, Any]]:
+    if family.files:
+        return [{"file": path} for path in dict.fromkeys(family.files)]
+    seeds = range(family.seed, family.seed + family.count)
+    return [{"environment": family.environment, "seed": seed} for seed in seeds]
+
+
+def _text(source: Mapping[str, Any]) -> str:
+    return json.dumps(source)
+
+
+def _key(source: str, world: Map) -> str:
+    solid = shapely.to_wkb([world.bounds, *world.obstacles], hex=True).tolist()
+    starts = [repr(start) for start in world.starts]
+    return f"{world.name}:{fingerprint(source, solid, starts)}"
+
+
+# --- Growth and scores --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Trial:
+    """A design's deployments on the maps that there was time for."""
+
+    places: Sequence[Place]
+    counts: Sequence[int]  # poses on each
+    deployments: Sequence[Deployment]  # map by map, pose by pose
+    scores: Floats  # one for each
+    compiling: bool  # whether the interpreter grew them
+
+    @property
+    def rows(self) -> list[slice]:
+        """Where each map's deployments stand."""
+        ends = np.cumsum([0, *self.counts]).tolist()
+        return [slice(one, two) for one, two in itertools.pairwise(ends)]
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Mean score on each map, by its key."""
+        keys = [place.key for place in self.places]
+        groups = np.repeat(np.arange(len(keys)), self.counts).tolist()
+        return dict(zip(keys, group_means(self.scores, groups).tolist(), strict=True))
+
+
+def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tell) -> _Trial:
+    """Grow a design and score it, on all maps or, where that would take too long, on the first."""
+    task = make_task(state.task)
+    compiled = _COMPILER.has(task, tell, wait=not asked.soon)
+    count = state.family.poses
+    if not compiled:
+        most = MOST_INTERPRETED // (count * state.design.branch_count)
+        places = places[: max(LEAST_MAPS, most)]
+    options, plans = state.growth, Plans.of([state.design], state.growth)
+    radii_mm = plans.spans.radii_mm
+    most_s = math.inf if compiled else FIRST_S
+    most_s = QUICK_S if asked.quick else most_s
+    places = _KEPT.with_walls(places, radii_mm, most_s, tell)
+    for place in places:
+        check_on_map(task, place.prepared.world, place.prepared.context)
+    prepared = [place.prepared for place in places]
+    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws_half_angle)
+    launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
+    batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
+    chosen = search_form(task) if asked.quick and compiled else task
+    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], tell)
+    _COMPILER.start(task)
+    _check_finite(task, scores, launches, prepared)
+    return _Trial(
+        places=places,
+        counts=[len(poses_here) for poses_here in poses],
+        deployments=deployments,
+        scores=scores,
+        compiling=not compiled,
+    )
+
+
+BLOCK = 8
+"""Deployments between two words of progress."""
+
+
+def _evaluated(
+    batch: Batch, task: Task, contexts: Sequence[MapContext], tell: Tell
+) -> tuple[Floats, list[Deployment]]:
+    """Return the score of every growth of a batch, and the growths."""
+
+    def both(block: Block) -> tuple[TaskOutcomes, list[Deployment]]:
+        grown = [block.deployment(index) for index in range(len(block))]
+        return outcomes(task, block, contexts), grown
+
+    began, parts, deployments = time.monotonic(), list[TaskOutcomes](), list[Deployment]()
+    for scored, grown in batch.each(both, size=BLOCK):
+        parts.append(scored)
+        deployments += grown
+        if time.monotonic() - began > SILENT_S:
+            done, count = len(deployments), len(batch)
+            tell(done / count, f"growing and scoring: {done} of {count}")
+    return concatenated_outcomes(parts).score, deployments
+
+
+def _check_finite(
+    task: Task, scores: Floats, launches: Launches, maps: Sequence[PreparedMap]
+) -> None:
+    """Raise BadInputError where a task of the user's own gives no number."""
+    for row in np.flatnonzero(~np.isfinite(scores)).tolist():
+        name = maps[launches.terrain[row]].world.name
+        raise BadInputError(f"score of task {task.name}", float(scores[row]), f"a number on {name}")
+
+
+@dataclass(slots=True)
+class _Compiler:
+    """Compiled code, loaded beside the answers: a second, or half a minute where there is none."""
+
+    threads: dict[str, Thread] = field(default_factory=dict)  # by the task that they load
+
+    def start(self, task: Task) -> None:
+        """Begin to load the code of a task, unless that has been done."""
+        if task.name not in self.threads:
+            self.threads[task.name] = Thread(target=_compile, args=(task,), daemon=True)
+            self.threads[task.name].start()
+
+    def has(self, task: Task, tell: Tell, *, wait: bool) -> bool:
+        """Tell whether the code of a task is loaded; one without a slower form is waited for."""
+        if wait or search_form(task) == task:
+            self.start(task)
+            if self.threads[task.name].is_alive():
+                tell(0.0, COMPILING)
+                self.threads[task.name].join()
+        return task.name in self.threads and not self.threads[task.name].is_alive()
+
+
+_COMPILER = _Compiler()
+
+
+def _compile(task: Task) -> None:
+    """Grow a robot on an empty map and score it, as the compiled code does."""
+    start = Start(pose=Pose(x_mm=500.0, y_mm=500.0, heading_rad=0.0))
+    room = PreparedMap.of(
+        Map(name="room", bounds=shapely.box(0.0, 0.0, 1000.0, 1000.0), starts=(start,))
+    )
+    vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
+    options = GrowthOptions()
+    launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
+    batch = Batch(Plans.of([vine], options), launches, options)
+    _evaluated(batch, search_form(task), [room.context], lambda _share, _words: None)
+
+
+# --- What is told of each map -------------------------------------------------------------------
+
+
+def _ground_entry(place: Place, have: frozenset[str]) -> dict[str, Any]:
+    world = place.prepared.world
+    return {
+        "key": place.key,
+        "name": world.name,
+        "source": place.source,
+        "view_box": view_box(world.bounds.bounds),
+        "ground_svg": None if place.key in have else ground_svg(world, detail=False),
+        "robot_svg": None,
+        "score": None,
+    }
+
+
+def _growth_entry(grown: Sequence[Deployment], scores: Sequence[float]) -> dict[str, Any]:
+    """Return what is told of the deployments on one map; the first is the one that is drawn."""
+    first = grown[0]
+    return {
+        "scores": scores,
+        "pose": {
+            "x_mm": first.pose.x_mm,
+            "y_mm": first.pose.y_mm,
+            "heading_deg": first.pose.heading_deg,
+        },
+        "grown_share": float(
+            np.mean([each.grown_mm.sum() / each.tree.total_length_mm for each in grown])
+        ),
+        "branches": len(first.tree),
+        "deployed": int(first.deployed.sum()),
+        "stops": first.stops,
+    }
+
+
+# --- What they say together ---------------------------------------------------------------------
+
+QUANTILES_PERCENT = (5, 25, 50, 75, 95)
+
+BINS = 12
+"""About so many bins stand between the least and the greatest score."""
+
+QUICK_ERROR = 1e-3
+"""Scores while something is dragged count as equal within this: fast areas are approximations."""
+
+
+def _distribution(scores: Sequence[float], before: Sequence[float]) -> dict[str, Any]:
+    """Return how scores spread over maps, in bins that those of the version before share."""
+    low, high = mean_interval(scores)
+    quantiles = np.percentile(scores, QUANTILES_PERCENT).tolist()
+    return {
+        "maps": len(scores),
+        "mean": float(np.mean(scores)),
+        "low": _finite(low),
+        "high": _finite(high),
+        "quantiles": dict(zip(map(str, QUANTILES_PERCENT), quantiles, strict=True)),
+        "bins": _bins(scores, before),
+    }
+
+
+def _bins(scores: Sequence[float], before: Sequence[float]) -> dict[str, Any]:
+    """Return bins with round edges and how many scores are in each."""
+    least, most = min([*scores, *before]), max([*scores, *before])
+    raw = max((most - least) / BINS, 1e-3 * max(abs(most), 1e-3))
+    decade = 10.0 ** math.floor(math.log10(raw))
+    step = decade * next(part for part in (1.0, 2.0, 5.0, 10.0) if part * decade >= raw)
+    first = math.floor(least / step)
+    count = math.floor(most / step) - first + 1
+    counts = [
+        np.bincount(np.floor(np.divide(values, step)).astype(int) - first, minlength=count)
+        for values in (scores, before)
+    ]
+    return {
+        "low": first * step,
+        "step": step,
+        "counts": counts[0].tolist(),
+        "before": counts[1].tolist(),
+    }
+
+
+def _difference(pairs: Sequence[tuple[float, float]], within: float) -> dict[str, Any] | None:
+    """Return the paired difference to the version before, None where no map is shared."""
+    if not pairs:
+        return None
+    gains = np.array([after - before for before, after in pairs])
+    low, high = mean_interval(gains)
+    return {
+        "maps": len(gains),
+        "mean": float(gains.mean()),
+        "low": _finite(low),
+        "high": _finite(high),
+        "better": int((gains > within).sum()),
+        "worse": int((gains < -within).sum()),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+# --- Where bodies lie ---------------------------------------------------------------------------
+
+HEAT_CELLS = 320
+"""Cells along the longer side that bodies are drawn in; every four make one that is shown."""
+
+
+def heat_cells(
+    places: Sequence[Place],
+    by_map: Sequence[Sequence[Deployment]],
+    widths_mm: Sequence[float],
+) -> dict[str, Any]:
+    """Return the share of the maps on which a body covers each place, as seen from the start.
+
+    Maps are laid on each other with their starts at the origin, launching upwards.
+
+    Parameters
+    ----------
+    places
+        All maps of the family.
+    by_map
+        Deployments on each of the first of them.
+
+    Returns
+    -------
+    dict
+        ``share``: 0 to 255 for each cell, row by row from below, in base64; 0 means on no map.
+    """
+    box_mm = _box_mm(places)
+    low_mm, size_mm = box_mm[0], box_mm[1] - box_mm[0]
+    cell_mm = float(size_mm.max()) / HEAT_CELLS
+    columns, rows = (2 * np.ceil(size_mm / (2.0 * cell_mm)).astype(int)).tolist()
+    total = np.zeros((rows, columns))
+    for place, grown in zip(places, by_map, strict=False):
+        for index, deployment in enumerate(grown):
+            moved_mm = _as_from_start(deployment.points_mm, place.start_of(index))
+            moved = replace(deployment, points_mm=moved_mm)
+            corner = (float(low_mm[0]), float(low_mm[1]))
+            cells = body_cells(moved, widths_mm, corner, cell_mm, (rows, columns))
+            total += cells / (len(grown) * len(by_map))
+    share = total.reshape(rows // 2, 2, columns // 2, 2).mean(axis=(1, 3))
+    sizes = {tuple(np.round(place.prepared.world.size_mm, 3).tolist()) for place in places}
+    return {
+        "low_mm": low_mm.tolist(),
+        "cell_mm": 2.0 * cell_mm,
+        "columns": columns // 2,
+        "rows": rows // 2,
+        "share": base64.b64encode(np.ceil(255.0 * share - 1e-9).astype(np.uint8)).decode(),
+        "most": float(share.max()),
+        "maps": len(by_map),
+        "same_size": len(sizes) == 1,
+        "colours": HEAT_COLOURS,
+    }
+
+
+def _box_mm(places: Sequence[Place]) -> Floats:
+    """Return the box that holds every map as seen from its start, shape (2, 2): low, high."""
+    corners = [
+        _as_from_start(
+            shapely.get_coordinates(shapely.box(*place.prepared.world.bounds.bounds)),
+            start.pose,
+        )
+        for place in places
+        for start in place.prepared.world.starts
+    ]
+    points = np.concatenate(corners)
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def _as_from_start(points_mm: Floats, start: Pose) -> Floats:
+    """Return points moved and turned so that the start is the origin and launches upwards."""
+    turn = math.pi / 2.0 - start.heading_rad
+    cosine, sine = math.cos(turn), math.sin(turn)
+    away = points_mm - np.array([start.x_mm, start.y_mm])
+    return np.asarray(away @ np.array([[cosine, sine], [-sine, cosine]]))

@@ -1,0 +1,180 @@
+"""What follows the pointer: the robot grown on the open map, its scores, its flat outline."""
+
+import math
+from collections.abc import Mapping
+from functools import cache, lru_cache
+from typing import Any
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.hashing import sha256_of
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.growth.simulator import grow
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Map
+from vinefab.pages.plan_svg import ground_svg, outline_svg, pose_svg, robot_svg, view_box
+from vinefab.physics.tube import inflated_radius_mm
+from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
+from vinefab.prediction.measures import worst_pressures_kpa
+from vinefab.studio.panels import Tell
+from vinefab.studio.state import StudioState
+from vinefab.studio.warming import engine_now
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.shipped_tasks import TASKS, make_task
+from vinefab.tasks.task import Task, check_on_map
+
+MOST_FLAT = 1500
+"""Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
+
+MOST_INTERPRETED = 1500
+"""More branches than this grow once the simulator is compiled: interpreted they take a second."""
+
+MOST_FOLLOWED = 5000
+"""The exact scores of a robot with more branches take several seconds."""
+
+COMPILED_TASKS = ("anchoring",)
+"""Tasks that cannot be scored before code is compiled."""
+
+
+def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:
+    """Return growth, scores and outline of what is open.
+
+    Parameters
+    ----------
+    ask
+        ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
+        dragged, whose element the page moves itself.
+    """
+    answer = _outline(state.design)
+    if state.world is None:
+        return {**answer, "ground_key": "", "facts": _planned(state.design)}
+    key = _ground_key(state.world)
+    wanted = ask.get("ground", True) and ask.get("have") != key
+    answer |= {
+        "ground_key": key,
+        "ground_svg": ground_svg(state.world) if wanted else None,
+        "view_box": view_box(state.world.bounds.bounds, 0.03 * max(state.world.size_mm)),
+        "map_size_mm": list(state.world.size_mm),
+    }
+    return answer | _grown(state, state.world)
+
+
+def _outline(design: Design) -> dict[str, Any]:
+    if design.branch_count > MOST_FLAT:
+        return {"outline_svg": "", "outline_box": None}
+    try:
+        contour = body_outline(design).contour
+    except BadInputError as error:  # a tree that no sheet could hold
+        return {"outline_svg": "", "outline_box": None, "outline_problem": str(error)}
+    return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
+
+
+def _grown(state: StudioState, world: Map) -> dict[str, Any]:
+    start = state.start
+    if start is None:
+        return _not_grown(state.design, "the map has no start: put one on it")
+    place = {
+        "pose": {"x_mm": start.x_mm, "y_mm": start.y_mm, "heading_deg": start.heading_deg},
+        "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
+    }
+    if problem := not_followed(state.design):
+        return place | _not_grown(state.design, problem)
+    prepared = prepared_map(world)
+    try:
+        deployment = grow(state.design, prepared.terrain, start, state.growth, engine=engine_now())
+    except BadInputError as error:
+        return place | _not_grown(state.design, str(error))
+    scores, problems = _scores(deployment, prepared)
+    return place | {
+        "robot_svg": robot_svg(deployment, state.design.build.widths_mm),
+        "front_full_mm": deployment.full_mm,
+        "scores": scores,
+        "facts": _facts(state.design, deployment),
+        "problems": problems + _troubles(state, deployment),
+    }
+
+
+def not_followed(design: Design) -> str:
+    """Return why a design is not grown while a pointer waits, or nothing."""
+    if design.branch_count > MOST_FOLLOWED:
+        return (
+            f"{design.branch_count} branches: the page follows designs of at most {MOST_FOLLOWED};"
+            " vinefab grow DESIGN --map MAP grows them all"
+        )
+    if design.branch_count > MOST_INTERPRETED and engine_now() != "kernel":
+        return (
+            f"{design.branch_count} branches: growth follows as soon as the simulator is compiled,"
+            " once on this computer"
+        )
+    return ""
+
+
+def _not_grown(design: Design, problem: str) -> dict[str, Any]:
+    nothing = dict.fromkeys(TASKS)
+    return {
+        "robot_svg": "", "front_full_mm": 0.0, "scores": nothing, "facts": _planned(design),
+        "problems": [problem],
+    }  # fmt: skip
+
+
+def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, Any], list[str]]:
+    """Return the score on each task (simulated), None where a map cannot be scored, and why."""
+    scores: dict[str, Any] = {}
+    problems = []
+    for name in TASKS:
+        if name in COMPILED_TASKS and engine_now() != "kernel":
+            scores[name] = None
+            problems.append(f"{name}: as soon as the simulator is compiled, once on this computer")
+            continue
+        task = _task(name)
+        try:
+            check_on_map(task, prepared.world, prepared.context)
+            scores[name] = task.evaluate(deployment, prepared.context)[0]
+        except VinefabError as error:
+            scores[name] = None
+            problems.append(f"{name}: {error}")
+    return scores, problems
+
+
+def _planned(design: Design) -> dict[str, Any]:
+    return {"branches": design.branch_count}
+
+
+def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
+    needed_kpa, _ = worst_pressures_kpa(deployment, design)
+    return {
+        "branches": len(deployment.tree),
+        "deployed": int(deployment.deployed.sum()),
+        "grown_mm": float(deployment.grown_mm.sum()),
+        "planned_mm": deployment.tree.total_length_mm,
+        "stops": deployment.stops,
+        "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
+        "inflated_mm": [2.0 * inflated_radius_mm(w) for w in design.build.widths_mm],
+    }
+
+
+def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
+    """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
+    lost = without_room(state.design, deployment, state.growth)
+    return [
+        *stayed_text([bool(deployment.deployed[0])], state.design),
+        *places_text("no room for the body of", lost),
+        *places_text("stuck in a corner", wedged(state.design, deployment)),
+    ]
+
+
+@cache
+def _task(name: str) -> Task:
+    return make_task(name, {})
+
+
+@lru_cache(maxsize=64)
+def prepared_map(world: Map) -> PreparedMap:
+    """Return a map with all that growth and tasks need of it, kept while it is open."""
+    return PreparedMap.of(world)
+
+
+@lru_cache(maxsize=64)
+def _ground_key(world: Map) -> str:
+    return sha256_of(map_text(world).encode())[:16]

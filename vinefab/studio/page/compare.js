@@ -1,0 +1,270 @@
+// The comparison: this version beside the one before, in every number that a change is made for.
+
+import { el, paused } from "studio/dom.js";
+import { familyConditions, signed } from "studio/family_panel.js";
+
+const REST_MS = 500;
+const STILL_MS = 120;
+const RULES = {
+  step: ["before the last change", "The version that was open, unchanged for half a second, before the design was changed last"],
+  saved: ["as last saved or opened", "The design in the file"],
+  kept: ["kept as reference", "The version that the button keeps, until another one is kept"],
+};
+
+const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
+
+/** What the answers of a panel depend on beside the design. */
+const CONDITIONS = {
+  live: ({ map, pose, growth }) => JSON.stringify([map, pose, growth]),
+  rules: ({ map, pose, growth, recipe }) => JSON.stringify([map, pose, growth, recipe]),
+  family: familyConditions,
+};
+
+const GROUPS = ["simulated", "computed"];
+
+function billValue(item, factor) {
+  return (found) => {
+    const line = found.rules?.bill?.find((one) => one.item === item);
+    return line ? line.value * factor : null;
+  };
+}
+
+/** What is compared: where it comes from, whether more or less of it is better, how it is written. */
+function measures(answers, task) {
+  const tasks = Object.keys(answers.live?.scores ?? {});
+  return [
+    ...tasks.map((name) => ({
+      key: `score-${name}`, name, group: "simulated", panel: "live", better: 1, digits: 3, unit: "",
+      title: `Score on the open map, task ${name}`, of: (found) => found.live?.scores?.[name],
+    })),
+    {
+      key: "family", name: "many maps", group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
+      title: `Mean score over many maps, task ${task}`, of: (found) => found.family?.distribution?.mean,
+    },
+    {
+      key: "grown", name: "length grown", group: "simulated", panel: "live", better: 1, digits: 1, unit: "%",
+      title: "Grown over planned length of all branches, on the open map",
+      of: (found) => (found.live?.facts?.planned_mm ? (100 * found.live.facts.grown_mm) / found.live.facts.planned_mm : null),
+    },
+    {
+      key: "pressure", name: "pressure", group: "simulated", panel: "live", better: -1, digits: 1, unit: "kPa", note: "assumed",
+      title: "Pressure that growth to every tip takes on the open map; its constants are assumed",
+      of: (found) => found.live?.facts?.pressure_needed_kpa,
+    },
+    {
+      key: "film", name: "film", group: "computed", panel: "rules", better: -1, digits: 0, unit: "cm²", note: "assumed",
+      title: "Area of the film of all plies; its rim is assumed", of: billValue("film area, all plies", 1),
+    },
+    {
+      key: "time", name: "cutting", group: "computed", panel: "rules", better: -1, digits: 1, unit: "min", note: "assumed",
+      title: "Time of the machine, all passes; its accelerations are assumed", of: billValue("machine time, total", 1 / 60),
+    },
+    {
+      key: "errors", name: "errors", group: "computed", panel: "rules", better: -1, digits: 0, unit: "",
+      title: "Findings that stand in the way of cutting", of: (found) => found.rules?.errors,
+    },
+    {
+      key: "warnings", name: "warnings", group: "computed", panel: "rules", better: -1, digits: 0, unit: "",
+      title: "Findings to be looked at", of: (found) => found.rules?.warnings,
+    },
+  ];
+}
+
+const isKnown = (value) => value !== null && value !== undefined && Number.isFinite(value);
+
+/** Return what is shown of a measure now and before; `comparable` tells whether before is known. */
+export function comparedCell(measure, now, before, comparable) {
+  const [present, former] = [measure.of(now), comparable ? measure.of(before) : null];
+  const cell = { now: "–", before: "–", change: "", kind: "" };
+  if (isKnown(present)) cell.now = present.toFixed(measure.digits);
+  if (!isKnown(former)) return cell;
+  cell.before = former.toFixed(measure.digits);
+  if (!isKnown(present)) return cell;
+  const gain = present - former;
+  const isSame = Math.abs(gain) < 0.5 * 10 ** -measure.digits;
+  cell.kind = isSame ? "same" : gain * measure.better > 0 ? "better" : "worse";
+  cell.change = isSame ? "=" : signed(gain, measure.digits);
+  return cell;
+}
+
+function version(design, state) {
+  return { design, key: JSON.stringify(design), state, answers: {}, conditions: {} };
+}
+
+export function mount(root, app) {
+  const choice = el("select", { id: "compare-with" }, Object.entries(RULES).map(([key, [text]]) => el("option", { value: key }, text)));
+  const keep = el("button", { type: "button", id: "keep-reference" }, "Keep this as reference");
+  const rule = el("span", { class: "facts rule" });
+  const bodies = GROUPS.map(() => el("tbody"));
+  const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
+    el("thead", {}, el("tr", {}, [name, "before", "now", "change"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
+  root.append(
+    el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule),
+    el("div", { class: "tables" }, tables),
+  );
+
+  const rows = new Map();
+  const kept = { step: null, saved: null, kept: null };
+  let now = version(app.shown().design, app.shown());
+  let changedAt = -Infinity;
+  let stash = null;
+  let keptAt = "";
+  let told = null;
+
+  // ---- versions
+
+  const current = () => kept[choice.value];
+
+  /** Take note that another design is shown; what rested before is the version before. */
+  function follow() {
+    const state = app.shown();
+    const moment = performance.now();
+    if (JSON.stringify(state.design) !== now.key) {
+      if (now.answers.live && moment - changedAt > REST_MS) kept.step = now;
+      changedAt = moment;
+      now = version(state.design, state);
+    }
+    now.state = state;
+    const saved = app.file?.saved_design;
+    const savedKey = saved ? JSON.stringify(saved) : "";
+    if (saved && kept.saved?.key !== savedKey) {
+      kept.saved = [now, kept.step, kept.kept].find((one) => one?.key === savedKey) ?? version(saved, state);
+    } else if (savedKey === now.key) kept.saved = now;
+    show();
+    compareAtRest();
+  }
+
+  function take(panel, answer, state) {
+    if (JSON.stringify(state.design) === now.key && !(panel === "family" && (answer.quick || answer.compiling))) {
+      now.answers[panel] = answer;
+      now.conditions[panel] = CONDITIONS[panel](state);
+    }
+    show();
+  }
+
+  /** Grow the version before on what is open now: another map or start makes its numbers void. */
+  const compareAtRest = paused(async () => {
+    const reference = current();
+    const state = app.shown();
+    if (!app.live || !reference || reference === now || !app.answers.live) return;
+    if (reference.conditions.live === CONDITIONS.live(state)) return;
+    try {
+      const answer = await app.ask("before", { ground: false }, { state: { ...state, design: reference.design } });
+      reference.answers = { ...reference.answers, live: answer };
+      reference.conditions.live = CONDITIONS.live(state);
+      tell(true);
+      show();
+    } catch (error) {
+      if (!error.stale && !error.stopped) app.say(`Comparison: ${error.message}`, "error");
+    }
+  }, STILL_MS);
+
+  /** Tell the other panels which version is compared with. */
+  function tell(again) {
+    const reference = current();
+    const shown = reference && reference !== now && reference.key !== now.key ? reference : null;
+    if (shown === told && !again) return;
+    told = shown;
+    app.setReference?.(shown);
+  }
+
+  // ---- showing
+
+  function makeRow(measure) {
+    const kind = el("span", { class: "for-readers" });
+    const change = el("span");
+    const [before, now] = [el("td"), el("td", { class: "now" })];
+    const heading = el("th", { scope: "row" }, measure.unit ? `${measure.name}, ${measure.unit}` : measure.name, measure.note ? el("span", { class: "standing" }, measure.note) : null);
+    const row = el("tr", { "data-measure": measure.key }, heading, before, now, el("td", {}, change, kind));
+    return { row, before, now, change, kind };
+  }
+
+  function showRow(measure, answers, reference) {
+    if (!rows.has(measure.key)) rows.set(measure.key, makeRow(measure));
+    const parts = rows.get(measure.key);
+    const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
+    const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
+    for (const part of ["before", "now", "change", "kind"]) {
+      if (parts[part].textContent !== found[part]) parts[part].textContent = found[part];
+    }
+    parts.change.setAttribute("class", found.kind);
+    const why = !reference || comparable ? "" : ". Not known of the version before under what is open now";
+    parts.row.title = `${measure.title}${why}`;
+    parts.row.hidden = found.now === "–" && found.before === "–";
+    return parts.row;
+  }
+
+  function words(reference) {
+    const [text, meaning] = RULES[choice.value];
+    choice.title = meaning;
+    if (!reference) return choice.value === "kept" ? "none is kept yet" : "none yet: change the design";
+    if (reference.key === now.key) return "this is that version";
+    return choice.value === "kept" ? `${text} at ${keptAt}` : meaning.charAt(0).toLowerCase() + meaning.slice(1);
+  }
+
+  function show() {
+    const reference = current();
+    const compared = reference && reference.key !== now.key ? reference : null;
+    // While a design is dragged its answers are one step behind: they are shown as they come.
+    const answers = { live: app.answers.live, rules: app.answers.rules, family: app.answers.family };
+    const shown = measures(answers, app.shown().task ?? "coverage").map((measure) => [measure.group, showRow(measure, answers, compared)]);
+    bodies.forEach((body, index) => {
+      const wanted = shown.filter(([name]) => name === GROUPS[index]).map(([, row]) => row);
+      if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) body.replaceChildren(...wanted);
+    });
+    const text = words(reference);
+    if (rule.textContent !== text) rule.textContent = rule.title = text;
+    tell(false);
+  }
+
+  choice.addEventListener("change", () => {
+    show();
+    compareAtRest();
+  });
+  keep.addEventListener("click", () => {
+    kept.kept = now;
+    keptAt = new Date().toTimeString().slice(0, 5);
+    choice.value = "kept";
+    show();
+    app.say(`Kept as reference: ${now.design.name} as it is now`);
+  });
+
+  // ---- what happens
+
+  app.store.subscribe(follow);
+  app.on("engine", () => {
+    // What no interpreter scores can be scored now, of the version before too.
+    for (const one of Object.values(kept)) if (one) delete one.conditions.live;
+    compareAtRest();
+  });
+  app.onPreview?.((design) => {
+    if (design && !stash) stash = { now, step: kept.step };
+    if (design) {
+      // What is open is what a preview is compared with.
+      follow();
+      kept.step = stash.now;
+      show();
+      return;
+    }
+    const was = stash;
+    stash = null;
+    if (was && JSON.stringify(app.store.get().design) === was.now.key) [now, kept.step] = [was.now, was.step];
+    follow();
+  });
+  for (const panel of ["live", "rules", "family"]) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
+  if (!app.live) showStored();
+  follow();
+
+  /** Show the version that a snapshot was compared with, if there was one. */
+  function showStored() {
+    const reference = app.answers.reference;
+    root.hidden = !reference;
+    if (!reference) return;
+    const state = app.shown();
+    kept.step = version(reference.design, state);
+    kept.step.answers = reference.answers;
+    // Its answers were computed for the snapshot, under what is open in it.
+    for (const [panel, conditionsOf] of Object.entries(CONDITIONS)) kept.step.conditions[panel] = conditionsOf(state);
+    choice.closest(".toolbar").replaceChildren("Compared with the version before");
+  }
+}

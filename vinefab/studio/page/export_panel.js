@@ -1,0 +1,234 @@
+// Exports: each with its choices, and the command line that writes the same bytes.
+
+import { el, paused } from "studio/dom.js";
+
+const WAIT_MS = 150;
+
+/** The exports: `options` are named as the command calls them; `when` tells whether one is shown. */
+const EXPORTS = [
+  {
+    name: "package", title: "Package", about: "laser files, checks, report, instructions", out: "package", place: "Folder",
+    options: [
+      { key: "copies", label: "copies on the bed", kind: "number", value: 1, least: 1, most: 200 },
+      { key: "zip", label: "also as a zip" },
+      { key: "r12", label: "also a DXF of release 12" },
+      { key: "allow_uncalibrated", label: "although no coupon has confirmed the recipe: for coupons and first trials", when: (found) => found.unverified },
+    ],
+  },
+  {
+    name: "report", title: "Report", about: "predictions (simulated), rules, materials", out: "report.html", place: "File",
+    options: [
+      { key: "poses", label: "poses per map", kind: "number", value: 3, least: 1, most: 1000 },
+      { key: "environment", label: "also unseen maps of", kind: "select", value: "", choices: (state) => ["", state.family?.environment ?? "grid"] },
+      { key: "count", label: "how many", kind: "number", value: 40, least: 1, most: 10000 },
+    ],
+  },
+  {
+    name: "rig", title: "Rig", about: "printable or cut obstacles of the open map", out: "rig", place: "Folder",
+    options: [
+      { key: "style", label: "style", kind: "select", value: "plate", choices: () => ["plate", "board", "sheet"] },
+      { key: "printer", label: "printer", kind: "text", value: "generic_220" },
+      { key: "fit_mm", label: "longer side, mm (0: as the map)", kind: "number", value: 0, least: 0, most: 100000 },
+      { key: "lid", label: "with a lid" },
+    ],
+  },
+  {
+    name: "picture", title: "Picture", about: "the robot grown on the open map: SVG, PNG, GIF", out: "grown.svg", place: "File",
+    options: [
+      { key: "animate", label: "moving (SVG or GIF)" },
+      { key: "frames", label: "frames", kind: "number", value: 24, least: 1, most: 1000 },
+      { key: "label", label: "with branch ids" },
+    ],
+  },
+  {
+    name: "snapshot", title: "Snapshot", about: "this page as one file, to be sent: it needs no server", out: "snapshot.html", place: "File",
+    note: "The command opens it again, with design, map and start.",
+    options: [
+      { key: "family", label: "with the many maps" },
+      { key: "date", label: "with today's date" },
+    ],
+  },
+];
+
+function control(id, option) {
+  const { kind = "checkbox" } = option;
+  if (kind === "select") return el("select", { id });
+  if (kind === "checkbox") return el("input", { type: "checkbox", id, checked: option.value });
+  const range = kind === "number" ? { min: option.least, max: option.most, step: "any" } : { spellcheck: "false" };
+  return el("input", { type: kind, id, value: option.value, ...range });
+}
+
+function valueOf(option, input) {
+  if (!option.kind) return input.checked;
+  return option.kind === "number" ? Number(input.value) : input.value;
+}
+
+/** Return one export: its elements, what it asks for, and how to show what is known of it. */
+function entry(kind, app, write) {
+  const id = (key) => `export-${kind.name}-${key}`;
+  const out = el("input", { type: "text", id: id("out"), value: kind.out, spellcheck: "false" });
+  const options = kind.options.map((option) => {
+    const input = control(id(option.key), option);
+    const label = el("label", { for: id(option.key) }, option.label);
+    const parts = option.kind ? [label, input] : [input, label];
+    return { ...option, input, line: el("span", { class: "option" }, ...parts) };
+  });
+  const button = el("button", { type: "button", class: "primary", onclick: () => write(kind.name) }, `Write ${kind.title.toLowerCase()}`);
+  const command = el("code", { class: "command", tabindex: 0, "aria-label": `Command for the ${kind.name}` });
+  const copy = el("button", { type: "button", "aria-label": `Copy the command for the ${kind.name}` }, "Copy");
+  copy.addEventListener("click", async () => {
+    try {
+      await navigator.clipboard.writeText(command.textContent);
+      copy.textContent = "Copied";
+      setTimeout(() => { copy.textContent = "Copy"; }, 1500);
+    } catch {
+      getSelection().selectAllChildren(command);
+      app.say("The command is selected: copy it by hand", "info");
+    }
+  });
+  const line = el("div", { class: "line" }, command, copy);
+  const note = el("p", { class: "note" });
+  const result = el("div", { class: "result", role: "status" });
+  const box = el(
+    "section", { class: "export", "data-export": kind.name, "aria-label": kind.title },
+    el("div", { class: "head" }, el("h3", {}, kind.title), el("span", { class: "about" }, kind.about),
+      el("label", { for: id("out") }, kind.place), out, button),
+    el("div", { class: "options" }, ...options.map((option) => option.line)), line, note, result,
+  );
+
+  return {
+    box, name: kind.name, result,
+    asked: () => ({
+      out: out.value.trim(),
+      options: Object.fromEntries(options.map((option) => [option.key, valueOf(option, option.input)])),
+    }),
+    showState(state) {
+      for (const { input, kind: type, choices, value } of options) {
+        if (type !== "select") continue;
+        const wanted = choices(state);
+        if (wanted.join() === [...input.options].map((one) => one.value).join()) continue;
+        const before = input.value || value;
+        input.replaceChildren(...wanted.map((name) => el("option", { value: name }, name || "none")));
+        input.value = wanted.includes(before) ? before : wanted[0];
+      }
+    },
+    showCommand(found) {
+      const told = found.commands[kind.name];
+      for (const option of options) option.line.hidden = option.when ? !option.when(found) : false;
+      line.hidden = !told?.command;
+      command.textContent = told?.command ?? "";
+      note.dataset.kind = told?.error ? "error" : "info";
+      note.textContent = told?.error ?? kind.note ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");
+    },
+    setBusy(isBusy) {
+      for (const node of box.querySelectorAll("input, select, button.primary")) node.disabled = isBusy;
+    },
+    check(key, isOn) {
+      const found = options.find((option) => option.key === key);
+      if (found) found.input.checked = isOn;
+    },
+  };
+}
+
+function showWritten(place, answer) {
+  const { written = [], refused = "", findings = [] } = answer;
+  if (refused) {
+    const errors = findings.filter((finding) => finding.severity === "error" && !finding.waived);
+    place.replaceChildren(
+      el("p", { class: "refused" }, `Nothing written: ${refused}`),
+      el("ul", {}, ...errors.slice(0, 12).map((finding) => el("li", {}, `${finding.id} ${finding.message}`))),
+    );
+    return;
+  }
+  const folders = new Set(written.map((name) => name.replace(/[^/\\]*$/, "")));
+  const where = written.length > 1 && folders.size === 1 ? ` in ${[...folders][0]}` : "";
+  place.replaceChildren(el("details", {},
+    el("summary", {}, written.length === 1 ? `Written: ${written[0]}` : `Written: ${written.length} files${where}`),
+    el("ul", {}, ...[...written, ...(answer.inputs ?? [])].map((name) => el("li", {}, name))),
+    ...(answer.lines?.length ? [el("pre", {}, answer.lines.join("\n"))] : []),
+  ));
+}
+
+export function mount(root, app) {
+  const open = el("button", { type: "button", "aria-haspopup": "dialog" }, "Export");
+  const entries = EXPORTS.map((kind) => entry(kind, app, write));
+  const bar = el("progress", { max: 1, value: 0, "aria-label": "Progress of the export" });
+  const words = el("span", { class: "words", role: "status" });
+  const stop = el("button", { type: "button", onclick: () => app.cancel("export") }, "Stop");
+  const working = el("div", { class: "working", hidden: true }, bar, words, stop);
+  const close = el("button", { type: "button" }, "Close");
+  const dialog = el(
+    "dialog", { class: "exports", "aria-labelledby": "export-title" },
+    el("div", { class: "title" }, el("h2", { id: "export-title" }, "Export"), working, close),
+    el("p", { class: "about" }, "Each command, run in the folder where the studio was started, writes the same bytes. Nothing that vinefab did not write is overwritten."),
+    ...entries.map((one) => one.box),
+  );
+  root.append(open, dialog);
+  let isBusy = false;
+
+  function files() {
+    const state = app.store.get();
+    return { design_file: app.file.path ?? null, map_file: state.map?.source?.file ?? null };
+  }
+
+  async function ask(what) {
+    return app.ask("export", { ...what, ...files() }, { state: app.store.get() });
+  }
+
+  const tell = paused(async () => {
+    if (!app.live || !dialog.open || isBusy) return;
+    const exports = Object.fromEntries(entries.map((one) => [one.name, one.asked()]));
+    try {
+      const found = await ask({ what: "command", exports });
+      for (const one of entries) one.showCommand(found);
+    } catch (error) {
+      if (!error.stale && !error.stopped) app.say(error.message, "error");
+    }
+  }, WAIT_MS);
+
+  function setBusy(value) {
+    isBusy = value;
+    working.hidden = !value;
+    for (const one of entries) one.setBusy(value);
+  }
+
+  /** Return what only the page knows of a snapshot. */
+  function shown(asked) {
+    const { family, date } = asked.options;
+    const options = { family, date: date ? new Date().toISOString().slice(0, 10) : "" };
+    return { ...asked, options, reference: app.reference?.design ?? null };
+  }
+
+  async function write(name) {
+    const one = entries.find((entry) => entry.name === name);
+    one.result.replaceChildren();
+    bar.value = 0;
+    words.textContent = name;
+    setBusy(true);
+    try {
+      const asked = one.asked();
+      showWritten(one.result, await ask({ what: name, ...(name === "snapshot" ? shown(asked) : asked) }));
+    } catch (error) {
+      const text = error.stale || error.stopped ? "Stopped: nothing was written" : error.message;
+      one.result.replaceChildren(el("p", { class: "refused" }, text));
+    } finally {
+      setBusy(false);
+      tell();
+    }
+  }
+
+  app.onProgress("export", (share, text) => {
+    bar.value = share;
+    words.textContent = text;
+  });
+  open.addEventListener("click", () => {
+    for (const one of entries) one.showState(app.store.get());
+    entries.at(-1).check("family", Boolean(app.answers.family));
+    dialog.showModal();
+    tell();
+  });
+  close.addEventListener("click", () => dialog.close());
+  dialog.addEventListener("input", tell);
+  open.disabled = !app.live;
+  if (!app.live) open.title = "A snapshot cannot export: open it with vinefab studio";
+}

@@ -1,0 +1,643 @@
+// Files: what is open, opening, saving, changes from outside, and unsaved work that is kept.
+
+import { el, number, paused } from "studio/dom.js";
+
+const KEY = "vinefab-studio-tab";
+const FILES = "vinefab-studio-files";
+const KEEP_AFTER_MS = 1200;
+const OTHERS_ANSWER_MS = 600;
+const MOST_DIFFERENCES = 8;
+
+export function mount(root, app) {
+  const name = el("span", { class: "file-name" });
+  const mark = el("span", { class: "file-mark" });
+  root.append(el("span", { class: "file" }, name, mark));
+  if (!app.live) {
+    name.textContent = app.file.name ?? app.file.path ?? "";
+    return;
+  }
+  mountLive(root, app, name, mark);
+}
+
+function mountLive(root, app, name, mark) {
+  const store = app.store;
+  const notes = createNotes(root);
+  const known = app.restored ? readKnown() : {}; // files of this tab by path, so that undo finds the one it goes back to
+  let saving = Promise.resolve();
+  let key = tabKey();
+  let restored = Boolean(app.restored);
+
+  const open = button("Open", "Open a design, map or recipe (Ctrl-O)", () => openDialog.show());
+  const save = button("Save", "Save the design (Ctrl-S)", () => saveDesign());
+  const saveAs = button("Save as", "Save the design in another file (Ctrl-Shift-S)", () => saveAsDialog.show());
+  root.append(el("span", { class: "group", role: "group", "aria-label": "File" }, open, save, saveAs));
+
+  const openDialog = createOpenDialog(root, app, choose);
+  const saveAsDialog = createSaveAsDialog(root, app, writeAs);
+
+  // What is open --------------------------------------------------------------------------------
+
+  function isDirty() {
+    return plainText(store.get().design) !== plainText(app.file.saved_design);
+  }
+
+  function isUnsaved() {
+    return app.file.dirty || (store.get().map?.edits?.length ?? 0) > 0;
+  }
+
+  function show() {
+    app.file.dirty = isDirty();
+    const shown = app.file.name ?? app.file.path ?? "design";
+    name.textContent = shown;
+    name.title = app.file.writable ? app.file.path : `${app.file.path}: read only; Save as writes a copy`;
+    mark.textContent = app.file.dirty ? "● unsaved" : app.file.writable ? "saved" : "read only";
+    mark.dataset.dirty = String(app.file.dirty);
+    save.disabled = app.file.writable && !app.file.dirty;
+    document.title = `${app.file.dirty ? "● " : ""}${shown} – vinefab studio`;
+  }
+
+  /** Let another file be the open one; the state says which, so that undo and redo follow. */
+  function setFile(file) {
+    app.file = { ...file, dirty: false };
+    known[file.path] = app.file;
+    writeKnown(known);
+    app.remember?.();
+    show();
+  }
+
+  function followUndo(state) {
+    const path = state.opened ?? first;
+    if (path !== app.file.path && known[path]) setFile(known[path]);
+  }
+
+  // Opening -------------------------------------------------------------------------------------
+
+  async function choose(kind, entry) {
+    if (kind === "design") return openDesign(entry.path);
+    if (kind === "environment") {
+      const now = store.get().map?.source ?? {};
+      const seed = now.environment === entry.name ? now.seed : 3;
+      return takeMap({ environment: entry.name, seed, options: {} }, entry.name);
+    }
+    if (kind === "map") {
+      const found = await app.desk("open_map", { path: entry.path });
+      return takeMap(found.source, entry.name);
+    }
+    const found = await app.desk("open_recipe", { recipe: entry.path });
+    store.change(`open ${found.recipe}`, (state) => { state.recipe = found.recipe; });
+    app.say(`Opened recipe ${found.recipe}`);
+    return true;
+  }
+
+  function takeMap(source, title) {
+    store.change(`open map ${title}`, (state) => {
+      state.map = { source, edits: [] };
+      state.pose = null;
+    });
+    app.say(`Opened map ${title}`);
+    return true;
+  }
+
+  async function openDesign(path) {
+    if (app.file.dirty) {
+      const answer = await askUser(root, {
+        title: `${app.file.name ?? app.file.path} has unsaved changes`,
+        text: "Opening another design leaves them to Undo.",
+        choices: [["save", "Save, then open"], ["open", "Open; Undo brings them back"]],
+      });
+      if (!answer || (answer === "save" && !(await saveDesign()))) return false;
+    }
+    const file = await app.desk("open_design", { design: path });
+    rememberOld();
+    store.change(`open ${file.name}`, (state) => {
+      state.design = file.design;
+      state.opened = file.path;
+    });
+    setFile(fileOf(file, file.design));
+    app.say(`Opened ${file.path}; Undo goes back to the design before`);
+    return true;
+  }
+
+  function rememberOld() {
+    known[app.file.path] = app.file;
+  }
+
+  // Saving --------------------------------------------------------------------------------------
+
+  async function saveDesign(stamp = app.file.stamp) {
+    if (!app.file.writable) {
+      saveAsDialog.show();
+      return false;
+    }
+    const design = structuredClone(store.get().design);
+    const path = app.file.path;
+    try {
+      const answer = await write({ path, design, stamp });
+      if (!answer.saved) return resolve(answer, design);
+      saved(answer, design);
+      return true;
+    } catch (error) {
+      app.say(error.message ?? String(error), "error");
+      return false;
+    }
+  }
+
+  /** Ask the desk to write; changes on disk that it tells meanwhile wait, they may be our own. */
+  function write(ask) {
+    const answer = app.desk("save_design", { ...ask, recovery: key });
+    saving = answer.catch(() => null);
+    return answer;
+  }
+
+  function saved(answer, design) {
+    notes.clear("disk");
+    setFile(fileOf({ ...app.file, ...answer, name: nameOf(answer.path) }, design));
+    app.say(answer.note ? `Saved ${answer.path}; ${answer.note}` : `Saved ${answer.path}`);
+    if (isUnsaved()) keepSoon();
+  }
+
+  /** Return null when the copy is written, or what stands in the way. */
+  async function writeAs(path, renames, stamp) {
+    const design = structuredClone(store.get().design);
+    const stem = nameOf(path);
+    if (renames && /^[\p{L}\p{N}_-][\p{L}\p{N}_.-]{0,99}$/u.test(stem)) design.name = stem;
+    const answer = await write({ path, design, stamp, from: app.file.path });
+    if (!answer.saved) return answer;
+    rememberOld();
+    store.change(`save as ${answer.path}`, (state) => {
+      state.design = design;
+      state.opened = answer.path;
+    });
+    saved(answer, design);
+    return null;
+  }
+
+  async function resolve(answer, mine) {
+    const theirs = answer.design;
+    const differences = theirs ? differencesOf(theirs, mine) : [answer.problem];
+    const choice = await askUser(root, {
+      title: `${answer.path} was changed outside`,
+      text: theirs
+        ? "Nothing was written. On disk and here differ in (on disk, here):"
+        : "Nothing was written. The file on disk cannot be read:",
+      lines: differences,
+      choices: [
+        ...(theirs ? [["theirs", "Take theirs"]] : []),
+        ["mine", "Keep mine"],
+        ["as", "Save mine as another file"],
+      ],
+    });
+    if (choice === "theirs") takeTheirs(answer);
+    else if (choice === "mine") return saveDesign(answer.stamp);
+    else if (choice === "as") saveAsDialog.show();
+    return false;
+  }
+
+  function takeTheirs(version) {
+    notes.clear("disk");
+    store.change(`${version.path} from disk`, (state) => { state.design = version.design; });
+    setFile({ ...app.file, stamp: version.stamp, saved_design: version.design });
+    app.say(`${version.path} changed on disk and was taken; Undo goes back`);
+  }
+
+  // Changes from outside ------------------------------------------------------------------------
+
+  async function onFileChanged(event) {
+    await saving;
+    if (event.kind !== "design") return onSourceChanged(event);
+    if (event.path !== app.file.path || event.stamp === app.file.stamp) {
+      if (event.path === app.file.path) notes.clear("disk");
+      return;
+    }
+    if (event.problem) {
+      app.say(event.problem, "error");
+      notes.show("disk", `Changed on disk, but not readable: ${event.problem}. It is looked at again when it changes.`, []);
+    } else if (!app.file.dirty) {
+      takeTheirs(event);
+    } else {
+      notes.show("disk", `${event.path} changed on disk, and you have unsaved changes here.`, [
+        ["Take it", () => takeTheirs(event)],
+        ["Keep mine", () => setFile({ ...app.file, stamp: event.stamp, saved_design: event.design })],
+      ]);
+    }
+  }
+
+  function onSourceChanged(event) {
+    if (event.problem) {
+      app.say(event.problem, "error");
+      return;
+    }
+    const state = store.get();
+    const isMap = state.map?.source?.file === event.path;
+    store.change(`${event.path} from disk`, (copy) => {
+      if (isMap) copy.map.source.stamp = event.stamp;
+      if (copy.family?.files?.includes(event.path)) copy.family.stamp = event.stamp;
+      if (copy.recipe === event.path) copy.recipe_stamp = event.stamp;
+    });
+    app.say(`${event.path} changed on disk and was read anew`);
+    const count = state.map?.edits?.length ?? 0;
+    if (!isMap || !count) return;
+    notes.show("map", `${event.path} changed on disk; your ${count} changes of obstacles go by their numbers and may now move others.`, [
+      ["Drop my changes", () => store.change("drop changes of the map", (copy) => { copy.map.edits = []; })],
+      ["Leave them", () => {}],
+    ]);
+  }
+
+  /** Look whether the file is still as it was, after a reload or a new server. */
+  async function lookAgain() {
+    try {
+      const file = await app.desk("open_design", { design: app.file.path });
+      await onFileChanged({ kind: "design", path: app.file.path, stamp: file.stamp, design: file.design });
+    } catch (error) {
+      if (error.message) app.say(error.message, "error");
+    }
+  }
+
+  // Unsaved work --------------------------------------------------------------------------------
+
+  let isKept = false;
+  let told = "";
+
+  async function keep() {
+    const state = store.get();
+    try {
+      if (isUnsaved()) {
+        isKept = true;
+        const file = { path: app.file.path, name: app.file.name };
+        await app.desk("keep_recovery", { key, state, file });
+      } else if (isKept) {
+        isKept = false;
+        await app.desk("drop_recovery", { key });
+      }
+    } catch (error) {
+      // Once is enough: it would be told again at every change.
+      if (error.message && error.message !== told && state === store.get()) app.say(error.message, "error");
+      told = error.message ?? "";
+    }
+  }
+  const keepSoon = paused(keep, KEEP_AFTER_MS);
+
+  async function findUnsaved() {
+    const others = await otherTabs(() => key);
+    if (others.has(key)) {
+      // A tab that was duplicated has its own.
+      key = newKey();
+      sessionStorage.setItem(KEY, key);
+    }
+    isKept = restored;
+    const found = (await app.desk("recoveries")).recoveries
+      .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key));
+    offer(found);
+  }
+
+  function offer(found) {
+    const [entry, ...rest] = found;
+    if (!entry) {
+      notes.clear("unsaved");
+      return;
+    }
+    const file = entry.file?.path ? ` (${entry.file.path})` : "";
+    const more = rest.length ? ` ${rest.length} more after this.` : "";
+    notes.show("unsaved", `Unsaved work found: ${entry.name ?? "a design"}${file}, kept ${when(entry.kept_at)}.${more}`, [
+      ["Open it", () => takeUnsaved(entry).then(() => notes.clear("unsaved"))],
+      ["Discard it", () => app.desk("drop_recovery", { key: entry.key }).then(() => offer(rest))],
+      ["Not now", () => {}],
+    ]);
+  }
+
+  async function takeUnsaved(entry) {
+    try {
+      const kept = await app.desk("open_recovery", { key: entry.key });
+      let file = null;
+      try {
+        if (kept.file?.path) file = await app.desk("open_design", { design: kept.file.path });
+      } catch {
+        // The file went: what was made of it is still here.
+      }
+      rememberOld();
+      const path = file?.path ?? app.file.path;
+      store.replace("unsaved work", { ...kept.state, opened: path });
+      if (file) setFile(fileOf(file, file.design));
+      await keep();
+      await app.desk("drop_recovery", { key: entry.key });
+      app.say(`Unsaved work of ${entry.name ?? "a design"} is open; Undo goes back`);
+    } catch (error) {
+      app.say(error.message ?? String(error), "error");
+    }
+  }
+
+  // Begin ---------------------------------------------------------------------------------------
+
+  if (restored && app.file.path in known) app.file = { ...known[app.file.path] };
+  app.file.name ??= nameOf(app.file.path ?? "");
+  const first = app.file.path;
+  known[first] = app.file;
+  store.subscribe((state) => {
+    followUndo(state);
+    show();
+    keepSoon();
+  });
+  app.on("file_changed", onFileChanged);
+  app.on("again", lookAgain);
+  addEventListener("beforeunload", (event) => {
+    if (!isUnsaved()) return;
+    keep();
+    event.preventDefault();
+  });
+  addEventListener("visibilitychange", () => {
+    if (document.visibilityState === "hidden") keep();
+  });
+  addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+    const pressed = event.key.toLowerCase();
+    if (pressed !== "s" && pressed !== "o") return;
+    event.preventDefault();
+    if (document.querySelector("dialog[open]")) return;
+    if (pressed === "o") openDialog.show();
+    else if (event.shiftKey) saveAsDialog.show();
+    else if (save.disabled) app.say(`${app.file.path} is saved already`);
+    else {
+      document.activeElement?.blur?.(); // a number that is being typed counts
+      saveDesign();
+    }
+  });
+  show();
+  if (app.hello.problem) notes.show("disk", `${app.hello.problem}. Shown is what was read before.`, []);
+  if (restored) lookAgain();
+  findUnsaved().catch((error) => { if (error.message) app.say(error.message, "error"); });
+}
+
+function fileOf(answer, design) {
+  return {
+    path: answer.path,
+    name: answer.name ?? nameOf(answer.path),
+    writable: answer.writable,
+    stamp: answer.stamp,
+    saved_design: structuredClone(design),
+  };
+}
+
+function button(text, title, onclick) {
+  return el("button", { type: "button", title, onclick }, text);
+}
+
+/** Return a function's bars below the header, one of each kind. */
+function createNotes(root) {
+  const place = el("div", { class: "file-notes" });
+  root.closest("header").append(place);
+  const bars = new Map();
+  const clear = (kind) => {
+    bars.get(kind)?.remove();
+    bars.delete(kind);
+  };
+  return {
+    clear,
+    show(kind, text, actions) {
+      clear(kind);
+      const bar = el(
+        "div", { class: "file-note", role: "alert", "data-note": kind }, el("span", {}, text),
+        actions.map(([label, fn]) => button(label, "", () => { clear(kind); fn(); })),
+        actions.length ? null : button("Close", "", () => clear(kind)),
+      );
+      bars.set(kind, bar);
+      place.append(bar);
+    },
+  };
+}
+
+/** Ask in a dialog; the promise gives the name of the choice, or nothing. */
+function askUser(root, { title, text, lines = [], choices }) {
+  return new Promise((resolve) => {
+    const dialog = el(
+      "dialog", { class: "files-dialog ask", "aria-label": title },
+      el("h2", {}, title), el("p", {}, text),
+      lines.length ? el("ul", {}, lines.map((line) => el("li", {}, line))) : null,
+      el(
+        "div", { class: "buttons" },
+        choices.map(([value, label], place) =>
+          el("button", { type: "button", class: place ? null : "primary", onclick: () => dialog.close(value) }, label)),
+        el("button", { type: "button", onclick: () => dialog.close("") }, "Cancel"),
+      ),
+    );
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue);
+    });
+    root.append(dialog);
+    dialog.showModal();
+  });
+}
+
+function createOpenDialog(root, app, choose) {
+  const search = el("input", { type: "search", id: "open-search", autocomplete: "off", placeholder: "part of a name" });
+  const list = el("div", { class: "choices" });
+  const problem = el("p", { class: "problem", role: "alert" });
+  const where = el("p", { class: "standing" });
+  const dialog = el(
+    "dialog", { class: "files-dialog open", "aria-labelledby": "open-title" },
+    el("h2", { id: "open-title" }, "Open"),
+    el("div", { class: "field" }, el("label", { for: "open-search" }, "Find"), search),
+    list, problem, where,
+    el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => dialog.close() }, "Close")),
+  );
+  root.append(dialog);
+  let groups = [];
+
+  function fill() {
+    const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    list.replaceChildren(...groups.map(([title, kind, entries]) => {
+      const shown = entries.filter((entry) => {
+        const text = `${entry.name} ${entry.path ?? ""} ${entry.where ?? ""} ${title}`.toLowerCase();
+        return words.every((word) => text.includes(word));
+      });
+      if (!shown.length) return "";
+      return el(
+        "section", { "aria-label": title }, el("h3", {}, title),
+        shown.map((entry) => el(
+          "button", { type: "button", class: "choice", "data-kind": kind, onclick: () => take(kind, entry) },
+          el("span", {}, entry.name),
+          el("span", { class: "standing" }, entry.about ?? (entry.where === "folder" ? entry.path : entry.where)),
+        )),
+      );
+    }));
+    if (!list.querySelector("button")) list.replaceChildren(el("p", {}, "Nothing is called so."));
+  }
+
+  async function take(kind, entry) {
+    problem.textContent = "";
+    try {
+      if (await choose(kind, entry)) dialog.close();
+    } catch (error) {
+      problem.textContent = error.message ?? String(error);
+    }
+  }
+
+  search.addEventListener("input", fill);
+  dialog.addEventListener("keydown", (event) => {
+    const buttons = [...list.querySelectorAll("button")];
+    const at = buttons.indexOf(document.activeElement);
+    if (event.key === "Enter" && document.activeElement === search && buttons.length) {
+      event.preventDefault();
+      buttons[0].click();
+    } else if (event.key === "ArrowDown" && at < buttons.length - 1) {
+      event.preventDefault();
+      buttons[at + 1].focus();
+    } else if (event.key === "ArrowUp" && at >= 0) {
+      event.preventDefault();
+      (buttons[at - 1] ?? search).focus();
+    }
+  });
+
+  return {
+    async show() {
+      search.value = "";
+      problem.textContent = "";
+      list.replaceChildren(el("p", {}, "Looking"));
+      dialog.showModal();
+      search.focus();
+      try {
+        const found = await app.desk("choices");
+        groups = [
+          ["Designs", "design", found.designs],
+          ["Maps: files", "map", found.maps],
+          ["Maps: environments", "environment", found.environments],
+          ["Recipes", "recipe", found.recipes],
+        ];
+        where.textContent = `Folders: ${found.folders.join(", ")}${found.complete ? "" : " (too many files: not all are listed)"}`;
+        fill();
+      } catch (error) {
+        problem.textContent = error.message ?? String(error);
+        list.replaceChildren();
+      }
+    },
+  };
+}
+
+function createSaveAsDialog(root, app, writeAs) {
+  const path = el("input", { type: "text", id: "save-path", autocomplete: "off", spellcheck: "false", required: true });
+  const renames = el("input", { type: "checkbox", id: "save-renames", checked: true });
+  const problem = el("p", { class: "problem", role: "alert" });
+  const save = el("button", { type: "submit", class: "primary" }, "Save");
+  const dialog = el(
+    "dialog", { class: "files-dialog save-as", "aria-labelledby": "save-title" },
+    el("h2", { id: "save-title" }, "Save as"),
+    el(
+      "form", { method: "dialog" },
+      el("div", { class: "field" }, el("label", { for: "save-path" }, "File (.toml)"), path),
+      el("p", { class: "standing" }, `In ${app.hello.folder}, or in the folder of a file that was named with the command`),
+      el("div", { class: "field" }, renames, el("label", { for: "save-renames" }, "Name the design after the file")),
+      problem,
+      el("div", { class: "buttons" }, save, el("button", { type: "button", onclick: () => dialog.close() }, "Cancel")),
+    ),
+  );
+  root.append(dialog);
+  let there = null; // the file that a second press of the button replaces
+
+  const forget = () => {
+    there = null;
+    save.textContent = "Save";
+    problem.textContent = "";
+  };
+  path.addEventListener("input", forget);
+  dialog.querySelector("form").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const wanted = path.value.trim().endsWith(".toml") ? path.value.trim() : `${path.value.trim()}.toml`;
+    problem.textContent = "";
+    try {
+      const refused = await writeAs(wanted, renames.checked, there?.stamp);
+      if (!refused) {
+        dialog.close();
+        return;
+      }
+      there = refused;
+      save.textContent = "Replace it";
+      problem.textContent = `${refused.path} exists${refused.design ? ` (${refused.design.name})` : ""}.`;
+    } catch (error) {
+      problem.textContent = error.message ?? String(error);
+    }
+  });
+
+  return {
+    show() {
+      forget();
+      const file = app.file.path ?? "";
+      path.value = app.file.writable ? file.replace(/\.toml$/, "_2.toml") : `${nameOf(file)}.toml`;
+      dialog.showModal();
+      path.select();
+    },
+  };
+}
+
+function nameOf(path) {
+  return path.split(/[\\/]/).pop().replace(/\.toml$/i, "");
+}
+
+/** Return a value as text that is the same whatever order its keys are in. */
+function plainText(value) {
+  return JSON.stringify(value, (_, part) => {
+    if (part === null || typeof part !== "object" || Array.isArray(part)) return part;
+    return Object.fromEntries(Object.entries(part).sort(([a], [b]) => (a < b ? -1 : 1)));
+  });
+}
+
+/** Return the values in which two designs differ, a line each. */
+function differencesOf(theirs, mine) {
+  const flat = (value, key, found) => {
+    if (value !== null && typeof value === "object") {
+      for (const [part, inner] of Object.entries(value)) flat(inner, key ? `${key}.${part}` : part, found);
+    } else found.set(key, value);
+    return found;
+  };
+  const [one, other] = [flat(theirs, "", new Map()), flat(mine, "", new Map())];
+  const shown = (value) => (value === undefined ? "–" : typeof value === "number" ? number(value, 4) : String(value));
+  const lines = [...new Set([...one.keys(), ...other.keys()])]
+    .filter((key) => one.get(key) !== other.get(key))
+    .map((key) => `${key}: ${shown(one.get(key))}, ${shown(other.get(key))}`);
+  const rest = lines.length - MOST_DIFFERENCES;
+  return rest > 0 ? [...lines.slice(0, MOST_DIFFERENCES), `and ${rest} more`] : lines.length ? lines : ["comments or order only"];
+}
+
+function when(text) {
+  const time = new Date(text);
+  if (Number.isNaN(time.getTime())) return "at an unknown time";
+  const isToday = time.toDateString() === new Date().toDateString();
+  return isToday ? `today at ${time.toLocaleTimeString()}` : `on ${time.toLocaleString()}`;
+}
+
+function newKey() {
+  return [...crypto.getRandomValues(new Uint8Array(12))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+function tabKey() {
+  const found = sessionStorage.getItem(KEY) ?? newKey();
+  sessionStorage.setItem(KEY, found);
+  return found;
+}
+
+/** Return the keys of the other tabs that are open, and answer those that ask later. */
+function otherTabs(ownKey) {
+  const channel = new BroadcastChannel("vinefab-studio");
+  const others = new Set();
+  channel.onmessage = ({ data }) => {
+    if (data.who) channel.postMessage({ here: ownKey() });
+    else if (data.here) others.add(data.here);
+  };
+  channel.postMessage({ who: true });
+  return new Promise((resolve) => setTimeout(() => resolve(others), OTHERS_ANSWER_MS));
+}
+
+function readKnown() {
+  try {
+    return JSON.parse(sessionStorage.getItem(FILES) ?? "{}");
+  } catch {
+    return {};
+  }
+}
+
+function writeKnown(known) {
+  try {
+    sessionStorage.setItem(FILES, JSON.stringify(known));
+  } catch {
+    // Storage is full: undo over a reload keeps to the file that is open.
+  }
+}

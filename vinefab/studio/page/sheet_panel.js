@@ -1,0 +1,579 @@
+// The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
+
+import { el, fillSvg, number, svgEl } from "studio/dom.js";
+import { createView } from "studio/view.js";
+
+const STILL_MS = 150;
+const ZOOM = 1.4;
+const STEP_PX = 40;
+const NEAR_MM = 60; // no less is looked at
+const FAR_MM = 220; // a finding that marks more is looked at around its place
+const RIM_MM = 15;
+const KINDS = [["branches", "branches"], ["length", "lengths"], ["angle", "angles"], ["width", "widths"]];
+const WORDS = { error: "error", warning: "warning", info: "note" };
+
+const button = (text, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, text);
+const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
+/** What the rules depend on, of a state. */
+const concern = ({ design, map, pose, recipe, recipe_stamp, growth }) =>
+  JSON.stringify([design, map, pose, recipe, recipe_stamp, growth]);
+const measure = (value, unit, digits = 2) => `${number(value, digits)}${unit ? ` ${unit}` : ""}`;
+
+/** Return the first branches by name. */
+function who(branches) {
+  return branches.length ? ` ${branches.slice(0, 3).join(", ")}${branches.length > 3 ? ", …" : ""}` : "";
+}
+
+function percent(share) {
+  return `${(100 * Math.min(1, Math.max(0, share))).toFixed(2)}%`;
+}
+
+// ---- the drawing
+
+function sheetView(app, onMarker) {
+  const layers = Object.fromEntries(
+    ["beds", "ghost", "outline", "job"].map((name) => [name, svgEl("g", { class: name })]),
+  );
+  const svg = svgEl("svg", {
+    class: "sheet-drawing", tabindex: 0, role: "group", id: "sheet-drawing",
+    "aria-label": "Sheet with findings. Plus and minus zoom, arrow keys move, 0 shows all of it.",
+  }, ...Object.values(layers));
+  const view = createView(svg);
+  let dragged = null;
+  let moved = false;
+
+  function perPx() {
+    return Number(svg.style.getPropertyValue("--mm-per-px")) || 1;
+  }
+
+  /** Choose the finding under the pointer; of several, the one after that which is selected. */
+  function choose(event) {
+    if (moved) return;
+    const under = document.elementsFromPoint(event.clientX, event.clientY).map((node) => node.closest("[data-finding]"));
+    const markers = [...new Set(under)].filter((marker) => marker && svg.contains(marker))
+      .sort((one, two) => one.dataset.finding - two.dataset.finding);
+    if (!markers.length) return;
+    const place = markers.findIndex((marker) => marker.classList.contains("selected"));
+    onMarker(Number(markers[(place + 1) % markers.length].dataset.finding));
+  }
+
+  svg.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    moved = false;
+    dragged = [event.clientX, event.clientY];
+  });
+  svg.addEventListener("pointermove", (event) => {
+    if (!dragged) return;
+    const [dx, dy] = [event.clientX - dragged[0], event.clientY - dragged[1]];
+    if (!moved && Math.hypot(dx, dy) < 4) return;
+    if (!moved) svg.setPointerCapture(event.pointerId);
+    moved = true;
+    view.move(dx * perPx(), dy * perPx());
+    dragged = [event.clientX, event.clientY];
+  });
+  for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => { dragged = null; });
+  svg.addEventListener("click", choose);
+  svg.addEventListener("keydown", (event) => {
+    const marker = event.target.closest?.("[data-finding]");
+    if (marker && (event.key === "Enter" || event.key === " ")) {
+      event.preventDefault();
+      onMarker(Number(marker.dataset.finding));
+      return;
+    }
+    const step = STEP_PX * perPx();
+    const actions = {
+      "+": () => view.zoom(1 / ZOOM), "=": () => view.zoom(1 / ZOOM), "-": () => view.zoom(ZOOM), 0: () => view.fit(),
+      ArrowLeft: () => view.move(step, 0), ArrowRight: () => view.move(-step, 0),
+      ArrowUp: () => view.move(0, step), ArrowDown: () => view.move(0, -step),
+    };
+    if (!actions[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    actions[event.key]();
+  });
+
+  /** Where the flat layout lies on the sheet, as a transform; null where pieces lie apart. */
+  function onSheet(rules) {
+    const place = rules?.placement;
+    return place ? `translate(${place.dx_mm} ${-place.dy_mm}) rotate(${-place.rotation_deg})` : null;
+  }
+
+  function flat(layer, outline, transform) {
+    fillSvg(layer, outline ?? "");
+    if (transform) layer.setAttribute("transform", transform);
+    else layer.removeAttribute("transform");
+  }
+
+  return {
+    svg,
+    view,
+    /** Draw the job that the rules were applied to, with its findings. */
+    job(rules, ghost) {
+      layers.beds.replaceChildren();
+      layers.outline.replaceChildren();
+      fillSvg(layers.job, rules.sheet_svg);
+      const transform = onSheet(rules);
+      flat(layers.ghost, transform ? ghost : "", transform);
+      view.whole(rules.sheet_box.join(" "));
+    },
+    /** Draw the flat outline that follows the pointer, on the bed of the last job if there is one. */
+    outline(live, rules, ghost) {
+      const transform = onSheet(rules);
+      layers.job.replaceChildren();
+      fillSvg(layers.beds, transform ? rules.beds_svg : "");
+      flat(layers.ghost, ghost, transform);
+      flat(layers.outline, live.outline_svg, transform);
+      if (transform) view.whole(rules.sheet_box.join(" "));
+      else if (live.outline_box) {
+        const [x0, y0, x1, y1] = live.outline_box;
+        view.whole([x0 - RIM_MM, -y1 - RIM_MM, x1 - x0 + 2 * RIM_MM, y1 - y0 + 2 * RIM_MM].join(" "));
+      }
+    },
+    /** Mark one finding, and look at its place. */
+    select(index, look) {
+      for (const marker of layers.job.querySelectorAll("[data-finding]")) {
+        marker.classList.toggle("selected", Number(marker.dataset.finding) === index);
+      }
+      const marker = layers.job.querySelector(`[data-finding="${index}"]`);
+      if (!marker) return;
+      layers.job.append(marker); // on top of the others
+      if (!look) return;
+      const parts = [...marker.querySelectorAll(".marked")].map((part) => part.getBBox());
+      const sign = marker.querySelector("g")?.transform.baseVal.consolidate()?.matrix;
+      if (sign) parts.push({ x: sign.e, y: sign.f, width: 0, height: 0 });
+      const x0 = Math.min(...parts.map((box) => box.x));
+      const y0 = Math.min(...parts.map((box) => box.y));
+      const x1 = Math.max(...parts.map((box) => box.x + box.width));
+      const y1 = Math.max(...parts.map((box) => box.y + box.height));
+      const size = Math.min(FAR_MM, Math.max(NEAR_MM, 1.4 * (x1 - x0), 1.4 * (y1 - y0)));
+      const [x, y] = sign && size === FAR_MM ? [sign.e, sign.f] : [(x0 + x1) / 2, (y0 + y1) / 2];
+      view.show([x - size / 2, y - size / 2, size, size]);
+    },
+  };
+}
+
+// ---- pressure, film, time
+
+/** Return what growth needs, the working pressure and what the film may take, as a bar and words. */
+export function gaugeView(gauge) {
+  const { needed_loose: loose, needed_tight: tight, working_kpa: working, allowed_kpa: allowed } = gauge;
+  const top = 1.15 * Math.max(tight.kpa, working, allowed, 1);
+  const at = (kpa) => percent(kpa / top);
+  const wide = (from, to) => percent(Math.max(0, to - from) / top);
+  const bar = svgEl("svg", { class: "gauge", role: "img", width: "100%", height: 34, "aria-label": gaugeWords(gauge) },
+    svgEl("rect", { class: "track", x: 0, y: 10, width: "100%", height: 14, rx: 2 }),
+    svgEl("rect", { class: "beyond", x: at(allowed), y: 10, width: wide(allowed, top), height: 14 }),
+    svgEl("rect", { class: "needed", x: 0, y: 13, width: at(loose.kpa), height: 8 }),
+    svgEl("rect", { class: "needed tight", x: at(loose.kpa), y: 13, width: wide(loose.kpa, tight.kpa), height: 8 }),
+    svgEl("line", { class: "allowed", x1: at(allowed), x2: at(allowed), y1: 6, y2: 28 }),
+    svgEl("line", { class: "working", x1: at(working), x2: at(working), y1: 2, y2: 32 }),
+  );
+  const row = (key, name, value, standing) => [
+    el("dt", { class: key }, name), el("dd", {}, value, el("span", { class: "standing" }, standing)),
+  ];
+  const [kind, words] = gaugeVerdict(gauge);
+  return el("figure", { class: "pressure" },
+    el("figcaption", {}, "Pressure ", el("b", { class: kind }, words)),
+    bar,
+    el("dl", {},
+      ...row("needed", "needed", `${number(loose.kpa, 1)}–${number(tight.kpa, 1)} kPa`, gauge.needed_standing),
+      ...row("working", "working", measure(working, "kPa", 1), gauge.working_standing),
+      ...row("allowed", "allowed", measure(allowed, "kPa", 1), gauge.allowed_standing),
+    ),
+    el("details", {}, el("summary", {}, "Where these come from"),
+      el("p", {}, `Needed: tip ${loose.branch} ${loose.place}; ${gauge.needed_basis}`),
+      el("p", {}, `Allowed: ${gauge.allowed_basis}`)),
+  );
+}
+
+function gaugeVerdict(gauge) {
+  if (!gauge.is_open) return ["bad", "✕ growth needs more than the film may take"];
+  if (gauge.working_kpa > gauge.allowed_kpa) return ["bad", "✕ the working pressure is more than allowed"];
+  if (gauge.working_kpa < gauge.needed_loose.kpa) return ["poor", "▲ the working pressure is too low to grow"];
+  return gauge.is_open_tight ? ["good", "✓ enough"] : ["poor", "▲ enough if film is stored loosely"];
+}
+
+function gaugeWords(gauge) {
+  return `Needed ${number(gauge.needed_loose.kpa, 1)} to ${number(gauge.needed_tight.kpa, 1)} kPa, `
+    + `working ${number(gauge.working_kpa, 1)} kPa, allowed ${number(gauge.allowed_kpa, 1)} kPa`;
+}
+
+/** Return film, sheet, pieces and time, each with its standing, and every line of the bill folded. */
+export function billView(answer) {
+  const line = Object.fromEntries(answer.bill.map((each) => [each.item, each]));
+  const row = (name, text, standing, basis) => [
+    el("dt", {}, name), el("dd", { title: basis ?? "" }, text, el("span", { class: "standing" }, standing)),
+  ];
+  const rows = [];
+  const film = line["film in branches"];
+  rows.push(...row("branches", `${number(film.value / 1000, 2)} m`, film.standing, film.basis));
+  const area = line["film area, all plies"];
+  if (area) {
+    const [wide, high, total] = [line["film width"], line["film height"], line["machine time, total"]];
+    const sheets = answer.sheets > 1 ? `${answer.sheets} × ` : "";
+    rows.push(
+      ...row("film", `${number(area.value, 0)} cm²`, area.standing, area.basis),
+      ...row("sheet", `${sheets}${number(wide.value, 0)} × ${number(high.value, 0)} mm`, wide.standing, wide.basis),
+      ...row("to cut", `${number(total.value / 60, 1)} min`, total.standing, total.basis),
+    );
+  }
+  const tiles = answer.tiles ? `, in ${answer.tiles} tiles` : "";
+  rows.push(...row("pieces", `${answer.pieces_words}${tiles}`, "computed"));
+  const full = answer.bill.map((each) => el("tr", {},
+    el("th", { scope: "row" }, each.item), el("td", {}, measure(each.value, each.unit === "1" ? "" : each.unit)),
+    el("td", {}, each.standing), el("td", {}, each.basis)));
+  return el("div", { class: "bill" },
+    el("dl", {}, ...rows),
+    el("details", {}, el("summary", {}, `All ${answer.bill.length} lines`),
+      el("table", {}, el("tbody", {}, ...full))));
+}
+
+// ---- the panel
+
+export function mount(root, app) {
+  root.classList.add("sheet-panel");
+  const verdict = el("p", { class: "verdict", id: "verdict", role: "status", "aria-live": "polite" });
+  const busy = el("span", { class: "busy", "aria-hidden": "true" });
+  const drawing = sheetView(app, (index) => choose(index, false));
+  const gauge = el("div", { id: "gauge" });
+  const bill = el("div", { id: "bill" });
+  const list = el("ol", { class: "findings", id: "findings", "aria-label": "Findings" });
+  const more = el("div", { class: "more" });
+  const fix = fixView(app, () => answer);
+  root.append(
+    el("div", { class: "head" }, verdict, busy),
+    el("div", { class: "toolbar" },
+      button("+", () => drawing.view.zoom(1 / ZOOM), { "aria-label": "Zoom in on the sheet" }),
+      button("−", () => drawing.view.zoom(ZOOM), { "aria-label": "Zoom out of the sheet" }),
+      button("Whole sheet", () => drawing.view.fit()),
+      el("span", { class: "gap" }), fix.start),
+    drawing.svg, fix.box, gauge, bill, list, more,
+  );
+
+  let answer = null;
+  let answered = "";
+  let asked = "";
+  let timer = 0;
+  let live = null;
+  let present = null;
+  let selected = null; // fingerprint
+  let waiving = "";
+
+  // ---- asking
+
+  function isFresh() {
+    return answer !== null && answered === concern(app.shown());
+  }
+
+  function ask() {
+    clearTimeout(timer);
+    timer = 0;
+    const state = app.shown();
+    const wanted = concern(state);
+    if (!app.live || wanted === asked || wanted === answered) return;
+    asked = wanted;
+    app.ask("rules", {}, { state }).then(() => { asked = ""; }, (error) => {
+      if (asked === wanted) asked = "";
+      if (error?.stale || wanted !== concern(app.shown())) return;
+      answered = "";
+      verdict.textContent = error?.message ?? "the rules could not be run";
+      verdict.dataset.kind = "error";
+      busy.textContent = "";
+    });
+  }
+
+  /** Ask when the state has been still for a while. */
+  function follow() {
+    showFreshness();
+    if (!app.live || isFresh()) return;
+    clearTimeout(timer);
+    timer = setTimeout(ask, STILL_MS);
+  }
+
+  /** Ask at once: what was dragged is released. */
+  function release() {
+    if (timer) ask();
+  }
+
+  function showFreshness() {
+    const stale = !isFresh() && app.live;
+    root.classList.toggle("stale", stale);
+    root.classList.toggle("previewing", Boolean(app.previewed));
+    root.setAttribute("aria-busy", String(stale));
+    busy.textContent = stale ? "checking" : "";
+    fix.follow(stale);
+  }
+
+  // ---- drawing
+
+  function draw() {
+    const ghost = app.previewed ? present?.outline_svg : "";
+    if (isFresh() && answer.sheet_svg) drawing.job(answer, ghost);
+    else if (live?.outline_svg) drawing.outline(live, answer, ghost);
+    else if (answer?.sheet_svg) drawing.job(answer, ghost);
+    const index = answer?.findings.findIndex((finding) => finding.fingerprint === selected) ?? -1;
+    drawing.select(index, false);
+  }
+
+  function showVerdict() {
+    const words = answer.manufacturable ? "manufacturable" : "not manufacturable";
+    const counts = [[answer.errors, "error"], [answer.warnings, "warning"]]
+      .map(([count, word]) => `${count} ${word}${count === 1 ? "" : "s"}`).join(", ");
+    const text = `${answer.manufacturable ? "✓" : "✕"} ${words}: ${counts}`;
+    if (verdict.textContent !== text) verdict.textContent = text;
+    verdict.dataset.kind = answer.manufacturable ? (answer.warnings ? "warning" : "ok") : "error";
+  }
+
+  function show() {
+    showVerdict();
+    gauge.replaceChildren(gaugeView(answer.gauge));
+    bill.replaceChildren(billView(answer));
+    if (!answer.findings.some((finding) => finding.fingerprint === selected)) selected = null;
+    showList();
+    more.replaceChildren(...skippedView(answer));
+  }
+
+  function showList() {
+    const focused = document.activeElement?.closest?.("#findings li")?.dataset.key;
+    const items = answer.findings.map(findingView);
+    list.replaceChildren(...items);
+    if (!items.length) list.append(el("li", { class: "none" }, "No findings"));
+    if (focused) items.find((item) => item.dataset.key === focused)?.querySelector("button").focus();
+  }
+
+  // ---- findings
+
+  function findingView(finding, index) {
+    const isOpen = finding.fingerprint === selected;
+    const word = finding.waived ? "waived" : WORDS[finding.severity];
+    const sign = svgEl("svg", { class: `mark ${finding.severity}`, viewBox: "-8 -8 16 16", width: 14, height: 14, "aria-hidden": "true" },
+      svgEl("path", { class: "sign", d: answer.signs[finding.severity] }));
+    const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title, el("span", { class: "who" }, who(finding.branches)))],
+      () => choose(index, true), { "aria-expanded": String(isOpen), class: "finding-head" });
+    return el("li", { class: `${finding.severity}${finding.waived ? " waived" : ""}${isOpen ? " open" : ""}`, "data-key": `${index} ${finding.fingerprint}`, "data-rule": finding.rule },
+      head, isOpen ? detailView(finding) : null);
+  }
+
+  function detailView(finding) {
+    const rows = [];
+    const row = (name, text) => rows.push(el("dt", {}, name), el("dd", {}, text));
+    if (finding.measured !== null) row("measured", measure(finding.measured, finding.unit, 3));
+    if (finding.limit !== null) row("limit", measure(finding.limit, finding.unit, 3));
+    if (finding.branches.length) row("branches", finding.branches.join(", "));
+    row("place", finding.at_mm ? `${number(finding.at_mm[0], 1)}, ${number(finding.at_mm[1], 1)} mm on the sheet` : "the whole robot");
+    row("why", finding.reason);
+    if (finding.waived) row("waived", finding.waiver_reason);
+    return el("div", { class: "detail" }, el("p", {}, finding.message), el("dl", {}, ...rows),
+      app.live ? waiverView(finding) : null);
+  }
+
+  function choose(index, look) {
+    const finding = answer.findings[index];
+    const isOpen = finding.fingerprint === selected;
+    selected = isOpen ? null : finding.fingerprint;
+    waiving = "";
+    showList();
+    drawing.select(isOpen ? -1 : index, look && !isOpen);
+    app.highlight(isOpen ? [] : finding.branches);
+    const item = list.children[index];
+    if (!isOpen && !look) item?.scrollIntoView({ block: "nearest" });
+    if (look) item?.querySelector("button").focus();
+  }
+
+  function waiverView(finding) {
+    const name = finding.fingerprint;
+    if (finding.waived) {
+      return el("div", { class: "buttons" }, button("Take the waiver back", () => dropWaiver(name)));
+    }
+    if (waiving !== name) {
+      return el("div", { class: "buttons" }, button("Waive", () => { waiving = name; showList(); list.querySelector(".waive input")?.focus(); }));
+    }
+    const reason = el("input", { type: "text", required: true, maxlength: 500, "aria-label": `Reason to waive ${finding.rule}`, placeholder: "Why this is fine here" });
+    const form = el("form", { class: "waive" }, reason,
+      el("button", { type: "submit", class: "primary" }, "Waive"),
+      button("Cancel", () => { waiving = ""; showList(); }));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      if (reason.value.trim()) waive(finding, reason.value.trim());
+    });
+    return form;
+  }
+
+  function waive(finding, reason) {
+    waiving = "";
+    app.store.change(`waive ${finding.rule}`, (state) => {
+      state.design.waive = (state.design.waive ?? []).filter((one) => one.fingerprint !== finding.fingerprint);
+      state.design.waive.push({ fingerprint: finding.fingerprint, reason });
+    });
+  }
+
+  function dropWaiver(name) {
+    app.store.change("take a waiver back", (state) => {
+      state.design.waive = (state.design.waive ?? []).filter((one) => one.fingerprint !== name);
+    });
+  }
+
+  function skippedView(shown) {
+    const parts = [];
+    if (shown.findings_left_out) parts.push(el("p", {}, `and ${shown.findings_left_out} more findings that are not listed`));
+    for (const name of shown.stale_waivers) {
+      parts.push(el("p", { class: "stale-waiver" }, `Waiver ${name} names no finding. `, app.live ? button("Remove it", () => dropWaiver(name)) : null));
+    }
+    if (shown.deployed_problem) parts.push(el("p", { class: "note warning" }, shown.deployed_problem));
+    for (const { rule, note } of shown.notes) parts.push(el("p", { class: "note" }, `${rule}: ${note}`));
+    const skipped = shown.rules_skipped;
+    parts.push(el("details", {},
+      el("summary", {}, `${shown.rules_run} rules run, ${skipped.length} skipped`),
+      el("ul", {}, ...skipped.map(({ rule, reason }) => el("li", {}, `${rule}: ${reason}`)))));
+    return parts;
+  }
+
+  // ---- following
+
+  app.onAnswer("rules", (found, state) => {
+    if (app.live && concern(state) !== concern(app.shown())) return;
+    answer = found;
+    answered = concern(app.live ? state : app.shown());
+    showFreshness();
+    show();
+    draw();
+  });
+  app.onAnswer("live", (found, state) => {
+    if (same(state.design, app.store.get().design)) present = found;
+    live = found;
+    if (!isFresh()) draw();
+  });
+  app.onProgress?.("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
+  app.store.subscribe(() => { follow(); });
+  app.onPreview?.((design) => { fix.previewed(design); follow(); draw(); });
+  for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, release, true);
+  app.on?.("again", () => { asked = ""; ask(); });
+  follow();
+  ask();
+}
+
+// ---- the fix
+
+function fixView(app, rules) {
+  const start = button("Fix", run, { id: "fix", class: "primary" });
+  const box = el("section", { class: "fix", "aria-label": "Fix", hidden: true });
+  const bar = el("progress", { max: 1, value: 0, "aria-label": "Fixing" });
+  const step = el("span", { class: "step" });
+  let running = false;
+  let proposal = null;
+  let base = "";
+  let keep = new Set();
+
+  function follow(stale) {
+    const shown = rules();
+    const hasErrors = Boolean(shown && shown.errors > 0);
+    start.disabled = !app.live || stale || running || !hasErrors || Boolean(proposal);
+    start.title = !app.live ? "a snapshot: nothing is computed anew" : hasErrors || stale
+      ? "Find the smallest change that clears the errors; nothing is taken without you"
+      : "No errors: nothing to fix";
+    if (proposal && concern(app.store.get()) !== base) end("The design changed: the proposed fix was dropped");
+  }
+
+  function previewed(design) {
+    if (proposal && design !== proposal.design) close();
+  }
+
+  function close() {
+    proposal = null;
+    box.hidden = true;
+    box.replaceChildren();
+    follow(false);
+  }
+
+  function end(text = "") {
+    close();
+    if (app.previewed) app.preview(null);
+    if (text) app.say(text);
+  }
+
+  async function run() {
+    running = true;
+    base = concern(app.store.get());
+    bar.value = 0;
+    step.textContent = "looking for the smallest change";
+    const cancel = button("Cancel", () => { app.cancel("fix"); running = false; close(); });
+    box.hidden = false;
+    box.replaceChildren(el("div", { class: "progress" }, bar, cancel), step);
+    follow(false);
+    cancel.focus();
+    let found;
+    try {
+      found = await app.ask("fix", { keep: [...keep] }, { state: app.store.get() });
+    } catch (error) {
+      if (!running) return;
+      running = false;
+      if (error?.stale) return close();
+      return failed([error?.message ?? "no fix was found"]);
+    }
+    if (!running) return;
+    running = false;
+    if (concern(app.store.get()) !== base) return end("The design changed meanwhile: the fix was dropped");
+    if (!found.design) return failed(found.lines, found.keep_words);
+    proposal = found;
+    app.preview(found.design);
+    show(found);
+  }
+
+  function keepView() {
+    return el("fieldset", { class: "keep" }, el("legend", {}, "Keep"), ...KINDS.map(([kind, name]) => {
+      const input = el("input", { type: "checkbox", checked: keep.has(kind) });
+      input.addEventListener("change", () => { keep[input.checked ? "add" : "delete"](kind); });
+      return el("label", {}, input, ` ${name}`);
+    }), button("Try again", () => { end(); run(); }));
+  }
+
+  function failed(lines, words = []) {
+    box.hidden = false;
+    box.replaceChildren(
+      el("h3", { tabindex: -1 }, "No fix"),
+      ...lines.map((line) => el("p", {}, line)),
+      ...words.map((line) => el("p", { class: "note" }, line)),
+      keepView(), button("Close", close),
+    );
+    follow(false);
+    box.querySelector("h3").focus();
+  }
+
+  function show(found) {
+    const take = button("Take", () => {
+      const { design } = found;
+      const count = found.changes.length;
+      end();
+      app.store.change(`fix: ${count} change${count === 1 ? "" : "s"}`, (state) => { state.design = structuredClone(design); });
+    }, { class: "primary", id: "fix-take" });
+    box.replaceChildren(
+      el("h3", {}, "Proposed change"),
+      el("p", {}, found.lines[0]),
+      el("ul", { class: "changes" }, ...found.changes.map((change) => el("li", {}, change.text))),
+      ...found.keep_words.map((words) => el("p", { class: "note" }, words)),
+      ...(found.locks_changed ?? []).map((key) => el("p", { class: "note warning" }, `${key} is locked, but a fix has no way to keep it`)),
+      scoresView(found),
+      el("div", { class: "buttons" }, take, button("Leave", () => end(), { id: "fix-leave" })),
+      el("details", {}, el("summary", {}, "Another fix"), keepView()),
+    );
+    follow(false);
+    take.focus();
+  }
+
+  app.onProgress?.("fix", (share, text) => {
+    bar.value = share;
+    step.textContent = text;
+  });
+  return { start, box, follow, previewed };
+}
+
+function scoresView(found) {
+  if (!found.scores.length) return el("p", { class: "note" }, found.scores_note);
+  const rows = found.scores.map(({ task, before, after }) => {
+    const difference = after - before;
+    const kind = Math.abs(difference) < 5e-5 ? "" : difference > 0 ? "better" : "worse";
+    return el("tr", {}, el("th", { scope: "row" }, task), el("td", {}, number(before, 4)), el("td", {}, "→"),
+      el("td", {}, number(after, 4)),
+      el("td", { class: kind }, kind ? `${difference > 0 ? "+" : ""}${number(difference, 4)}` : "same"));
+  });
+  return el("table", { class: "scores-table" }, el("caption", {}, `Scores, ${found.scores_note}`), el("tbody", {}, ...rows));
+}

@@ -1,0 +1,255 @@
+"""Answer of the sheet's panel: every rule, the sheet with findings in place, pressure and bill."""
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg
+from vinefab.fabrication.checking import Deployed, checked_design, map_corridors, verdict
+from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
+from vinefab.fabrication.package.sheet_svg import (
+    SIGNS,
+    PlacedFinding,
+    beds_svg,
+    placed_findings,
+    sheet_box_mm,
+    sheet_svg,
+)
+from vinefab.fabrication.rules.annotation import LayoutPlacement
+from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
+from vinefab.fabrication.rules.subject import MapCorridors, Subject
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
+from vinefab.prediction.deploy import growth_on_maps
+from vinefab.studio.panels import Tell
+from vinefab.studio.state import StudioState
+
+MOST_FINDINGS = 200
+"""Most findings that are listed and marked, errors first; the others are counted."""
+
+
+def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
+    """Return the full check of what is open on the page, with the sheet that it is about."""
+    tell(0.1, "growth")
+    deployed, problem = deployed_on_page(state)
+    tell(0.2, "rules")
+    corridors = () if state.world is None else (_corridors(state.world),)
+    subject, report = checked_design(
+        state.design, state.profile, deployed=deployed, corridors=corridors
+    )
+    tell(0.8, "sheet")
+    return {
+        **report_content(report),
+        **_sheet_content(subject, report),
+        **_pieces_content(subject),
+        "gauge": _gauge_content(subject, state.profile),
+        "bill": _bill_content(subject, state.profile),
+        "deployed": [name for name, _ in deployed],
+        "deployed_problem": problem,
+    }
+
+
+def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
+    """Return the deployment on the open map from its start, or none and why there is none."""
+    if state.world is None:
+        return (), "no map is open: growth paths are checked in free space only"
+    if state.start is None:
+        return (), f"map {state.world.name} has no start: growth is checked in free space only"
+    options = growth_on_maps(state.design, state.growth.content).options
+    try:
+        # One growth is done by the interpreter before the compiled kernel is even loaded.
+        grown = grow(
+            state.design, terrain_of(state.world), state.start, options, engine="interpreted"
+        )
+    except BadInputError as error:
+        return (), f"not grown on map {state.world.name}: {error}"
+    return ((state.world.name, grown),), ""
+
+
+@lru_cache(maxsize=4)
+def terrain_of(world: Map) -> Terrain:
+    """Return the terrain of a map, kept while the map is open."""
+    return Terrain.of(world)
+
+
+@lru_cache(maxsize=4)
+def _corridors(world: Map) -> MapCorridors:
+    return map_corridors(world)
+
+
+# --- What the rules say -------------------------------------------------------------------------
+
+
+def report_content(report: CheckReport) -> dict[str, Any]:
+    """Return a report's verdict and which rules it is about."""
+    return {
+        "verdict": verdict(report),
+        "manufacturable": not report.blocking,
+        "errors": report.count(Severity.ERROR),
+        "warnings": report.count(Severity.WARNING),
+        "notes": [{"rule": run.rule, "note": run.note} for run in report.run if run.note],
+        "rules_run": len(report.run),
+        "rules_skipped": [{"rule": one.rule, "reason": one.reason} for one in report.skipped],
+        "stale_waivers": list(report.stale_waivers),
+    }
+
+
+def listed_findings(report: CheckReport) -> list[Finding]:
+    """Return the findings to be listed: errors first, waived ones last."""
+    ranks = list(Severity)
+    order = sorted(report.findings, key=lambda one: (one.waived, ranks.index(one.severity)))
+    return order[:MOST_FINDINGS]
+
+
+def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
+    """Return the drawing of the sheet and every finding with its place there."""
+    findings, job = listed_findings(report), subject.job
+    placed: Sequence[PlacedFinding] = [PlacedFinding(at_mm=None, marker="")] * len(findings)
+    drawing: dict[str, Any] = {
+        "sheet_svg": "",
+        "beds_svg": "",
+        "sheet_box": None,
+        "placement": None,
+    }
+    if job is not None:
+        placed = placed_findings(job, subject.layout, findings)
+        x0, y0, x1, y1 = sheet_box_mm(job)
+        drawing = {
+            "sheet_svg": sheet_svg(job, findings, placed),
+            "beds_svg": beds_svg(job),
+            "placement": _placement_content(job),
+            "sheet_box": [round(side, 2) for side in (x0, -y1, x1 - x0, y1 - y0)],
+        }
+    pairs = zip(findings, placed, strict=True)
+    return {
+        **drawing,
+        "findings": [_finding_content(finding, place) for finding, place in pairs],
+        "signs": {str(severity): path for severity, path in SIGNS.items()},
+        "findings_left_out": len(report.findings) - len(findings),
+    }
+
+
+def _placement_content(job: Job) -> dict[str, float] | None:
+    """Return where the flat layout lies on the sheet; None where pieces lie apart."""
+    if job.sheets:
+        return None
+    place = LayoutPlacement.of(job)
+    return {
+        "rotation_deg": deg(place.angle_rad),
+        "dx_mm": place.dx_mm,
+        "dy_mm": place.dy_mm,
+    }
+
+
+def _finding_content(finding: Finding, placed: PlacedFinding) -> dict[str, Any]:
+    rule = RULES[finding.rule]
+    return {
+        "rule": finding.rule,
+        "title": rule.title,
+        "reason": rule.reason,
+        "severity": str(finding.severity),
+        "message": finding.message,
+        "measured": _finite(finding.measured),
+        "limit": _finite(finding.limit),
+        "unit": finding.unit,
+        "branches": list(finding.branches),
+        "at_mm": None if placed.at_mm is None else list(placed.at_mm),
+        "marker": placed.marker,
+        "fingerprint": finding.fingerprint,
+        "waived": finding.waived,
+        "waiver_reason": finding.reason,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _pieces_content(subject: Subject) -> dict[str, Any]:
+    """Return in how many pieces, sheets and tiles the robot is cut, in words too."""
+    partition, job = subject.partition, subject.job
+    count = 1 if partition is None else len(partition.pieces)
+    words = "1 piece" if count == 1 else f"{count} pieces"
+    if partition is not None and partition.unparted:
+        words = "1 piece: cannot be cut in pieces that lie flat"
+    elif partition is not None and count > 1:
+        words += ", no fewer possible" if partition.proven_least else ", fewer may be possible"
+    sheets, tiles = (len(job.sheets), len(job.tiles)) if job else (0, 0)
+    return {"pieces": count, "pieces_words": words, "sheets": sheets or 1, "tiles": tiles}
+
+
+# --- Pressure -----------------------------------------------------------------------------------
+
+
+def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
+    """Return what growth takes, what the widest part may take, and the working pressure."""
+    changed = by_rule(changed_limits(subject.design, profile))
+    gauge = pressure_gauge(subject, profile, WINDOW.limits_with(changed.get(WINDOW.id, {})))
+    seam = profile.material.seam
+    paths = "simulated" if subject.deployments else "computed"
+    constants = "measured" if gauge.growth_measured else "assumed"
+    factor = changed.get(WINDOW.id, {}).get("safety_factor", WINDOW.limits["safety_factor"])
+    return {
+        "needed_loose": _need_content(subject, gauge.loose),
+        "needed_tight": _need_content(subject, gauge.tight),
+        "needed_standing": f"{paths}, constants {constants}",
+        "needed_basis": f"worst tip, film stored loosely to tightly; {gauge.source}",
+        "working_kpa": subject.design.build.pressure_kpa,
+        "working_standing": "set in the design",
+        "allowed_kpa": gauge.safe_kpa,
+        "allowed_standing": "measured" if gauge.seam_measured else "assumed",
+        "allowed_basis": f"{gauge.width_mm:.1f} mm of lay-flat width, safety factor {factor:g}; "
+        f"{seam.words()}",
+        "is_open": gauge.loose.pressure_kpa < gauge.safe_kpa,
+        "is_open_tight": gauge.tight.pressure_kpa < gauge.safe_kpa,
+    }
+
+
+def _need_content(subject: Subject, worst: WorstBranch) -> dict[str, Any]:
+    (branch,) = subject.ids(worst.branch)
+    return {"kpa": worst.pressure_kpa, "branch": branch, "place": worst.place}
+
+
+# --- Film, time ---------------------------------------------------------------------------------
+
+
+def _bill_content(subject: Subject, profile: LaserProfile) -> list[dict[str, Any]]:
+    """Return every line of the bill of materials, and the film in the branches."""
+    film = {
+        "item": "film in branches",
+        "value": subject.layout.tree.total_length_mm,
+        "unit": "mm",
+        "standing": "computed",
+        "basis": "planned lengths of all branches",
+    }
+    return [film, *map(_line_content, _bill(subject.job, subject.design, subject, profile))]
+
+
+def _bill(
+    job: Job | None, design: Design, subject: Subject, profile: LaserProfile
+) -> tuple[BomLine, ...]:
+    if job is None:
+        return ()
+    lines = bill_of_materials(job, profile)
+    if subject.partition is None:
+        return lines
+    separate = not job.along(Operation.WELDCUT)
+    return *lines, *joint_lines(design, subject.partition, profile, separate=separate)
+
+
+def _line_content(line: BomLine) -> dict[str, Any]:
+    return {
+        "item": line.item,
+        "value": line.value,
+        "unit": line.unit,
+        "standing": str(line.standing),
+        "basis": line.basis,
+    }

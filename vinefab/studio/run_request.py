@@ -1,0 +1,306 @@
+"""What the page asks of a search: the proposal that it begins with, and the run file for it."""
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.units import deg
+from vinefab.core.validation import whole
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import MOST_LEVELS, Design
+from vinefab.model.files.design_toml import design_content, design_text
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.search.costs import COSTS
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.space import LIMITS, SpaceSettings
+from vinefab.studio.state import PAGE, StudioState
+from vinefab.tasks.shipped_tasks import TASKS
+
+RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
+"""What a search that is begun on the page has in its folder before it runs."""
+
+_RUN_NAMES = {
+    "length": "length_mm",
+    "angle_deg": "angle_deg",
+    "branches": "branches",
+    "growth_percent": "growth_percent",
+}
+"""Variables of a level: keys of a design to keys of a space."""
+
+_WORDS = {
+    "length_mm": ("length", "mm"),
+    "angle_deg": ("fan", "deg"),
+    "branches": ("branches", ""),
+    "growth_percent": ("growth", "%"),
+}
+
+MOST_FILES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignValue:
+    """A value of the design that a search may change."""
+
+    key: str  # as in a design: ``level.0.angle_deg``
+    level: int  # 1 for the trunk
+    name: str  # as in a space: ``angle_deg``
+    value: float
+    is_locked: bool
+
+    @property
+    def proposed(self) -> tuple[float, float]:
+        """A range around the value."""
+        low, high = LIMITS[self.name]
+        if self.name == "branches":
+            around = self.value - 1.0, self.value + 1.0
+        elif self.name == "angle_deg":
+            around = round(self.value - 40.0), round(self.value + 40.0)
+        else:
+            least = min(1.0, self.value)
+            around = max(least, round(0.6 * self.value)), round(1.4 * self.value) + 1.0
+        # The value lies within, so that the search can begin at it.
+        return max(low, min(around[0], self.value)), min(high, max(around[1], self.value))
+
+    def plain(self) -> dict[str, Any]:
+        """Return the value as the page shows it."""
+        words, unit = _WORDS[self.name]
+        return {
+            "key": self.key,
+            "level": self.level,
+            "label": words,
+            "unit": unit,
+            "value": self.value,
+            "range": list(self.proposed),
+            "limits": list(LIMITS[self.name]),
+            "locked": self.is_locked,
+            "whole": self.name == "branches",
+        }
+
+
+def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, ...]:
+    """Return the values of a design that are variables of a space, trunk first."""
+    values = [("trunk.length", 1, "length_mm", design.trunk_length_mm)]
+    for index, level in enumerate(design.levels):
+        of_level = {
+            "branches": level.branches,
+            "length": level.length_mm,
+            "angle_deg": deg(level.fan_rad),
+            "growth_percent": round(100.0 * level.growth, 9),
+        }
+        values += [
+            (f"level.{index}.{key}", index + 2, _RUN_NAMES[key], value)
+            for key, value in of_level.items()
+        ]
+    return tuple(
+        DesignValue(key=key, level=level, name=name, value=value, is_locked=key in locks)
+        for key, level, name, value in values
+    )
+
+
+def run_proposal(state: StudioState) -> dict[str, Any]:
+    """Return what the page offers for a search around its design."""
+    deeper, depth = SpaceSettings(), state.design.depth
+    environment = state.world.environment if state.world else ""
+    return {
+        "values": [value.plain() for value in design_values(state.design, state.locks)],
+        "levels": [depth, depth],
+        "most_levels": MOST_LEVELS,
+        "deeper": {
+            words: [getattr(deeper, name).low, getattr(deeper, name).high, unit]
+            for name, (words, unit) in _WORDS.items()
+        },
+        "notes": list(_notes(state)),
+        "tasks": list(TASKS),
+        "objectives": [
+            *({"name": name, "kind": "cost", "words": _cost_words(name)} for name in COSTS),
+            *({"name": name, "kind": "task", "words": f"{name} score"} for name in TASKS),
+        ],
+        "optimizers": list(OPTIMIZERS),
+        "environments": list(ENVIRONMENTS),
+        "has_map": state.world is not None,
+        "settings": {
+            "task": state.task,
+            "objectives": [],
+            "maps": {
+                "environment": environment if environment in ENVIRONMENTS else "grid",
+                "count": 4,
+                "seed": 1,
+            },
+            "fabricable": True,
+            "population": 24,
+            "generations": 300,
+            "optimizer": "",
+            "seed": 1,
+            "start_here": True,
+        },
+    }
+
+
+def _cost_words(name: str) -> str:
+    return "few branches" if name == "branches" else f"little {name.replace('_', ' ')}"
+
+
+def _notes(state: StudioState) -> Sequence[str]:
+    """Return what the searched designs do not have of the page's design."""
+    build = state.design.build
+    left = [name for name, given in (("taper", build.taper), ("collar", build.collar)) if given]
+    notes = []
+    if left:
+        notes.append(f"{' and '.join(left)}: not in a search; what it finds has none")
+    if state.design.limits:
+        notes.append("the design's own limits of rules: a search takes the recipe's")
+    return notes
+
+
+def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[str, str]:
+    """Return the files of a search by their names: the run file, and what it needs beside it.
+
+    Parameters
+    ----------
+    ask
+        ``task``, ``objectives``, ``maps``, ``levels``, ``ranges`` by key of the design,
+        ``fabricable``, ``population``, ``generations``, ``optimizer``, ``seed``, ``start_here``;
+        what is left out is as in `run_proposal`.
+    folder
+        Where the files will be; the run is called after it.
+    """
+    given = {**run_proposal(state)["settings"], **ask}
+    objectives = _texts("objectives", given["objectives"])
+    files: dict[str, str] = {}
+    content: dict[str, Any] = {"schema": "vinefab/run-1", "name": folder.name}
+    content["maps"] = _maps(state, given["maps"], folder, files)
+    content["task"] = {"name": given["task"]}
+    if objectives:
+        others = [name for name in objectives if name != given["task"]]
+        content["task"]["objectives"] = [given["task"], *others]
+    content["space"] = _space(state, ask)
+    content["build"] = _build(state.design)
+    content["growth"] = {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in state.growth.content.items()
+    }
+    content["optimizer"] = {
+        **({"name": given["optimizer"]} if given["optimizer"] else {}),
+        **{key: given[key] for key in ("population", "generations", "seed")},
+    }
+    if given["start_here"] and _can_start_at(given, objectives):
+        content["optimizer"]["start_from"] = [START_FILE]
+        files[START_FILE] = design_text(state.design)
+    content["evaluation"] = {"fabricable": given["fabricable"], "recipe": _recipe(state.recipe)}
+    head = f"# {GENERATOR}: a search begun on the studio's page\n"
+    try:
+        return {**files, RUN_FILE: head + _one_line_lists(tomli_w.dumps(content))}
+    except (TypeError, ValueError) as error:
+        raise BadInputError("settings", str(error), "texts, numbers and lists", PAGE) from error
+
+
+_LIST = re.compile(r"\[\n((?: +[^\[\]\n]*,\n)+)\]")
+
+
+def _one_line_lists(text: str) -> str:
+    """Return TOML with each list of plain values in one line, as people write them."""
+    return _LIST.sub(lambda found: f"[{', '.join(found[1].split(_BETWEEN))[4:-2]}]", text)
+
+
+_BETWEEN = ",\n    "
+
+
+def _can_start_at(given: Mapping[str, Any], objectives: Sequence[str]) -> bool:
+    """Tell whether the run's optimizer takes designs to begin at: only islands do."""
+    default = "islands" if given["fabricable"] and not objectives else "another"
+    return bool((given["optimizer"] or default) == "islands")
+
+
+def _maps(state: StudioState, given: object, folder: Path, files: dict[str, str]) -> dict[str, Any]:
+    """Return the table of the training maps; the map on the page becomes a file of the run."""
+    allowed = "environment, count and seed; files; or shown = true"
+    if not isinstance(given, Mapping):
+        raise BadInputError("maps", given, allowed, PAGE)
+    if given.get("shown"):
+        if state.world is None:
+            raise BadInputError("maps.shown", "no map is open", "a map on the page", PAGE)
+        files[SHOWN_MAP_FILE] = map_text(state.world)
+        return {"files": [SHOWN_MAP_FILE], **_start(state)}
+    if "files" in given:
+        names = _texts("maps.files", given["files"])
+        return {"files": [os.path.relpath(name, folder) for name in names]}
+    return {key: given[key] for key in ("environment", "count", "seed") if key in given}
+
+
+def _start(state: StudioState) -> dict[str, Any]:
+    """Return the page's start as that of the map; nothing where the map's own is taken."""
+    pose = state.pose
+    if pose is None:
+        return {}
+    start = {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": deg(pose.heading_rad)}
+    return {"start": start}
+
+
+def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of the space: a range for every value of the design, one for its depth.
+
+    Levels that the design does not have keep the default ranges.
+    """
+    values = design_values(state.design, state.locks)
+    depth = state.design.depth
+    levels = ask.get("levels", [depth, depth])
+    least, most = _levels(levels)
+    locked = max((value.level for value in values if value.is_locked), default=1)
+    if least < locked:
+        allowed = f"at least {locked} levels: level {locked} has locked values"
+        raise BadInputError("levels", levels, allowed, PAGE)
+    ranges = ask.get("ranges") or {}
+    known = {value.key for value in values}
+    if not isinstance(ranges, Mapping) or not known.issuperset(ranges):
+        raise BadInputError("ranges", ranges, f"ranges of {', '.join(sorted(known))}", PAGE)
+    tables: dict[int, dict[str, Any]] = {}
+    for value in values:
+        if value.level <= most:
+            table = tables.setdefault(value.level, {"number": value.level})
+            asked = ranges.get(value.key, list(value.proposed))
+            table[value.name] = _tidy(value.value if value.is_locked else asked)
+    return {"levels": [least, most], "level": list(tables.values())}
+
+
+def _tidy(given: object) -> object:
+    """Return whole numbers without a decimal point."""
+    if isinstance(given, list):
+        return [_tidy(value) for value in given]
+    return int(given) if isinstance(given, float) and given.is_integer() else given
+
+
+def _levels(given: Any) -> tuple[int, int]:  # noqa: ANN401  JSON
+    if not isinstance(given, list) or len(given) != 2:
+        raise BadInputError("levels", given, "[fewest, most]", PAGE)
+    least = whole("levels", given[0], 1, MOST_LEVELS)
+    return least, whole("levels", given[1], least, MOST_LEVELS)
+
+
+def _build(design: Design) -> dict[str, Any]:
+    """Return the table of how all designs are built: as the page's, but for what no run has."""
+    content = design_content(design)["build"]
+    names = ("widths_mm", "tail_mm", "pressure_kpa", "pouch", "pieces")
+    return {name: content[name] for name in names if name in content}
+
+
+def _recipe(recipe: str) -> str:
+    """Return a recipe as a run file names it from any folder."""
+    if recipe == DEFAULT_RECIPE:
+        return ""
+    return str(Path(recipe).resolve()) if Path(recipe).is_file() else recipe
+
+
+def _texts(key: str, given: object) -> list[str]:
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise BadInputError(key, given, "a list of texts", PAGE)
+    if len(given) > MOST_FILES:
+        raise BadInputError(key, f"{len(given)} texts", f"at most {MOST_FILES}", PAGE)
+    return given

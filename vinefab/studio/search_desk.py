@@ -1,0 +1,823 @@
+"""Searches of the page: begun, followed, stopped, resumed, loaded; each is a command's run.
+
+A search is a child process of the server that runs ``vinefab optimize``, nothing else. It stops as
+with Ctrl-C, everything recorded, when the page asks for it, when the server ends, and also when the
+server is killed: it notices that the pipe to it has closed (`vinefab.core.interruption`).
+"""
+
+import asyncio
+import inspect
+import json
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from vinefab.core.atomic import folder_to_fill, write_text
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnknownNameError,
+    UnreadableFileError,
+    VinefabError,
+    located,
+)
+from vinefab.core.interruption import STOP_WITH_INPUT
+from vinefab.core.plain_text import visible
+from vinefab.core.validation import Floats, check_plain
+from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.score import Score
+from vinefab.search.costs import COSTS
+from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.front import minimized, non_dominated, spread_out
+from vinefab.search.record.result import Generation, first_difference
+from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
+from vinefab.search.run_file import read_run
+from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings
+from vinefab.search.space import Space
+from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
+from vinefab.studio.state import PAGE, StudioState
+
+PAUSE_S = 0.35
+"""Between two looks at the record of a run that is going on."""
+
+PATIENCE_S = 10.0
+"""How long a search may take to stop before it is killed; its record is whole then too."""
+
+MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
+MOST_FRONT_KEPT = 360
+"""A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
+
+MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
+"""How far earlier runs are looked for below the folders of the desk."""
+
+MOST_CANDIDATES, MOST_RUN_FILE_BYTES = 40, 1 << 18
+"""Of files that may be the run file of a record."""
+
+_SIMULATED = "simulated"
+
+
+@dataclass(slots=True)
+class FollowedRecord:
+    """A record that is read bit by bit while its run goes on."""
+
+    path: Path
+    has_front: bool = True  # whether the front so far is wanted
+    settings: RunSettings | None = None  # None before there is a record
+    generations: int = 0  # read so far
+    evaluations: int = 0
+    best: float = INVALID_FITNESS  # best fitness
+    best_at: tuple[int, int] | None = None  # its generation and row
+    best_breaks: bool = False  # whether it has a penalty
+    best_x: Floats = field(default_factory=lambda: np.empty(0))
+    curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
+    stopped: str = ""
+    winner_score: Score | None = None  # on fresh poses, once the run has ended
+    front: "LiveFront | None" = None
+
+    def look(self) -> None:
+        """Read what is new."""
+        tail = RecordTail.read(self.path, self.generations)
+        if tail is None:
+            return
+        if self.settings is None and tail.settings.objectives and self.has_front:
+            self.front = LiveFront(tail.settings)
+        self.settings, self.stopped = tail.settings, tail.stopped
+        self.winner_score = tail.winner_score
+        for generation in tail.generations:
+            self._take(generation)
+
+    def _take(self, generation: Generation) -> None:
+        self.generations = generation.number + 1
+        self.evaluations += len(generation.fitness)
+        if generation.best > self.best:
+            row = int(np.argmax(generation.fitness))
+            if self.best_breaks and generation.penalty[row] == 0.0:
+                # Designs that break something rank below all others, on a scale of their own.
+                self.curve.clear()
+            self.best, self.best_at = generation.best, (generation.number, row)
+            self.best_x = generation.x[row]
+            self.best_breaks = bool(generation.penalty[row] > 0.0)
+            self.curve.append((self.evaluations, self.best))
+        if self.front is not None:
+            self.front.take(generation)
+
+    @property
+    def share(self) -> float:
+        """Share of the generations that are done; runs with other limits may end before."""
+        if self.settings is None:
+            return 0.0
+        return min(1.0, self.generations / self.settings.search.generations)
+
+    def best_content(self) -> dict[str, Any] | None:
+        """Return the best design so far; None before there is one."""
+        if self.settings is None or self.best_at is None:
+            return None
+        space = Space(self.settings.space, self.settings.build)
+        return design_content(space.design(self.best_x, self.settings.name))
+
+    def curve_points(self) -> list[list[float]]:
+        """Return the curve up to now, in a bounded number of points."""
+        points = [list(point) for point in self.curve]
+        if points and points[-1][0] < self.evaluations:
+            points.append([self.evaluations, self.best])
+        if len(points) <= MOST_CURVE_POINTS:
+            return points
+        chosen = np.linspace(0, len(points) - 1, MOST_CURVE_POINTS).round().astype(int)
+        return [points[place] for place in chosen.tolist()]
+
+
+class LiveFront:
+    """The designs of a run with several objectives that no other dominates so far."""
+
+    def __init__(self, settings: RunSettings) -> None:
+        self._settings = settings
+        self._space = Space(settings.space, settings.build)
+        self._at: list[tuple[int, int]] = []  # generation and row of each
+        self._fitness, self._costs = np.empty(0), np.empty((0, len(settings.further_objectives)))
+
+    def take(self, generation: Generation) -> None:
+        """Let the designs of a generation that break nothing join, and drop what they dominate."""
+        names = self._settings.further_objectives
+        costs = minimized(generation.x, generation.terms, self._space, names)
+        valid = np.isfinite(generation.composite) & (generation.penalty == 0.0)
+        rows = np.flatnonzero(valid & np.isfinite(costs).all(axis=1))
+        at = [*self._at, *((generation.number, row) for row in rows.tolist())]
+        fitness = np.concatenate([self._fitness, generation.fitness[rows]])
+        costs = np.vstack([self._costs, costs[rows]])
+        kept = np.flatnonzero(non_dominated(fitness, costs))
+        if len(kept) > MOST_FRONT_KEPT:
+            kept = kept[spread_out(costs[kept], MOST_FRONT_POINTS)]
+        self._at = [at[place] for place in kept.tolist()]
+        self._fitness, self._costs = fitness[kept], costs[kept]
+
+    def plain(self) -> dict[str, Any]:
+        """Return the front for the page, its points in the order of the first further objective."""
+        settings = self._settings
+        signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
+        points = [
+            {
+                "point": "{}:{}".format(*self._at[place]),
+                "label": f"generation {self._at[place][0] + 1}",
+                "values": [
+                    float(self._fitness[place]),
+                    *(s * float(c) for s, c in zip(signs, self._costs[place], strict=True)),
+                ],
+                "breaks": False,
+            }
+            for place in spread_out(self._costs, MOST_FRONT_POINTS)
+        ]
+        names = (settings.task.name, *settings.further_objectives)
+        return {
+            "objectives": [_objective(name) for name in names],
+            "points": points,
+            "is_final": False,
+        }
+
+
+def _objective(name: str) -> dict[str, str]:
+    """Return an objective as charts name it."""
+    is_cost = name in COSTS
+    return {
+        "name": name.replace("_", " ") if is_cost else f"{name} score",
+        "unit": COSTS[name].unit if is_cost else "",
+        "better": "smaller" if is_cost else "larger",
+        # A cost follows from the design alone.
+        "kind": "planned" if is_cost else _SIMULATED,
+    }
+
+
+@dataclass(slots=True)
+class RunningSearch:
+    """A search that this server began."""
+
+    folder: Path
+    command: str  # as a user would type it
+    process: subprocess.Popen[bytes]
+    complaints: IO[bytes]  # what it writes to standard error
+    record: FollowedRecord
+    written: Mapping[Path, str] = field(default_factory=dict)  # files of a new search
+    was_asked_to_stop: bool = False
+
+    def ask_to_stop(self) -> None:
+        """Stop it as Ctrl-C would."""
+        self.was_asked_to_stop = True
+        pipe = self.process.stdin
+        if pipe is not None:
+            with suppress(OSError, ValueError):  # it has ended, or was asked before
+                # Another process of the server may hold a copy of the pipe: closing is not enough.
+                pipe.write(b"\n")
+                pipe.flush()
+                pipe.close()
+
+    def state(self) -> str:
+        """Return ``running``, ``ended``, ``stopped`` or ``failed``."""
+        code = self.process.poll()
+        if code is None:
+            return "running"
+        if code in (0, 1):  # 1: the winner breaks a rule
+            return "ended"
+        return "stopped" if self.was_asked_to_stop or code == _INTERRUPTED else "failed"
+
+    def complaint(self) -> str:
+        """Return the line with which it failed."""
+        self.complaints.seek(0, os.SEEK_END)
+        self.complaints.seek(max(0, self.complaints.tell() - _MOST_COMPLAINT_BYTES))
+        lines = self.complaints.read().decode("utf-8", "replace").strip().splitlines()
+        words = lines[-1].removeprefix("error: ") if lines else "it ended without a word"
+        code = self.process.returncode
+        return visible(words) if code >= 0 else f"it was ended by signal {-code}; it can be resumed"
+
+
+_INTERRUPTED = 130
+_MOST_COMPLAINT_BYTES = 8192
+
+SearchEvent = dict[str, Any]
+
+
+class SearchDesk:
+    """The searches of one server; one runs at a time.
+
+    Parameters
+    ----------
+    roots
+        Folders below which searches may be begun, resumed and loaded.
+    home
+        Where new searches are proposed: the folder where the command was started.
+    """
+
+    def __init__(self, roots: tuple[Path, ...], home: Path | None = None) -> None:
+        self.home = (home or Path.cwd()).resolve()
+        self.roots = tuple(root.resolve() for root in roots) or (self.home,)
+        self._running: RunningSearch | None = None
+        self._told: SearchEvent | None = None
+        self._rows: dict[Path, tuple[list[tuple[int, int]], dict[str, Any]]] = {}
+        self._lock = threading.RLock()
+
+    def propose(self, ask: Mapping[str, Any], state: StudioState) -> dict[str, Any]:
+        """Return what the page offers for a new search, and the command for its folder."""
+        folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
+        return {
+            **run_proposal(state),
+            "folder": self._shown(folder),
+            "command": shlex.join(["vinefab", *self._arguments(folder / RUN_FILE, folder)]),
+        }
+
+    def start(self, ask: Mapping[str, Any], state: StudioState) -> dict[str, Any]:
+        """Write the run file of a search into a new folder, and begin it."""
+        with self._lock:
+            self._refuse_second()
+            with located(PAGE):
+                check_plain(ask)
+            folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
+            ask = {**ask, **self._found_maps(ask)}
+            written: dict[Path, str] = {}
+            with folder_to_fill(folder):
+                try:
+                    for name, text in run_files(state, ask, folder).items():
+                        written[write_text(folder / name, text)] = text
+                    read_run(folder / RUN_FILE)
+                except VinefabError as error:
+                    _take_back(written)
+                    raise _on_page(error, folder / RUN_FILE) from error
+            return self._begin(self._arguments(folder / RUN_FILE, folder), folder, written)
+
+    def resume(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Go on with a run that was stopped, also one of the command line."""
+        with self._lock:
+            self._refuse_second()
+            folder = self._inside("folder", ask.get("folder"))
+            tail = RecordTail.read(folder / RECORD_FILE)
+            if tail is not None:
+                run_file, seed = self._run_file(ask, folder, tail.settings)
+            elif (folder / RUN_FILE).is_file():  # stopped before there was a record
+                run_file, seed = folder / RUN_FILE, []
+            else:
+                raise UnreadableFileError(folder, f"has no {RECORD_FILE} of a run")
+            return self._begin([*self._arguments(run_file, folder), *seed, "--resume"], folder, {})
+
+    def stop(self) -> dict[str, Any]:
+        """Ask the running search to stop; an event tells when it has."""
+        running = self._running
+        if running is None or running.state() != "running":
+            raise BadInputError("search", None, "one that is running", PAGE)
+        running.ask_to_stop()
+        return {"folder": self._shown(running.folder), "state": "stopping"}
+
+    def runs(self) -> dict[str, Any]:
+        """Return the runs below the desk's folders, the latest first."""
+        paths, is_whole = _records_below(self.roots)
+        newest = sorted(paths, key=_stamp, reverse=True)
+        return {
+            "runs": [self._row(path) for path in newest[:MOST_RUNS]],
+            "left_out": max(0, len(newest) - MOST_RUNS),
+            "is_whole": is_whole,
+            "search": self._told,
+            "home": str(self.home),
+        }
+
+    def load(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the best design of a run, or a point of its front.
+
+        Parameters
+        ----------
+        ask
+            ``folder`` and ``point``: ``best``; ``G:R``, row R of generation G; or the name of a
+            design of the front that the run ended with.
+        """
+        folder, point = self._inside("folder", ask.get("folder")), ask.get("point", "best")
+        if not isinstance(point, str):
+            raise BadInputError("point", point, "best, G:R or a design of the front", PAGE)
+        if point == "best":
+            content, words = _best_of(folder)
+        elif ":" in point:
+            content, words = _point_of(folder, point)
+        else:
+            content, words = _front_design(folder, point)
+        return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
+
+    def front(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the front of a run: the one that it ended with, or the one so far."""
+        folder = self._inside("folder", ask.get("folder"))
+        record = FollowedRecord(folder / RECORD_FILE)
+        record.look()
+        if record.front is None:
+            raise BadInputError("folder", ask["folder"], "a run with several objectives", PAGE)
+        final = _final_front(folder, record)
+        return {"folder": self._shown(folder), "front": final or record.front.plain()}
+
+    def news(self) -> SearchEvent | None:
+        """Return what has changed since the last call; None where nothing has."""
+        with self._lock:
+            if self._running is None:
+                return None
+            event = self._event(self._running)
+            if event == self._told:
+                return None
+            self._told = event
+            if event["state"] != "running":
+                self._end(self._running)
+            return event
+
+    async def watch(self, tell: Callable[[SearchEvent], Awaitable[None] | None]) -> None:
+        """Tell what searches do, until cancelled."""
+        while True:
+            event = await asyncio.to_thread(self.news)
+            if event is not None:
+                told = tell(event)
+                if inspect.isawaitable(told):
+                    await told
+            await asyncio.sleep(PAUSE_S)
+
+    def close(self) -> None:
+        """Stop the running search as Ctrl-C would, and wait for it; it can be resumed."""
+        running = self._running
+        if running is None:
+            return
+        running.ask_to_stop()
+        try:
+            running.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            running.process.kill()
+            running.process.wait()
+        self.news()
+
+    def _begin(
+        self, arguments: list[str], folder: Path, written: Mapping[Path, str]
+    ) -> dict[str, Any]:
+        """Run a command of vinefab as a child that ends with this process."""
+        command = shlex.join(["vinefab", *arguments])
+        complaints = tempfile.TemporaryFile()  # noqa: SIM115  closed when the search has ended
+        try:
+            process = subprocess.Popen(  # noqa: S603  our own program
+                [sys.executable, "-m", "vinefab", *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=complaints,
+                cwd=self.home,
+                env={**os.environ, STOP_WITH_INPUT: "1"},
+                start_new_session=True,  # Ctrl-C is for the server, which passes it on once
+            )
+        except OSError as error:
+            complaints.close()
+            raise CannotWriteError(folder, f"no process ({error.strerror})") from error
+        self._running = RunningSearch(
+            folder=folder,
+            command=command,
+            process=process,
+            complaints=complaints,
+            record=FollowedRecord(folder / RECORD_FILE),
+            written=written,
+        )
+        self._told = None
+        return {"folder": self._shown(folder), "command": command, "state": "running"}
+
+    def _end(self, running: RunningSearch) -> None:
+        if running.process.stdin is not None:
+            with suppress(OSError):
+                running.process.stdin.close()
+        running.complaints.close()
+        if running.state() == "failed" and not running.record.path.exists():
+            # Refused before it began: another try finds the folder as it was.
+            _take_back(running.written)
+            with suppress(OSError):
+                running.folder.rmdir()
+        self._running = None
+
+    def _event(self, running: RunningSearch) -> SearchEvent:
+        # Before the record is read: an ended search has then written all of it.
+        state, record = running.state(), running.record
+        problem = "" if state != "failed" else running.complaint()
+        try:
+            record.look()
+        except UnreadableFileError as error:
+            problem = problem or str(error)
+        event = {
+            "event": "search",
+            "folder": self._shown(running.folder),
+            "state": state,
+            "share": record.share,
+            "generations": record.generations,
+            "most_generations": record.settings.search.generations if record.settings else None,
+            "evaluations": record.evaluations,
+            "task": record.settings.task.name if record.settings else None,
+            "curve": record.curve_points(),
+            "best": record.best_content(),
+            "best_score": record.best if record.best_at is not None else None,
+            "best_words": _best_words(record),
+            "best_breaks": record.best_breaks,
+            "front": record.front.plain() if record.front else None,
+            "line": problem or _line(state, record, asked=running.was_asked_to_stop),
+            "command": running.command,
+        }
+        return event if state != "ended" else {**event, **self._outcome(running)}
+
+    def _outcome(self, running: RunningSearch) -> dict[str, Any]:
+        """Return what an ended search changes of its last event."""
+        try:
+            result = RunArchive.read(running.record.path).result()
+            front = _final_front(running.folder, running.record)
+        except VinefabError as error:
+            return {"line": str(error)}
+        breaks = running.process.returncode == 1
+        rules = "; it breaks fabrication rules or limits" if breaks else ""
+        found = {
+            "best": design_content(result.best),
+            "best_score": result.score.composite["mean"],
+            "best_words": f"{_winner_words(result.score)}{rules}",
+            "best_breaks": breaks,
+        }
+        return {**found, "front": front} if front else found
+
+    def _arguments(self, run_file: Path, folder: Path) -> list[str]:
+        """Return the command as a user would type it in the folder of the server."""
+        run, out = self._shown(run_file), self._shown(folder)
+        return ["optimize", run, "--out", out, "--workers", "1", "--quiet"]
+
+    def _refuse_second(self) -> None:
+        if self._running is not None and self._running.state() == "running":
+            where = self._shown(self._running.folder)
+            raise BadInputError("search", f"running in {where}", "one at a time: stop it", PAGE)
+        self.news()
+
+    def _inside(self, key: str, given: object) -> Path:
+        """Return a path of the page, which must lie in one of the desk's folders."""
+        if not isinstance(given, str) or not given or not given.isprintable():
+            raise BadInputError(key, given, "a path in letters that can be shown", PAGE)
+        path = (self.home / given).resolve()
+        if not any(path.is_relative_to(root) for root in self.roots):
+            allowed = f"a path below {' or '.join(map(str, self.roots))}"
+            raise BadInputError(key, given, allowed, PAGE)
+        return path
+
+    def _shown(self, path: Path) -> str:
+        """Return a path as the page shows it: from the server's folder where it lies below."""
+        return str(path.relative_to(self.home) if path.is_relative_to(self.home) else path)
+
+    def _free_folder(self) -> Path:
+        base = self.home if self._allows(self.home) else self.roots[0]
+        number = 1
+        while (base / f"search_{number}").exists():
+            number += 1
+        return base / f"search_{number}"
+
+    def _allows(self, path: Path) -> bool:
+        return any(path.is_relative_to(root) for root in self.roots)
+
+    def _new_folder(self, given: object) -> Path:
+        """Return a folder for a new search: none yet, or an empty one."""
+        folder = self._inside("folder", given)
+        try:
+            is_taken = folder.exists() and not (folder.is_dir() and not any(folder.iterdir()))
+        except OSError as error:
+            raise UnreadableFileError(folder, error.strerror or "is not readable") from error
+        if is_taken or folder in self.roots:
+            raise BadInputError("folder", given, "a new folder, or an empty one", PAGE)
+        return folder
+
+    def _found_maps(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the map files that are asked for by their whole paths, which must be allowed."""
+        maps = ask.get("maps")
+        if not isinstance(maps, Mapping) or not isinstance(maps.get("files"), list):
+            return {}
+        files = [str(self._inside("maps.files", name)) for name in maps["files"]]
+        return {"maps": {**maps, "files": files}}
+
+    def _run_file(
+        self, ask: Mapping[str, Any], folder: Path, recorded: RunSettings
+    ) -> tuple[Path, list[str]]:
+        """Return the run file of a record, and the option for its seed where the file has another.
+
+        The page may name it; otherwise it is looked for in the run's folder and the one above.
+        """
+        if ask.get("run"):
+            given = self._inside("run", ask["run"])
+            settings = read_run(given)
+            return given, _seed_option(settings, recorded)
+        for path in _toml_files(folder, self.roots):
+            try:
+                settings = read_run(path)
+            except VinefabError:
+                continue
+            if _asks_for(settings, recorded):
+                return path, _seed_option(settings, recorded)
+        allowed = f"its run file: none in {self._shown(folder)} or the folder above asks for it"
+        raise BadInputError("run", None, allowed, PAGE)
+
+    def _row(self, path: Path) -> dict[str, Any]:
+        """Return one run for the page's list; one that did not change is not read again."""
+        running = self._running
+        if running is not None and running.record.path == path:
+            return self._listed(path)
+        stamp = [_stamp(path.with_name(RECORD_FILE + ending)) for ending in ("", "-wal")]
+        if path not in self._rows or self._rows[path][0] != stamp:
+            self._rows[path] = stamp, self._listed(path)
+        return self._rows[path][1]
+
+    def _listed(self, path: Path) -> dict[str, Any]:
+        """Return one run for the page's list."""
+        running = self._running
+        is_running = running is not None and running.record.path == path
+        record = FollowedRecord(path, has_front=False)
+        try:
+            record.look()
+        except VinefabError as error:
+            return {"folder": self._shown(path.parent), "state": "unreadable", "line": str(error)}
+        settings = record.settings
+        if settings is None:
+            line = "has no generation yet"
+            return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
+        state = "running" if is_running else "ended" if record.stopped else "unfinished"
+        score, words = _listed_score(record)
+        return {
+            "folder": self._shown(path.parent),
+            "state": state,
+            "name": settings.name,
+            "task": settings.task.name,
+            "objectives": list(settings.objectives),
+            "generations": record.generations,
+            "most_generations": settings.search.generations,
+            "best_score": score,
+            "best_words": words,
+            "line": _line(state, record),
+        }
+
+
+_WHY = {
+    "evaluations": ": as many designs as asked for",
+    "stall": ": nothing improved any more",
+    "wall_time": ": its time was over",
+}
+
+
+def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
+    """Return how far a search is, in words."""
+    if record.settings is None:
+        return "starting" if state == "running" else "stopped before it began; it can be resumed"
+    most = record.settings.search.generations
+    done = f"generation {record.generations} of {most}"
+    if state == "running":
+        if asked:
+            return f"stopping after {done}"
+        if record.stopped or record.generations >= most:
+            return f"{done}; finalists on fresh poses, prediction, page"
+        return done
+    if state == "ended":
+        return f"ended after {done}{_WHY.get(record.stopped, '')}"
+    return f"stopped after {done}; everything is recorded, it can be resumed"
+
+
+def _best_words(record: FollowedRecord) -> str:
+    if record.best_at is None:
+        return f"no valid design yet ({_SIMULATED})"
+    breaks = "; it breaks fabrication rules or limits" if record.best_breaks else ""
+    where = f"generation {record.best_at[0] + 1}"
+    return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
+
+
+def _winner_words(score: Score) -> str:
+    return f"mean score of the winner on {len(score.evaluations)} fresh poses ({_SIMULATED})"
+
+
+def _listed_score(record: FollowedRecord) -> tuple[float | None, str]:
+    """Return the score of a run's winner, or the best fitness so far, and what it is."""
+    score = record.winner_score
+    if record.stopped and score is not None:
+        return score.composite["mean"], _winner_words(score)
+    return record.best if record.best_at is not None else None, _best_words(record)
+
+
+def _best_of(folder: Path) -> tuple[dict[str, Any], str]:
+    """Return the winner of a run that has ended, or the best design so far."""
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
+    record.look()
+    if record.stopped:
+        result = RunArchive.read(record.path).result()
+        words = f"{result.score.composite['mean']:.4f}: {_winner_words(result.score)}"
+        return design_content(result.best), words
+    content = record.best_content()
+    if content is None:
+        raise BadInputError("point", "best", "a run with a valid design", folder)
+    return content, f"fitness {record.best:.4f}: {_best_words(record)}"
+
+
+def _point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
+    """Return the design in a row of a generation."""
+    wanted, _, row = point.partition(":")
+    tail = None
+    if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
+        tail = RecordTail.read(folder / RECORD_FILE, min(int(wanted), 2**62))
+    found = [] if tail is None else [g for g in tail.generations if g.number == int(wanted)]
+    if tail is None or not found or int(row) >= len(found[0].x):
+        raise BadInputError("point", point, "G:R, a row of a generation of the run", folder)
+    generation, place = found[0], int(row)
+    design = Space(tail.settings.space, tail.settings.build).design(generation.x[place])
+    content = {**design_content(design), "name": f"{tail.settings.name}_{wanted}_{row}"[:100]}
+    words = f"fitness {generation.fitness[place]:.4f} in the search: likely too good ({_SIMULATED})"
+    return content, words
+
+
+def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
+    """Return a design of the front that a run ended with."""
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
+    record.look()
+    front = _final_front(folder, record)
+    known = {} if front is None else {point["point"]: point for point in front["points"]}
+    if name not in known:
+        raise BadInputError("point", name, f"one of {', '.join(known) or 'none'}", folder)
+    values = known[name]["values"]
+    words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
+    return design_content(read_design(folder / "front" / f"{name}.toml")), words
+
+
+_MOST_FRONT_BYTES = 1 << 24
+
+
+def _final_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
+    """Return the front that a run ended with, from its ``front.json``; None without one."""
+    path, settings = folder / "front.json", record.settings
+    if settings is None or not settings.objectives or not record.stopped:
+        return None
+    # The task first, as in the live front.
+    names = [settings.task.name, *settings.further_objectives]
+    try:
+        if path.stat().st_size > _MOST_FRONT_BYTES:
+            raise UnreadableFileError(path, "is too large for a front")
+        content = json.loads(path.read_text(encoding="utf-8"))
+        points = [_final_point(entry, names) for entry in content["designs"]]
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        if isinstance(error, VinefabError):
+            raise
+        raise UnreadableFileError(path, f"is no front of a run ({error})") from error
+    return {"objectives": [_objective(n) for n in names], "points": points, "is_final": True}
+
+
+def _final_point(entry: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
+    name = str(entry["design"])
+    if "/" in name or "\\" in name:
+        raise ValueError(f"a design called {name!r}")
+    knee = ", knee" if entry["knee"] else ""
+    return {
+        "point": name,
+        "label": f"{name}{knee}",
+        "values": [float(entry[objective]) for objective in names],
+        "breaks": entry["penalty"] > 0.0,
+    }
+
+
+def _on_page(error: VinefabError, run_file: Path) -> VinefabError:
+    """Return an error about a run file that is gone again as one about the page."""
+    if isinstance(error, BadInputError | UnknownNameError) and error.source == str(run_file):
+        return error.at(PAGE)
+    return error
+
+
+def _take_back(written: Mapping[Path, str]) -> None:
+    """Remove files that a search wrote before it was refused, unless somebody changed them."""
+    for path, text in written.items():
+        with suppress(OSError):
+            if path.read_text(encoding="utf-8") == text:
+                path.unlink()
+
+
+def _records_below(roots: tuple[Path, ...]) -> tuple[list[Path], bool]:
+    """Return the records in folders and below, and whether all of these were looked at."""
+    found: dict[Path, None] = {}
+    looked = 0
+    for root in roots:
+        for folder in _folders(root):
+            looked += 1
+            if looked > MOST_FOLDERS:
+                return list(found), False
+            path = folder / RECORD_FILE
+            if path.is_file():
+                found[path] = None
+    return list(found), True
+
+
+def _folders(root: Path) -> Iterator[Path]:
+    """Yield a folder and those below it, to some depth, without links and hidden ones."""
+    for name, below, _ in os.walk(root):
+        folder = Path(name)
+        yield folder
+        is_deepest = len(folder.relative_to(root).parts) >= DEEPEST_FOLDER
+        below[:] = [] if is_deepest else sorted(name for name in below if not name.startswith("."))
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return time and size of a file; zeros for one that is not there."""
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+def _toml_files(folder: Path, roots: tuple[Path, ...]) -> Iterator[Path]:
+    """Yield files that may be the run file of a record: in its folder, then in the one above."""
+    looked = 0
+    for where in (folder, folder.parent):
+        if not any(where.is_relative_to(root) for root in roots):
+            continue
+        for path in sorted(where.glob("*.toml")):
+            looked += 1
+            if looked > MOST_CANDIDATES:
+                return
+            with suppress(OSError):
+                if path.is_file() and path.stat().st_size <= MOST_RUN_FILE_BYTES:
+                    yield path
+
+
+def _asks_for(settings: RunSettings, recorded: RunSettings) -> bool:
+    """Tell whether a run file asks for the run of a record, seed and limits aside."""
+    return first_difference(_compared(settings), _compared(recorded)) is None
+
+
+def _compared(settings: RunSettings) -> dict[str, Any]:
+    plain: Any = plain_settings(settings)
+    search = {k: v for k, v in plain["search"].items() if k not in (*LIMIT_NAMES, "seed")}
+    maps = {**plain["maps"], "files": len(plain["maps"]["files"])}
+    return {**plain, "search": search, "maps": maps}
+
+
+def _seed_option(settings: RunSettings, recorded: RunSettings) -> list[str]:
+    seed = recorded.search.seed
+    return [] if settings.search.seed == seed else ["--seed", str(seed)]
+
+
+DeskFunction = Callable[
+    [SearchDesk, StudioState | Mapping[str, Any] | None, Mapping[str, Any]], Any
+]
+
+
+def _state(given: StudioState | Mapping[str, Any] | None, ask: Mapping[str, Any]) -> StudioState:
+    """Return what is open on the page: given as such, or sent with the question."""
+    found = given if given is not None else ask.get("state")
+    if isinstance(found, StudioState):
+        return found
+    if not isinstance(found, Mapping):
+        raise BadInputError("state", found, "what is open on the page", PAGE)
+    return StudioState.of(found)
+
+
+SEARCH_DESK: Mapping[str, DeskFunction] = {
+    "search_propose": lambda desk, state, ask: desk.propose(ask, _state(state, ask)),
+    "search_start": lambda desk, state, ask: desk.start(ask, _state(state, ask)),
+    "search_stop": lambda desk, _state, _ask: desk.stop(),
+    "search_resume": lambda desk, _state, ask: desk.resume(ask),
+    "search_runs": lambda desk, _state, _ask: desk.runs(),
+    "search_load": lambda desk, _state, ask: desk.load(ask),
+    "search_front": lambda desk, _state, ask: desk.front(ask),
+}
+"""What the page may ask of the desk; each answers with plain values."""

@@ -1,0 +1,268 @@
+"""What is open in the studio as one HTML file that needs neither server nor network.
+
+It is the same page: its styles stand in the file, its modules as ``data:`` addresses of an import
+map, and the state with the answers of the panels as JSON. Nothing in it depends on the day or the
+computer, so the same state gives the same bytes. The map is in it too, so that it opens elsewhere.
+"""
+
+import base64
+import html
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from vinefab.core.atomic import write_bytes, write_text
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnknownNameError,
+    UnreadableFileError,
+)
+from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.validation import check_plain
+from vinefab.core.version import __version__
+from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.shipped import read_text
+from vinefab.studio.panels import Tell, answer_of
+from vinefab.studio.state import PAGE, StudioState, world_of
+from vinefab.studio.warming import load_kernel
+
+SCHEMA = "vinefab/snapshot-1"
+MOST_BYTES = 1 << 27
+_MOST_MAPS = 100
+_PAGE_FOLDER = Path(__file__).with_name("page")
+_PLAN_STYLE = Path(__file__).parents[1] / "pages" / "templates" / "plan.css"
+_MODULES = "<!-- modules -->"
+"""What in ``index.html`` is replaced by the state and the modules."""
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+"""The browser holds the file to it: whatever is in it, it can reach no network."""
+
+_CHARSET = '<meta charset="utf-8">'
+_HEAD = (
+    f'<meta name="generator" content="{GENERATOR}">\n<meta name="schema" content="{SCHEMA}">\n'
+    f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+)
+
+_LINK = re.compile(r'<link\b[^>]*href="([^"]*)">')
+_STORED = re.compile(r'<script type="application/json" id="stored">(.*?)</script>', re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotOptions:
+    """What a snapshot holds beside the state."""
+
+    family: bool = False  # compute the many maps too
+    file: str = ""  # what the page calls the design's file; empty: the design's name
+    date: str = ""  # what the page says of its day; nothing is said if empty
+    reference: Mapping[str, Any] | None = None  # content of a design to compare with
+
+
+def write_snapshot(
+    state: Mapping[str, Any],
+    path: Path,
+    options: SnapshotOptions | None = None,
+    tell: Tell | None = None,
+    *,
+    force: bool = False,
+) -> Path:
+    """Compute what the panels show of a state, and write it as one HTML file.
+
+    Parameters
+    ----------
+    state
+        What is open, as the page sends it (`StudioState.of`).
+    force
+        Overwrite a file that vinefab did not write.
+
+    Raises
+    ------
+    VinefabError
+        If something in the state cannot be used, or the file cannot be written.
+    """
+    options, say = options or SnapshotOptions(), tell or _silent
+    say(0.0, "loading the simulator")
+    load_kernel()  # what has to wait for it on the page is in the file
+    panels = ("live", "rules", *(("family",) if options.family else ()))
+    answers = {}
+    for number, panel in enumerate(panels):
+        say(0.1 + 0.5 * number / len(panels), panel)
+        answers[panel] = answer_of(panel, state, {}, _silent)
+    if options.reference is not None:
+        say(0.6, "the version before")
+        before = {**state, "design": options.reference}
+        found = {panel: answer_of(panel, before, {"ground": False}, _silent) for panel in panels}
+        answers["reference"] = {"design": options.reference, "answers": found}
+    return write_bytes(path, snapshot_html(state, answers, options), force=force)
+
+
+def snapshot_html(
+    state: Mapping[str, Any], answers: Mapping[str, Any], options: SnapshotOptions | None = None
+) -> bytes:
+    """Return a state with the answers of its panels as one HTML file."""
+    options = options or SnapshotOptions()
+    portable = _portable(state)
+    named = "" if options.file.lower().endswith(".html") else Path(options.file).name
+    hello = {
+        "version": __version__,
+        "folder": "",
+        "state": portable,
+        "file": {"path": named or portable["design"]["name"], "writable": False},
+    }
+    stored = {
+        "schema": SCHEMA,
+        "date": options.date,
+        "hello": hello,
+        "map": _source_map(state),
+        "answers": answers,
+    }
+    page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+    page = _LINK.sub(_style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
+    return page.replace(_MODULES, f"{_stored_script(stored)}{_modules()}", 1).encode()
+
+
+def stored_state(path: Path) -> dict[str, Any]:
+    """Return the state in a snapshot.
+
+    A map that came from a file is written beside the snapshot, as ``NAME.map.geojson``, because
+    the file that it came from may be on another computer. Maps of a family that came from files
+    are not in a snapshot: the usual family takes their place.
+
+    Raises
+    ------
+    VinefabError
+        If the file is no snapshot, or something in its state cannot be used here.
+    """
+    found = _STORED.search(read_text(path, MOST_BYTES))
+    if found is None:
+        raise UnreadableFileError(path, "is no snapshot of the studio")
+    stored = _document(path, found[1])
+    hello = stored.get("hello")
+    state = hello.get("state") if isinstance(hello, dict) else None
+    if not isinstance(state, dict):
+        raise BadInputError("state", state, "names with values", path)
+    with _found_in(path):
+        check_plain(state, finite=False)
+        if isinstance(state.get("family"), dict):
+            state["family"].pop("files", None)
+        source = _source(state)
+        if "file" in source:
+            source["file"] = str(_extracted(path, stored.get("map")))
+        StudioState.of(state)
+    return state
+
+
+def snapshot_frame(
+    state: Mapping[str, Any], answers: Mapping[str, Any], *, height_px: int = 720
+) -> str:
+    """Return a snapshot as a frame, for a cell of a notebook."""
+    page = html.escape(snapshot_html(state, answers).decode())
+    return (
+        f'<iframe srcdoc="{page}" width="100%" height="{height_px}" title="vinefab studio" '
+        'sandbox="allow-scripts"></iframe>'
+    )
+
+
+@contextmanager
+def _found_in(path: Path) -> Iterator[None]:
+    """Name the snapshot where an error would name the page."""
+    try:
+        yield
+    except (BadInputError, UnknownNameError) as error:
+        raise (error.at(path) if error.source in {None, PAGE} else error) from error
+
+
+def _document(path: Path, text: str) -> dict[str, Any]:
+    try:
+        stored = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
+    schema = stored.get("schema") if isinstance(stored, dict) else None
+    if schema != SCHEMA:
+        raise BadInputError("schema", schema, SCHEMA, path)
+    return dict(stored)
+
+
+def _extracted(path: Path, text: object) -> Path:
+    """Write the map of a snapshot beside it; a file that says something else stays."""
+    if not isinstance(text, str):
+        raise BadInputError("map", text, "the text of a map file")
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "map.geojson"
+        file.write_text(text, encoding="utf-8")
+        text = map_text(read_map(file))
+    for number in range(1, _MOST_MAPS):
+        file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
+        if not file.exists():
+            return write_text(file, text)
+        if read_text(file, MOST_BYTES) == text:
+            return file
+    raise CannotWriteError(file, "too many maps of this snapshot lie beside it")
+
+
+def _source(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where the map of a state comes from; nothing where none is open."""
+    world = state.get("map")
+    source = world.get("source") if isinstance(world, dict) else None
+    return source if isinstance(source, dict) else {}
+
+
+def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state whose files are called by their names alone: paths are private."""
+    given: dict[str, Any] = json.loads(json.dumps(state, allow_nan=False))
+    source, family = _source(given), given.get("family")
+    if "file" in source:
+        source["file"] = Path(str(source["file"])).name
+    if isinstance(family, dict) and family.get("files"):
+        family["files"] = [Path(str(name)).name for name in family["files"]]
+    if given.get("recipe"):
+        given["recipe"] = Path(str(given["recipe"])).name
+    return given
+
+
+def _source_map(state: Mapping[str, Any]) -> str | None:
+    """Return the text of the map that a state's edits are made to, if it came from a file."""
+    source = _source(state)
+    return map_text(world_of({"source": source})) if "file" in source else None
+
+
+def _stored_script(value: object) -> str:
+    """Return JSON in a script that is none, in which no reader finds an end or a comment."""
+    text = json.dumps(value, allow_nan=False, default=plain, separators=(",", ":"))
+    text = text.replace("<", "\\u003c")
+    return f'<script type="application/json" id="stored">{text}</script>\n'
+
+
+def _style(link: re.Match[str]) -> str:
+    """Return a linked style as it stands in its file; an icon stays as it is."""
+    address = link[1]
+    if not address.endswith(".css"):
+        return link[0]
+    name = address.rpartition("/")[2]
+    path = _PLAN_STYLE if name == _PLAN_STYLE.name else _PAGE_FOLDER / name
+    text = path.read_text(encoding="utf-8").replace("</", "<\\/")
+    return f"<style>\n{text}</style>"
+
+
+def _modules() -> str:
+    """Return the import map with every module of the page in it, and the script that begins."""
+    imports = {}
+    for path in sorted(_PAGE_FOLDER.glob("*.js")):
+        encoded = base64.b64encode(path.read_bytes()).decode()
+        imports[f"studio/{path.name}"] = f"data:text/javascript;base64,{encoded}"
+    return (
+        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
+        '<script type="module">import "studio/app.js";</script>'
+    )
+
+
+def _silent(_share: float, _text: str) -> None:
+    """Report no progress."""

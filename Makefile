@@ -32,6 +32,7 @@ fuzz: $(READY)
 	$(BIN)/python tests/attack/failing_system.py 2
 
 thorough: check fuzz outlines
+	$(BIN)/pytest -n 2 -m thorough
 	$(BIN)/python tests/fabrication/rules/mutate.py
 	$(BIN)/python tests/fabrication/rules/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000

@@ -281,7 +281,7 @@ def test_a_score_takes_one_map_and_a_task_object(vine, world):
 def run_settings(**more):
     return vf.RunSettings(
         name="short",
-        maps=vf.MapSettings(environment="pegs", count=1),
+        maps=vf.MapSettings(environment="pegs", count=1, options={"columns": 6, "rows": 6}),
         search=vf.SearchSettings(population=4, generations=2),
         evaluation=vf.EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=1),
         **more,
@@ -310,6 +310,7 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     run_file = tmp_path / "short.toml"
     run_file.write_text(
         'schema = "vinefab/run-1"\n[maps]\nenvironment = "pegs"\ncount = 1\n'
+        "options = { columns = 6, rows = 6 }\n"
         '[optimizer]\nname = "islands"\npopulation = 4\ngenerations = 2\n'
         "[evaluation]\nfabricable = false\nfinalists = 2\nfinal_poses_per_map = 1\n"
     )

@@ -273,7 +273,7 @@ def optimize(
     >>> from vinefab.search.settings import SearchSettings
     >>> found = optimize(
     ...     RunSettings(
-    ...         maps=MapSettings(environment="pegs", count=1),
+    ...         maps=MapSettings(count=1, options={"columns": 3, "rows": 3}),
     ...         search=SearchSettings(population=4, generations=2),
     ...         evaluation=EvaluationSettings(fabricable=False),
     ...     )

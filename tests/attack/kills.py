@@ -34,7 +34,8 @@ from vinefab.core.hashing import MANIFEST_NAME, digests_in, sha256_of_file
 from vinefab.core.replacement import INCOMPLETE_NAME
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-WRITES_NOTHING = {"profiles"}
+WRITES_NOTHING = {"profiles", "studio"}
+"""The studio writes when its page asks for it, a file in one step (`tests/studio`)."""
 UNDISTURBED_EVERY = 7
 LONGEST_S = 600.0
 POLL_S = 0.002
@@ -73,6 +74,7 @@ COMMAND_LINES = {
     "report": "report three_level_tree --map grid.geojson --poses 1 --seed {n} --out r.html "
     "--json r.json",
     "bench": "bench --json bench.json",
+    "watch": "watch plain{n}.toml --map grid.geojson --once --out watched",
 }
 """By what is told of a command: its words, with 1 or 2 for n so that two runs write differently."""
 

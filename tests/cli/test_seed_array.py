@@ -13,6 +13,7 @@ import pytest
 
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.map_geojson import map_text
+from vinefab.prediction.run_winner import UNSEEN
 
 RECIPE = Path(__file__).parents[2] / "examples" / "seeds.sbatch"
 RUN = """schema = "vinefab/run-1"
@@ -64,33 +65,42 @@ def generations(record):
         return 0
 
 
-def test_tasks_of_an_array_are_merged_and_a_killed_one_goes_on(vinefab, task, tmp_path):
-    tasks = {seed: task(seed) for seed in (1, 2)}
-    runs = tmp_path / "runs"
-    while not generations(runs / "seed_2" / "run.sqlite"):
+def test_tasks_of_an_array_are_merged_and_a_killed_one_goes_on(
+    vinefab, task, tmp_path, monkeypatch
+):
+    runs, later = tmp_path / "runs", tmp_path / "later"
+    tasks = {1: task(1), 2: task(2, RUNS="later")}
+    folders = {1: runs / "seed_1", 2: later / "seed_2"}
+    while not generations(folders[2] / "run.sqlite"):
         assert tasks[2].poll() is None
         time.sleep(0.005)
     tasks[2].kill()
     assert (tasks[2].wait(60), tasks[1].wait(60)) == (-9, 0)
-    assert 0 < generations(runs / "seed_2" / "run.sqlite") < 60
+    assert 0 < generations(folders[2] / "run.sqlite") < 60
 
     best = tmp_path / "best.toml"
-    code, words, _ = vinefab("runs", runs, "--best", best)
+    code, words, _ = vinefab("runs", runs, later, "--best", best)
     assert code == 1
     assert "1 seed ended, 1 has not" in words
     assert "of the runs that have ended" in words
-    assert best.read_bytes() == (runs / "seed_1" / "best.toml").read_bytes()
+    assert best.read_bytes() == (folders[1] / "best.toml").read_bytes()
 
-    again, undisturbed = task(2), task(2, RUNS="other", SLURM_CPUS_PER_TASK="2")
-    assert (again.wait(60), undisturbed.wait(60)) == (0, 0)
-    found = (runs / "seed_2" / "best.toml").read_bytes()
-    assert found == (tmp_path / "other" / "seed_2" / "best.toml").read_bytes()
-    code, output, _ = vinefab("runs", runs, "--best", best, "--json", "-")
+    assert task(2, RUNS="later", SLURM_CPUS_PER_TASK="2").wait(60) == 0
+    # The undisturbed one is run here, and tried from as many poses as those in their processes.
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", UNSEEN)
+    other = tmp_path / "other"
+    code, _, complaint = vinefab(
+        "optimize", tmp_path / "run.toml", "--seed", 2, "--out", other, "--no-page", "-q"
+    )
+    assert (code, complaint) == (0, "")
+    found = (folders[2] / "best.toml").read_bytes()
+    assert found == (other / "best.toml").read_bytes()
+    code, output, _ = vinefab("runs", runs, later, "--best", best, "--json", "-")
     (seeds,) = json.loads(output)["seeds"]
     assert (code, seeds["seeds"], seeds["unended"]) == (0, [1, 2], [])
-    assert best.read_bytes() == (runs / f"seed_{seeds['best_seed']}" / "best.toml").read_bytes()
+    assert best.read_bytes() == (folders[seeds["best_seed"]] / "best.toml").read_bytes()
     # The same run in another folder is no further seed.
-    code, output, _ = vinefab("runs", runs, tmp_path / "other", "--json", "-")
+    code, output, _ = vinefab("runs", runs, later, other, "--json", "-")
     (more,) = json.loads(output)["seeds"]
     assert (more["seeds"], more["mean"]) == (seeds["seeds"], seeds["mean"])
 

@@ -88,8 +88,8 @@ import time
 from vinefab.core.interruption import stop_requests, stop_with_input
 with stop_requests() as request:
     stop_with_input()
-    print("ready", flush=True)
     try:
+        print("ready", flush=True)
         time.sleep(60)
     except KeyboardInterrupt:
         print("stopped", request.exit_code)

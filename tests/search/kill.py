@@ -25,6 +25,8 @@ from vinefab.search.record.run_archive import RECORD_FILE
 GENERATIONS = 300
 OPTIONS = ("--resume", "--workers", "2", "-q")
 BLOWS_PER_RUN = 6
+MAPS = ""
+"""Further lines of the table ``[maps]``."""
 QUESTIONS = {
     "run": "SELECT * FROM run ORDER BY 1",
     "map": "SELECT * FROM map ORDER BY 1",
@@ -43,6 +45,7 @@ def run_text(optimizer: str) -> str:
 name = "killed"
 [maps]
 count = 2
+{MAPS}
 [optimizer]
 name = "{optimizer}"
 population = 16

@@ -8,6 +8,9 @@ from types import ModuleType
 
 import pytest
 
+SMALL_MAPS = "options = { size_mm = 250.0, columns = 3, rows = 3 }"
+"""The winner is tried on seventy maps: most of the time of a run that is as short as this one."""
+
 
 @pytest.fixture(scope="module")
 def kill() -> ModuleType:
@@ -23,6 +26,7 @@ def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(
 ) -> None:
     monkeypatch.setattr(kill, "GENERATIONS", 25)
     monkeypatch.setattr(kill, "OPTIONS", (*kill.OPTIONS, "--no-page"))
+    monkeypatch.setattr(kill, "MAPS", SMALL_MAPS)
     course = kill.Course("cmaes", tmp_path, random.Random(5))  # noqa: S311
     folder = tmp_path / "struck"
     for kind in ("full disk", "kill"):

@@ -190,8 +190,10 @@ def test_inputs_that_somebody_changed_are_not_overwritten(here):
 
 
 def test_the_page_does_not_say_where_may_be_written(here):
-    asked = Workplace(Opened(folder=here)).allowed("export", {}, {"out": "p", "roots": ["/"]})
-    assert asked == {"out": "p", "roots": [str(here)]}
+    state = opened()
+    ask = {"out": "p", "roots": ["/"], "state": {"map": {"source": {"file": "/etc/passwd"}}}}
+    asked = Workplace(Opened(folder=here)).allowed("export", state, ask)
+    assert asked == {"out": "p", "roots": [str(here)], "state": state}
 
 
 def test_commands_are_told_without_writing():

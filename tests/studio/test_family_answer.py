@@ -1,4 +1,5 @@
 import base64
+import math
 
 import numpy as np
 import pytest
@@ -212,7 +213,31 @@ def test_a_changed_file_is_another_map(tmp_path):
     assert second["ground_svg"] is not None
 
 
+def test_a_file_named_twice_is_one_map_and_its_copy_another(tmp_path):
+    world = generate("pegs", 1, columns=5, rows=5)
+    paths = [str(world.write(tmp_path / f"{name}.geojson")) for name in ("room", "copy")]
+    state = state_of("plain_vine", family={"files": [*paths, paths[0]]})
+    assert len({entry["key"] for entry in answered(state)["maps"]}) == 2
+    assert [entry["source"]["file"] for entry in answered(state)["maps"]] == paths
+
+
+def test_a_task_that_gives_no_number_is_named(monkeypatch):
+    class Empty:
+        name, lowest = "empty", 0.0
+
+        def evaluate(self, _deployment, _context):
+            return math.nan, {}
+
+    monkeypatch.setattr(panel, "make_task", lambda _: Empty())
+    with pytest.raises(BadInputError, match=r"score of task empty.*a number on grid_1000"):
+        family_answer(state_of(), {}, silent)
+
+
 def test_what_cannot_be_used_is_named(tmp_path):
+    with pytest.raises(BadInputError, match="have"):
+        family_answer(state_of(), {"have": 5}, silent)
+    with pytest.raises(BadInputError, match="draw"):
+        family_answer(state_of(), {"draw": "grid"}, silent)
     with pytest.raises(BadInputError, match=r"family\.poses.*1 to 5"):
         state_of(family={**GRID, "poses": 6})
     with pytest.raises(BadInputError, match=r"family\.files.*at most 200"):

@@ -31,9 +31,12 @@ FAKE = """async () => {
   const app = {
     store: createStore(state), answers: {}, live: true, reference: null, previewed: null,
     file: {saved_design: structuredClone(state.design)},
-    shown: () => app.store.get(), say: () => {}, on: () => {}, onProgress: () => {}, cancel: () => {},
-    onPreview: () => {}, onReference: (fn) => told.push(fn),
-    setReference: (reference) => { app.reference = reference; told.forEach((fn) => fn(reference)); },
+    shown: () => app.store.get(), say: () => {}, on: () => {}, onProgress: () => {},
+    onPreview: () => {}, onReference: (fn) => told.push(fn), cancel: () => {},
+    setReference: (reference) => {
+      app.reference = reference;
+      told.forEach((fn) => fn(reference));
+    },
     onAnswer: (panel, fn) => (listeners[panel] ??= []).push(fn),
     ask: async (panel, ask, {state: given} = {}) => {
       asked.push([panel, structuredClone(ask)]);
@@ -59,6 +62,7 @@ FAKE = """async () => {
   globalThis.fake = {app, asked, stored};
 }"""
 
+MINUS, DASH = "\u2212", "\u2013"
 WAIT = "(ms) => new Promise((done) => setTimeout(done, ms))"
 
 
@@ -144,7 +148,7 @@ def test_a_map_is_opened_where_its_robot_was_grown(page, answers):
 def test_the_version_before_is_the_one_that_rested(page):
     page.evaluate(FAKE)
     page.evaluate("""() => {
-      for (const panel of ["live", "rules"]) fake.app.put(panel, structuredClone(fake.stored.answers[panel]));
+      for (const name of ["live", "rules"]) fake.app.put(name, fake.stored.answers[name]);
     }""")
     page.evaluate(WAIT, 600)
     first = page.evaluate("fake.app.store.get().design.trunk.length")
@@ -165,7 +169,7 @@ def test_the_version_before_is_the_one_that_rested(page):
     page.evaluate(WAIT, 600)
     page.evaluate(change, [133, -0.01])
     assert page.evaluate("fake.app.reference.design.trunk.length") == 122
-    assert page.evaluate(cells % "score-reach")[2] == "−0.030worse"
+    assert page.evaluate(cells % "score-reach")[2] == f"{MINUS}0.030worse"
     page.click("#keep-reference")
     assert page.evaluate("fake.app.reference") is None
     page.evaluate(WAIT, 600)
@@ -184,7 +188,7 @@ def test_on_another_map_the_version_before_is_grown_again(page):
     page.evaluate("fake.app.put('live', structuredClone(fake.stored.answers.live))")
     page.evaluate("fake.app.store.change('m', (s) => { s.map.source.seed = 2; })")
     cell = "document.querySelector('[data-measure=score-reach] td').textContent"
-    assert page.evaluate(cell) == "–"
+    assert page.evaluate(cell) == DASH
     page.evaluate(WAIT, 250)
     assert page.evaluate("fake.asked.some(([panel]) => panel === 'before')")
-    assert page.evaluate(cell) != "–"
+    assert page.evaluate(cell) != DASH

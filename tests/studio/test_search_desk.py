@@ -2,26 +2,30 @@
 
 import asyncio
 import copy
+import functools
 import json
 import sqlite3
 import time
 from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content, design_of, design_text, read_design
+from vinefab.search.costs import COSTS
 from vinefab.search.front_files import front_json, front_of
+from vinefab.search.record.result import Generation
 from vinefab.search.record.run_archive import RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, Space, SpaceSettings
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
-from vinefab.studio.search_desk import SEARCH_DESK, FollowedRecord, SearchDesk
+from vinefab.studio.search_desk import SEARCH_DESK, FollowedRecord, LiveFront, SearchDesk
 from vinefab.studio.state import StudioState
 
 SMALL = {"columns": 2, "rows": 2, "size_mm": 300.0}
@@ -57,7 +61,7 @@ def followed(desk, until, patience_s=90.0):
             events.append(event)
             if until(event):
                 return events
-        time.sleep(0.01)
+        time.sleep(0.05)
     raise AssertionError(f"not seen: {events[-1:]}")
 
 
@@ -153,6 +157,13 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_pat
         ({"levels": [3, 2]}, "3 to 10"),
         ({"levels": "all"}, r"\[fewest, most\]"),
         ({"task": "swim"}, "swim"),
+        ({"task": None}, "texts, numbers and lists"),
+        (
+            {"ranges": {"trunk.length": functools.reduce(lambda one, _: [one], range(99), 1)}},
+            "32 levels",
+        ),
+        ({"seed": 10**400}, "64 bits"),
+        ({"folder": "x" * 5000}, "."),
         ({"population": 1}, "optimizer.population"),
         ({"population": "many"}, "optimizer.population"),
         ({"optimizer": "guess"}, "guess"),
@@ -215,7 +226,7 @@ def test_a_proposal_says_what_a_search_leaves_out():
 def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     folder, members = front_run
     (run,) = desk.runs()["runs"]
-    front = run["front"]
+    front = desk.front({"folder": "two"})["front"]
     assert front["is_final"]
     assert run["best_score"] == read_archive(folder).score.composite["mean"]
     assert "fresh poses (simulated)" in run["best_words"]
@@ -240,6 +251,33 @@ def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(desk,
     assert best["values"][0] == record.best
     found = desk.load({"folder": "two", "point": best["point"]})["design"]
     assert found["trunk"] == record.best_content()["trunk"]
+    (folder / "front.json").unlink()
+    assert desk.front({"folder": "two"})["front"] == record.front.plain()
+
+
+def test_a_front_of_three_aims_stays_bounded():
+    # Scores that rise with both costs: no design dominates another.
+    settings = RunSettings(objectives=("coverage", "film_length", "reach"))
+    front, rng, count = LiveFront(settings), np.random.default_rng(2), 60
+    space = Space(settings.space, settings.build)
+    for number in range(40):
+        x = rng.random((count, len(space)))
+        film_mm = COSTS["film_length"].of(space.batch(x), space.build_of)
+        front.take(
+            Generation(
+                number=number,
+                x=x,
+                fitness=film_mm / 1e6,
+                composite=film_mm / 1e6,
+                penalty=np.zeros(count),
+                terms={"reach": rng.random(count)},
+                seconds=0.1,
+            )
+        )
+        assert len(front.plain()["points"]) <= 120
+    values = [point["values"][1] for point in front.plain()["points"]]
+    assert values == sorted(values)
+    assert len(values) > 60
 
 
 @pytest.mark.parametrize(

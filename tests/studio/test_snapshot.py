@@ -72,6 +72,8 @@ def test_a_snapshot_gives_its_state_back(state, answers, tmp_path):
     path = tmp_path / "sent.html"
     path.write_bytes(snapshot_html(state, answers))
     assert stored_state(path) == state
+    again = snapshot_html(stored_state(path), answers, SnapshotOptions(file="sent.html"))
+    assert again == path.read_bytes()
     assert [p.name for p in tmp_path.iterdir()] == ["sent.html"]
 
 
@@ -83,8 +85,7 @@ def test_maps_travel_and_paths_stay_at_home(state, answers, tmp_path):
     state["family"] = {"files": [str(lab)]}
     before = map_text(StudioState.of(state).world)
     path = tmp_path / "sent.html"
-    reference = {"state": json.loads(json.dumps(state)), "answers": answers}
-    options = SnapshotOptions(file=str(tmp_path / "home" / "mine.toml"), reference=reference)
+    options = SnapshotOptions(file=str(tmp_path / "home" / "mine.toml"))
     path.write_bytes(snapshot_html(state, answers, options))
     assert str(tmp_path) not in path.read_text()
     lab.unlink()
@@ -167,7 +168,8 @@ def browser():
 def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     path = tmp_path / "sent.html"
     state["design"]["build"]["widths_mm"][-1] = 2.0  # which a rule forbids
-    write_snapshot(state, path, SnapshotOptions(date="1 May"))
+    reference = design_content(read_design("plain_vine"))
+    write_snapshot(state, path, SnapshotOptions(date="1 May", reference=reference))
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     troubles, asked = [], []
     page.on("pageerror", lambda error: troubles.append(str(error)))
@@ -179,6 +181,10 @@ def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     assert float(value.input_value()) == state["design"]["level"][0]["length"]
     assert value.is_disabled()
     assert page.locator("#map .robot-layer path[data-branch]").count() >= 13
+    assert page.locator("#map .ghost-layer path[data-branch]").count() >= 1
+    assert "worse" in page.locator("#compare [data-measure=errors]").inner_text()
+    page.locator("#findings [data-rule=VF-W01] button").click()
+    assert "5 mm" in page.locator("#findings .detail").inner_text()
     hidden = page.locator("#map .robot-layer .unborn")
     assert hidden.count() == 0
     page.locator("#front").fill("200")

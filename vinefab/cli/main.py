@@ -74,6 +74,9 @@ COMMANDS = {
     "check": CommandEntry(
         "check", "check_command", "Check a design against the rules of making and deploying it."
     ),
+    "watch": CommandEntry(
+        "watch", "watch_command", "Grow, score and check a design anew whenever it is saved."
+    ),
     "fabricate": CommandEntry(
         "fabricate",
         "fabricate_command",

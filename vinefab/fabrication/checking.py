@@ -191,7 +191,7 @@ def deployed_lines(deployed: Deployed) -> list[str]:
 
 def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
     """Return a check as lines for the user."""
-    lines = [_finding_line(finding) for finding in report.findings]
+    lines = [finding_line(finding) for finding in report.findings]
     if verbose:
         lines += [f"ran     {r.rule}  checked {r.checked}" for r in report.run]
     lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
@@ -222,7 +222,8 @@ def verdict(report: CheckReport) -> str:
     return f"{report.design}: manufacturable: {found}"
 
 
-def _finding_line(finding: Finding) -> str:
+def finding_line(finding: Finding) -> str:
+    """Return a finding as a line for the user."""
     sign = "waived" if finding.waived else _SIGNS[finding.severity]
     who = f" [{', '.join(finding.branches[:4])}]" if finding.branches else ""
     why = f" (waived: {finding.reason})" if finding.waived else ""

@@ -29,6 +29,9 @@ PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
 MODULES = "<!-- modules -->"
 """What in ``index.html`` is replaced by the import map, here and in snapshots."""
 
+_FIRST_PICTURE_S = 2.0
+"""Time that everything else leaves to the first picture."""
+
 _PATIENCE_S = 5.0
 """Time in which a socket must show its token."""
 
@@ -204,11 +207,18 @@ class Tab:
         else:
             ask = workplace.allowed(str(reply["panel"]), state, ask)
             question = Question(panel=str(reply["panel"]), state=state, ask=ask)
-            found = await self._lane(question.panel).answer(question, self._progress(reply))
+            lane = await self._lane(question.panel)
+            found = await lane.answer(question, self._progress(reply))
         self.put({**reply, "answer": found})
 
-    def _lane(self, panel: str) -> ThreadLane | ProcessLane:
-        return self._studio.lanes.get(panel, self._studio.live)
+    async def _lane(self, panel: str) -> ThreadLane | ProcessLane:
+        """Return where a panel is answered; no process is started before the first picture."""
+        lane = self._studio.lanes.get(panel)
+        if lane is None:
+            return self._studio.live
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._studio.live.answered.wait(), _FIRST_PICTURE_S)
+        return lane
 
     def _progress(self, reply: Mapping[str, Any]) -> Callable[[float, str], None]:
         loop = asyncio.get_running_loop()

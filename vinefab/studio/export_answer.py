@@ -320,8 +320,8 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     ask
         ``what`` (a key of `EXPORTS`, `SNAPSHOT`, or ``command``), ``out``, ``options``; the
         files that design and map come from, ``design_file`` and ``map_file``; and from the server
-        ``roots``, the folders that may be written to. For ``command``, ``exports`` has ``out`` and
-        ``options`` by kind.
+        ``roots``, the folders that may be written to, and the ``state`` as it was sent. For
+        ``command``, ``exports`` has ``out`` and ``options`` by kind.
     """
     what = ask.get("what")
     if what == "command":

@@ -129,8 +129,8 @@ class _Asked:
             quick=bool(ask.get("quick", False)),
             soon=bool(ask.get("quick", False) or ask.get("soon", False)),
             heat=bool(ask.get("heat", True)),
-            have=frozenset(map(str, ask.get("have") or ())),
-            draw=None if draw is None else frozenset(map(str, draw)),
+            have=_keys("have", ask.get("have") or []),
+            draw=None if draw is None else _keys("draw", draw),
             before={
                 str(key): number(f"before.{key}", score, -1e12, 1e12)
                 for key, score in before.items()
@@ -140,6 +140,12 @@ class _Asked:
     def draws(self, key: str) -> bool:
         """Tell whether a map's robot is in view."""
         return self.draw is None or key in self.draw
+
+
+def _keys(name: str, given: object) -> frozenset[str]:
+    if not isinstance(given, list):
+        raise BadInputError(name, given, "a list of maps' keys", PAGE)
+    return frozenset(map(str, given))
 
 
 # --- Maps, prepared once ------------------------------------------------------------------------
@@ -182,7 +188,7 @@ class _Kept:
         name, world = _text(source), world_of({"source": source})
         held = self.places_of.get(name)
         if held is None or held.prepared.world is not world:
-            held = Place(key=_key(world), source=source, prepared=PreparedMap.of(world))
+            held = Place(key=_key(name, world), source=source, prepared=PreparedMap.of(world))
             self.places_of[name] = held
         return held
 
@@ -224,7 +230,7 @@ _KEPT = _Kept()
 
 def _sources(family: Family) -> list[dict[str, Any]]:
     if family.files:
-        return [{"file": path} for path in family.files]
+        return [{"file": path} for path in dict.fromkeys(family.files)]
     seeds = range(family.seed, family.seed + family.count)
     return [{"environment": family.environment, "seed": seed} for seed in seeds]
 
@@ -233,10 +239,10 @@ def _text(source: Mapping[str, Any]) -> str:
     return json.dumps(source)
 
 
-def _key(world: Map) -> str:
+def _key(source: str, world: Map) -> str:
     solid = shapely.to_wkb([world.bounds, *world.obstacles], hex=True).tolist()
     starts = [repr(start) for start in world.starts]
-    return f"{world.name}:{fingerprint(solid, starts)}"
+    return f"{world.name}:{fingerprint(source, solid, starts)}"
 
 
 # --- Growth and scores --------------------------------------------------------------------------
@@ -286,8 +292,9 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
-    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared])
+    scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], tell)
     _COMPILER.start(task)
+    _check_finite(task, scores, launches, prepared)
     return _Trial(
         places=places,
         counts=[len(poses_here) for poses_here in poses],
@@ -297,16 +304,36 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     )
 
 
+BLOCK = 8
+"""Deployments between two words of progress."""
+
+
 def _evaluated(
-    batch: Batch, task: Task, contexts: Sequence[MapContext]
+    batch: Batch, task: Task, contexts: Sequence[MapContext], tell: Tell
 ) -> tuple[Floats, list[Deployment]]:
+    """Return the score of every growth of a batch, and the growths."""
+
     def both(block: Block) -> tuple[TaskOutcomes, list[Deployment]]:
         grown = [block.deployment(index) for index in range(len(block))]
         return outcomes(task, block, contexts), grown
 
-    parts = list(batch.each(both))
-    scored = concatenated_outcomes([part for part, _ in parts])
-    return scored.score, [deployment for _, grown in parts for deployment in grown]
+    began, parts, deployments = time.monotonic(), list[TaskOutcomes](), list[Deployment]()
+    for scored, grown in batch.each(both, size=BLOCK):
+        parts.append(scored)
+        deployments += grown
+        if time.monotonic() - began > SILENT_S:
+            done, count = len(deployments), len(batch)
+            tell(done / count, f"growing and scoring: {done} of {count}")
+    return concatenated_outcomes(parts).score, deployments
+
+
+def _check_finite(
+    task: Task, scores: Floats, launches: Launches, maps: Sequence[PreparedMap]
+) -> None:
+    """Raise BadInputError where a task of the user's own gives no number."""
+    for row in np.flatnonzero(~np.isfinite(scores)).tolist():
+        name = maps[launches.terrain[row]].world.name
+        raise BadInputError(f"score of task {task.name}", float(scores[row]), f"a number on {name}")
 
 
 @dataclass(slots=True)
@@ -344,7 +371,7 @@ def _compile(task: Task) -> None:
     options = GrowthOptions()
     launches = Launches.of(TerrainSet([room.terrain]), [[start.pose]])
     batch = Batch(Plans.of([vine], options), launches, options)
-    _evaluated(batch, search_form(task), [room.context])
+    _evaluated(batch, search_form(task), [room.context], lambda _share, _words: None)
 
 
 # --- What is told of each map -------------------------------------------------------------------

@@ -29,15 +29,16 @@ from vinefab.core.errors import (
     UnknownNameError,
     UnreadableFileError,
     VinefabError,
+    located,
 )
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, check_plain
 from vinefab.model.files.design_toml import design_content, read_design
 from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.front import minimized, non_dominated
+from vinefab.search.front import minimized, non_dominated, spread_out
 from vinefab.search.record.result import Generation, first_difference
 from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.run_file import read_run
@@ -53,6 +54,8 @@ PATIENCE_S = 10.0
 """How long a search may take to stop before it is killed; its record is whole then too."""
 
 MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
+MOST_FRONT_KEPT = 360
+"""A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
 
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
 """How far earlier runs are looked for below the folders of the desk."""
@@ -68,6 +71,7 @@ class FollowedRecord:
     """A record that is read bit by bit while its run goes on."""
 
     path: Path
+    has_front: bool = True  # whether the front so far is wanted
     settings: RunSettings | None = None  # None before there is a record
     generations: int = 0  # read so far
     evaluations: int = 0
@@ -85,7 +89,7 @@ class FollowedRecord:
         tail = RecordTail.read(self.path, self.generations)
         if tail is None:
             return
-        if self.settings is None and tail.settings.objectives:
+        if self.settings is None and tail.settings.objectives and self.has_front:
             self.front = LiveFront(tail.settings)
         self.settings, self.stopped = tail.settings, tail.stopped
         self.winner_score = tail.winner_score
@@ -151,6 +155,8 @@ class LiveFront:
         fitness = np.concatenate([self._fitness, generation.fitness[rows]])
         costs = np.vstack([self._costs, costs[rows]])
         kept = np.flatnonzero(non_dominated(fitness, costs))
+        if len(kept) > MOST_FRONT_KEPT:
+            kept = kept[spread_out(costs[kept], MOST_FRONT_POINTS)]
         self._at = [at[place] for place in kept.tolist()]
         self._fitness, self._costs = fitness[kept], costs[kept]
 
@@ -158,10 +164,6 @@ class LiveFront:
         """Return the front for the page, its points in the order of the first further objective."""
         settings = self._settings
         signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
-        order = np.argsort(self._costs[:, 0], kind="stable") if self._at else np.empty(0, dtype=int)
-        if len(order) > MOST_FRONT_POINTS:
-            chosen = np.linspace(0, len(order) - 1, MOST_FRONT_POINTS).round().astype(int)
-            order = order[chosen]
         points = [
             {
                 "point": "{}:{}".format(*self._at[place]),
@@ -172,7 +174,7 @@ class LiveFront:
                 ],
                 "breaks": False,
             }
-            for place in order.tolist()
+            for place in spread_out(self._costs, MOST_FRONT_POINTS)
         ]
         names = (settings.task.name, *settings.further_objectives)
         return {
@@ -274,6 +276,8 @@ class SearchDesk:
         """Write the run file of a search into a new folder, and begin it."""
         with self._lock:
             self._refuse_second()
+            with located(PAGE):
+                check_plain(ask)
             folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
             ask = {**ask, **self._found_maps(ask)}
             written: dict[Path, str] = {}
@@ -340,6 +344,16 @@ class SearchDesk:
         else:
             content, words = _front_design(folder, point)
         return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
+
+    def front(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the front of a run: the one that it ended with, or the one so far."""
+        folder = self._inside("folder", ask.get("folder"))
+        record = FollowedRecord(folder / RECORD_FILE)
+        record.look()
+        if record.front is None:
+            raise BadInputError("folder", ask["folder"], "a run with several objectives", PAGE)
+        final = _final_front(folder, record)
+        return {"folder": self._shown(folder), "front": final or record.front.plain()}
 
     def news(self) -> SearchEvent | None:
         """Return what has changed since the last call; None where nothing has."""
@@ -553,7 +567,7 @@ class SearchDesk:
         """Return one run for the page's list."""
         running = self._running
         is_running = running is not None and running.record.path == path
-        record = FollowedRecord(path)
+        record = FollowedRecord(path, has_front=False)
         try:
             record.look()
         except VinefabError as error:
@@ -574,7 +588,6 @@ class SearchDesk:
             "most_generations": settings.search.generations,
             "best_score": score,
             "best_words": words,
-            "front": _shown_front(path.parent, record),
             "line": _line(state, record),
         }
 
@@ -625,7 +638,7 @@ def _listed_score(record: FollowedRecord) -> tuple[float | None, str]:
 
 def _best_of(folder: Path) -> tuple[dict[str, Any], str]:
     """Return the winner of a run that has ended, or the best design so far."""
-    record = FollowedRecord(folder / RECORD_FILE)
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
     record.look()
     if record.stopped:
         result = RunArchive.read(record.path).result()
@@ -655,7 +668,7 @@ def _point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
 
 def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
     """Return a design of the front that a run ended with."""
-    record = FollowedRecord(folder / RECORD_FILE)
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
     record.look()
     front = _final_front(folder, record)
     known = {} if front is None else {point["point"]: point for point in front["points"]}
@@ -664,17 +677,6 @@ def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
     values = known[name]["values"]
     words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
     return design_content(read_design(folder / "front" / f"{name}.toml")), words
-
-
-def _shown_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
-    """Return the front of a run: the one that it ended with, or the one so far."""
-    if record.front is None:
-        return None
-    with suppress(VinefabError):
-        final = _final_front(folder, record)
-        if final is not None:
-            return final
-    return record.front.plain()
 
 
 _MOST_FRONT_BYTES = 1 << 24
@@ -816,5 +818,6 @@ SEARCH_DESK: Mapping[str, DeskFunction] = {
     "search_resume": lambda desk, _state, ask: desk.resume(ask),
     "search_runs": lambda desk, _state, _ask: desk.runs(),
     "search_load": lambda desk, _state, ask: desk.load(ask),
+    "search_front": lambda desk, _state, ask: desk.front(ask),
 }
 """What the page may ask of the desk; each answers with plain values."""

@@ -63,7 +63,7 @@ class SnapshotOptions:
     family: bool = False  # compute the many maps too
     file: str = ""  # what the page calls the design's file; empty: the design's name
     date: str = ""  # what the page says of its day; nothing is said if empty
-    reference: Mapping[str, Any] | None = None  # what the page compares with, with its answers
+    reference: Mapping[str, Any] | None = None  # content of a design to compare with
 
 
 def write_snapshot(
@@ -89,13 +89,18 @@ def write_snapshot(
         If something in the state cannot be used, or the file cannot be written.
     """
     options, say = options or SnapshotOptions(), tell or _silent
-    names = ("live", "rules", *(("family",) if options.family else ()))
     say(0.0, "loading the simulator")
     load_kernel()  # what has to wait for it on the page is in the file
+    panels = ("live", "rules", *(("family",) if options.family else ()))
     answers = {}
-    for number, name in enumerate(names):
-        say(number / len(names), name)
-        answers[name] = answer_of(name, state, {}, _silent)
+    for number, panel in enumerate(panels):
+        say(0.1 + 0.5 * number / len(panels), panel)
+        answers[panel] = answer_of(panel, state, {}, _silent)
+    if options.reference is not None:
+        say(0.6, "the version before")
+        before = {**state, "design": options.reference}
+        found = {panel: answer_of(panel, before, {"ground": False}, _silent) for panel in panels}
+        answers["reference"] = {"design": options.reference, "answers": found}
     return write_bytes(path, snapshot_html(state, answers, options), force=force)
 
 
@@ -105,11 +110,12 @@ def snapshot_html(
     """Return a state with the answers of its panels as one HTML file."""
     options = options or SnapshotOptions()
     portable = _portable(state)
+    named = "" if options.file.lower().endswith(".html") else Path(options.file).name
     hello = {
         "version": __version__,
         "folder": "",
         "state": portable,
-        "file": {"path": Path(options.file).name or portable["design"]["name"], "writable": False},
+        "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     stored = {
         "schema": SCHEMA,
@@ -117,7 +123,6 @@ def snapshot_html(
         "hello": hello,
         "map": _source_map(state),
         "answers": answers,
-        "reference": _reference(options.reference),
     }
     page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     page = _LINK.sub(_style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
@@ -221,14 +226,6 @@ def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
     if given.get("recipe"):
         given["recipe"] = Path(str(given["recipe"])).name
     return given
-
-
-def _reference(given: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Return what the page compares with, without the paths in its state."""
-    if given is None:
-        return None
-    state = given.get("state")
-    return dict(given) | ({"state": _portable(state)} if isinstance(state, dict) else {})
 
 
 def _source_map(state: Mapping[str, Any]) -> str | None:

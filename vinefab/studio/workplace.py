@@ -134,7 +134,8 @@ class Workplace:
         """Return what a panel asks if every path in it lies where the user opened files."""
         self.desk.check_paths(state)
         if panel == "export":
-            return {**ask, "roots": [str(root) for root in self.desk.roots]}
+            # A snapshot holds the state itself, whose paths have been looked at.
+            return {**ask, "state": state, "roots": [str(root) for root in self.desk.roots]}
         return ask
 
     def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:

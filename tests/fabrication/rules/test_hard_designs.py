@@ -1,6 +1,8 @@
 """Whatever a design file can say, the checks answer with findings, never with an exception."""
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -45,18 +47,37 @@ def hard_design(rng: np.random.Generator) -> Design:
     return Design(name="hard", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
+MOST_BRANCHES = 30
+"""Larger trees take most of the time, and are made of the same hard parts."""
+
+
+def hard_designs(count: int, block: int, most: int) -> Iterator[Design]:
+    """Yield so many hard designs, none with more branches than ``most``."""
+    designs = (hard_design(child(23, block, number)) for number in itertools.count())
+    return itertools.islice((one for one in designs if one.branch_count <= most), count)
+
+
 def is_finite(finding: Finding) -> bool:
     numbers = (finding.measured, finding.limit, finding.x_mm, finding.y_mm)
     return all(number is None or math.isfinite(number) for number in numbers)
 
 
-@pytest.mark.parametrize("block", range(6))
-def test_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
-    for number in range(40):
-        design = hard_design(child(23, block, number))
+def assert_answered(designs: Iterator[Design], profile: LaserProfile) -> None:
+    for design in designs:
         report = run_checks(Subject.of(design, profile))
         assert all(is_finite(finding) for finding in report.findings), design
         assert 0.0 <= fabrication_penalty(design, sheet_mm=(900.0, 500.0)) < 200.0
+
+
+@pytest.mark.parametrize("block", range(6))
+def test_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
+    assert_answered(hard_designs(25, block, MOST_BRANCHES), profile)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("block", range(6, 16))
+def test_large_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
+    assert_answered(hard_designs(100, block, 1000), profile)
 
 
 def test_a_robot_of_a_kilometre_is_refused_at_once(profile: LaserProfile) -> None:

@@ -34,7 +34,7 @@ def errors(design: Design, profile: LaserProfile) -> set[str]:
 @pytest.fixture(scope="module")
 def penalties(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
     """Penalty of random designs, and the rules that find errors in them."""
-    designs = [random_design(child(11, number)) for number in range(300)]
+    designs = [random_design(child(11, number)) for number in range(150)]
     return [
         (fabrication_penalty(design, sheet_mm=SHEET_MM), errors(design, profile) & CHEAP)
         for design in designs
@@ -45,9 +45,9 @@ def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(
     penalties: list[tuple[float, set[str]]],
 ) -> None:
     clean = [found for penalty, found in penalties if penalty == 0.0]
-    assert len(clean) > 20
+    assert len(clean) > 10
     assert all(found == set() for found in clean)
-    assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 100
+    assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 50
 
 
 def test_a_clean_design_is_hardly_ever_penalized(penalties: list[tuple[float, set[str]]]) -> None:

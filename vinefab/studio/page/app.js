@@ -195,7 +195,6 @@ function start(hello, link, stored) {
   mountHistory(app);
   if (app.live) mountKeeping(app);
   for (const [name, panel] of Object.entries(PANELS)) panel.mount(byId(name), app);
-  if (stored?.reference) app.setReference(stored.reference);
   document.documentElement.dataset.ready = "true";
   say(app.live ? "Ready" : snapshotWords(stored));
   return app;

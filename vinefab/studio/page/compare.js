@@ -252,8 +252,19 @@ export function mount(root, app) {
     follow();
   });
   for (const panel of ["live", "rules", "family"]) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
-  keep.disabled = choice.disabled = !app.live;
-  // A snapshot has one version: there is nothing to compare it with.
-  root.hidden = !app.live;
+  if (!app.live) showStored();
   follow();
+
+  /** Show the version that a snapshot was compared with, if there was one. */
+  function showStored() {
+    const reference = app.answers.reference;
+    root.hidden = !reference;
+    if (!reference) return;
+    const state = app.shown();
+    kept.step = version(reference.design, state);
+    kept.step.answers = reference.answers;
+    // Its answers were computed for the snapshot, under what is open in it.
+    for (const [panel, conditionsOf] of Object.entries(CONDITIONS)) kept.step.conditions[panel] = conditionsOf(state);
+    choice.closest(".toolbar").replaceChildren("Compared with the version before");
+  }
 }

@@ -196,7 +196,7 @@ export function mount(root, app) {
   function shown(asked) {
     const { family, date } = asked.options;
     const options = { family, date: date ? new Date().toISOString().slice(0, 10) : "" };
-    return { ...asked, options, state: app.store.get(), reference: app.reference ?? null };
+    return { ...asked, options, reference: app.reference?.design ?? null };
   }
 
   async function write(name) {

@@ -5,7 +5,9 @@ import { el, fillSvg, number, paused, svgEl } from "studio/dom.js";
 const STILL_MS = 120;
 const AGAIN_MS = 1500;
 const MOST_GROUNDS = 600;
-const CHART = { height: 96, left: 10, right: 10, top: 8, base: 66 };
+const CHART = { height: 96, left: 16, right: 16, top: 8, base: 66 };
+/** The interval of so few maps is narrower than it should be. */
+const FEW = 10;
 /** Scores that differ by less look the same. */
 const LEAST = 5e-4;
 const SORTS = [["seed", "in order"], ["worst", "worst first"], ["best", "best first"], ["change", "most changed first"]];
@@ -213,7 +215,8 @@ export function mount(root, app) {
 
   const environment = el("select", { id: "family-environment" });
   const files = el("textarea", { id: "family-files", rows: 3, spellcheck: false, placeholder: "one map file per line" });
-  const filesLine = el("div", { class: "field files", hidden: true }, el("label", { for: "family-files" }, "Map files"), files);
+  const listed = el("select", { id: "family-listed", multiple: true, size: 5, "aria-label": "Map files in this folder" });
+  const filesLine = el("div", { class: "field files", hidden: true }, el("label", { for: "family-files" }, "Map files"), listed, files);
   const fields = [
     numberField("Maps", "count", app, "How many maps, with seeds one after the other"),
     numberField("Seed", "seed", app, "Seed of the first map; the others follow"),
@@ -226,32 +229,56 @@ export function mount(root, app) {
   const chart = svgEl("svg", { class: "score-chart", role: "img" });
   const summary = el("p", { class: "summary" });
   const change = el("p", { class: "summary change" });
-  const status = el("p", { class: "facts busy", role: "status" });
+  const status = el("span", { role: "status" });
+  const stop = el("button", { type: "button", onclick: () => app.cancel("family") }, "Stop");
+  const busy = el("p", { class: "facts busy", hidden: true }, status, " ", stop);
   const grid = el("div", { class: "tiles", role: "list", "aria-label": "Maps of the family" });
   root.append(
     el("div", { class: "toolbar" },
       el("label", {}, "Environment ", environment), ...fields.map((field) => field.line),
       el("span", { class: "gap" }), el("div", { class: "views", role: "group", "aria-label": "View" }, ...views),
       el("label", {}, "Sorted ", sort)),
-    filesLine, summary, change, chart, status, grid, heat.box,
+    filesLine, summary, change, chart, busy, grid, heat.box,
   );
 
   environment.addEventListener("change", () => {
     const isFiles = environment.value === "files";
-    filesLine.hidden = !isFiles;
-    if (isFiles) return files.focus();
+    if (isFiles) return showFiles();
+    filesLine.hidden = true;
     return app.store.change("many maps: environment", ({ family }) => {
       family.environment = environment.value;
       delete family.files;
     });
   });
-  files.addEventListener("change", () => {
-    const names = files.value.split("\n").map((name) => name.trim()).filter(Boolean);
+  files.addEventListener("change", () => takeFiles(files.value.split("\n").map((name) => name.trim()).filter(Boolean)));
+  listed.addEventListener("change", () => takeFiles([...listed.selectedOptions].map((option) => option.value)));
+
+  function takeFiles(names) {
     app.store.change("many maps: files", ({ family }) => {
       if (names.length) family.files = names;
       else delete family.files;
     });
-  });
+  }
+
+  /** Offer the map files of the folder; paths can be written in any case. */
+  async function showFiles() {
+    filesLine.hidden = false;
+    files.focus();
+    try {
+      const { maps } = await app.desk("choices");
+      listed.replaceChildren(...maps.map(({ path }) => el("option", { value: path }, path)));
+      markListed();
+      if (!listed.hidden) listed.focus();
+    } catch (error) {
+      app.say(`Map files: ${error.message}`, "error");
+    }
+  }
+
+  function markListed() {
+    const names = new Set(app.store.get().family?.files ?? []);
+    for (const option of listed.options) option.selected = names.has(option.value);
+    listed.hidden = !listed.options.length;
+  }
   sort.addEventListener("change", arrange);
 
   function showControls(state) {
@@ -262,9 +289,11 @@ export function mount(root, app) {
       environment.replaceChildren(...names.map((name) => el("option", { value: name }, name)), el("option", { value: "files" }, "map files"));
     }
     const isFiles = Boolean(family.files?.length);
+    if (isFiles && filesLine.hidden && app.live) showFiles();
     environment.value = isFiles ? "files" : family.environment ?? "grid";
-    environment.disabled = files.disabled = !app.live;
+    environment.disabled = files.disabled = listed.disabled = !app.live;
     filesLine.hidden = !isFiles;
+    markListed();
     if (document.activeElement !== files) files.value = (family.files ?? []).join("\n");
     for (const field of fields) field.show(state);
   }
@@ -299,32 +328,46 @@ export function mount(root, app) {
     else asked = conditions(state);
     try {
       const found = await app.ask("family", options);
-      status.textContent = found.compiling ? `${found.evaluated} of ${found.maps.length} maps so far: ${found.compiling}` : "";
+      tell(found.compiling ? `${found.evaluated} of ${found.maps.length} maps so far: ${found.compiling}` : "");
       if (found.compiling) setTimeout(atRest, AGAIN_MS);
     } catch (error) {
-      if (!quick) asked = "";
-      if (error.stale || error.stopped) return;
-      status.textContent = "";
-      app.say(`Many maps: ${error.message}`, "error");
+      if (!quick && !error.stopped) asked = "";
+      if (error.stale) return;
+      tell(error.stopped ? "stopped; any change goes on" : "");
+      if (!error.stopped) app.say(`Many maps: ${error.message}`, "error");
     }
+  }
+
+  function tell(text, isRunning = false) {
+    status.textContent = text;
+    stop.hidden = !isRunning;
+    busy.hidden = !text;
   }
 
   const atRest = paused(() => ask(false), STILL_MS);
 
   function changed() {
     if (!app.live || root.hidden || conditions(app.shown()) === asked) return;
-    // Other maps have to be prepared: nothing of them can be shown quickly.
-    if (answer && familyConditions(app.shown()) === answer.conditions) ask(true);
+    const isSame = familyConditions(app.shown()) === answer?.conditions;
+    // Other maps have to be prepared: nothing of them can be shown quickly, and those that were
+    // asked for before are not waited for.
+    if (isSame) ask(true);
+    else if (!stop.hidden) app.cancel("family");
+    root.classList.toggle("outdated", !isSame);
     atRest();
   }
 
-  app.onProgress("family", (share, text) => { status.textContent = `${text} (${number(100 * share, 0)} %)`; });
+  app.onProgress("family", (share, text) => tell(`${text} (${number(100 * share, 0)} %)`, true));
   app.store.subscribe((state) => {
     showControls(state);
     markOpen();
     changed();
   });
   app.onPreview?.(changed);
+  app.on("again", () => {
+    asked = "";
+    changed();
+  });
   app.onReference?.(() => {
     if (!app.live || root.hidden || same(before, versionBefore(app.shown()))) return;
     asked = "";
@@ -440,7 +483,7 @@ export function mount(root, app) {
 
   function showSummary() {
     const { mean, low, high, maps, quantiles } = answer.distribution;
-    const interval = low === null ? "one map: no interval" : `95 % interval ${range(low, high)} over ${maps} maps`;
+    const interval = low === null ? "one map: no interval" : `95 % interval ${range(low, high)} over ${maps} maps${maps < FEW ? " (too narrow for so few)" : ""}`;
     const about = answer.quick ? "≈ " : "";
     const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
     summary.replaceChildren(
@@ -468,6 +511,7 @@ export function mount(root, app) {
   function show(found, state) {
     answer = found;
     answer.conditions = familyConditions(state);
+    root.classList.toggle("outdated", app.live && familyConditions(app.shown()) !== answer.conditions);
     if (!app.live) before = versionBefore(state);
     for (const entry of answer.maps) {
       if (entry.ground_svg) grounds.set(entry.key, entry.ground_svg);

@@ -5,7 +5,7 @@ import { el, number, paused } from "studio/dom.js";
 const KEY = "vinefab-studio-tab";
 const FILES = "vinefab-studio-files";
 const KEEP_AFTER_MS = 1200;
-const OTHERS_ANSWER_MS = 250;
+const OTHERS_ANSWER_MS = 600;
 const MOST_DIFFERENCES = 8;
 
 export function mount(root, app) {

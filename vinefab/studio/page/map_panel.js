@@ -315,7 +315,7 @@ export function mount(root, app) {
 
   function showSource(state) {
     const source = state.map?.source ?? {};
-    const names = [...(app.hello.environments ?? [])];
+    const names = [...new Set([...(app.hello.environments ?? []), source.environment ?? []].flat())];
     const file = source.file ? source.file.split("/").at(-1) : "";
     const edited = state.map?.edits.length ? `, ${state.map.edits.length} changes` : "";
     const options = names.map((name) => el("option", { value: name }, name));

@@ -478,6 +478,17 @@ export function mount(root, app) {
     if (found) takeDesign(found.design, `best of ${name}`);
   }
 
+  async function loadFront(name) {
+    const found = await ask("search_front", { folder: name });
+    if (!found) return;
+    if (!found.front.points.length) {
+      app.say(`${name}: no design on its front yet`);
+      return;
+    }
+    showFront(found.folder, found.front);
+    front_card.scrollIntoView({ block: "nearest" });
+  }
+
   async function resumeRun(name) {
     const found = await ask("search_resume", { folder: name });
     if (found) app.say(`Going on: ${found.command}`);
@@ -489,7 +500,7 @@ export function mount(root, app) {
     const buttons = [
       run.state === "unfinished" && el("button", { type: "button", "aria-label": `Resume ${run.folder}`, disabled: event?.state === "running", onclick: () => resumeRun(run.folder) }, "Resume"),
       can_load && el("button", { type: "button", "aria-label": `Take the best of ${run.folder}`, onclick: () => loadBest(run.folder) }, "Take the best"),
-      run.front?.points.length && el("button", { type: "button", "aria-label": `Show the front of ${run.folder}`, onclick: () => { showFront(run.folder, run.front); front_card.scrollIntoView({ block: "nearest" }); } }, "Front"),
+      run.objectives?.length && el("button", { type: "button", "aria-label": `Show the front of ${run.folder}`, onclick: () => loadFront(run.folder) }, "Front"),
     ].filter(Boolean);
     return el("li", {},
       el("p", { class: "state", "data-state": run.state }, `${sign} ${word}: ${run.folder}`),

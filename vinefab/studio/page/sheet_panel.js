@@ -15,7 +15,8 @@ const WORDS = { error: "error", warning: "warning", info: "note" };
 const button = (text, onclick, attributes = {}) => el("button", { type: "button", onclick, ...attributes }, text);
 const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
 /** What the rules depend on, of a state. */
-const concern = ({ design, map, pose, recipe, growth }) => JSON.stringify([design, map, pose, recipe, growth]);
+const concern = ({ design, map, pose, recipe, recipe_stamp, growth }) =>
+  JSON.stringify([design, map, pose, recipe, recipe_stamp, growth]);
 const measure = (value, unit, digits = 2) => `${number(value, digits)}${unit ? ` ${unit}` : ""}`;
 
 /** Return the first branches by name. */

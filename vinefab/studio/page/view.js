@@ -58,10 +58,9 @@ export function createView(svg) {
     /** Take the box of the whole drawing, from the text of a viewBox. */
     whole(text) {
       const box = text.split(/[ ,]+/).map(Number);
-      if (box.some((value, index) => value !== whole[index])) {
-        whole = box;
-        seen = null;
-      }
+      if (box.every((value, index) => value === whole[index])) return;
+      whole = box;
+      seen = null;
       apply();
     },
     move(dx, dy) {

@@ -83,7 +83,10 @@ class Tab:
         return self
 
     def box(self, selector):
-        return self.page.locator(selector).first.bounding_box()
+        box = None
+        while box is None:  # it is being drawn anew
+            box = self.page.locator(selector).first.bounding_box()
+        return box
 
     def middle(self, selector):
         box = self.box(selector)
@@ -143,6 +146,7 @@ def open_tab(studio, browser):
     yield opened
     for context in contexts:
         context.close()
+    time.sleep(0.1)  # what a tab says when it is closed is kept
     assert [problem for tab in tabs for problem in tab.problems] == []
 
 
@@ -248,17 +252,17 @@ def test_the_start_and_its_heading_are_dragged(tab, grid):
 
 
 def test_a_tip_is_dragged(tab, grid):
-    tip = '.robot-layer .mark[data-branch="0.0"]'
+    tip = '.robot-layer .mark[data-branch="0.1"]'  # the other arm leans on a wall
     tab.page.wait_for_selector(tip)
     start = tab.middle(tip)
-    tab.drag(start, (-12, -25), steps=8)
+    tab.drag(start, (-6, -25), steps=8)
     tab.until("() => studio.store.get().design.level[0].length !== 70")
-    tab.page.wait_for_timeout(200)
+    tab.page.wait_for_timeout(300)
     design = tab.design()
     shows(tab, design, grid)
     assert (design.levels[0].length_mm, design.levels[0].fan_rad) != (70.0, np.deg2rad(100.0))
     x, y = tab.middle(tip)
-    assert np.hypot(x - start[0] + 12, y - start[1] + 25) < 15.0, "the tip follows the hand"
+    assert np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0, "the tip follows the hand"
 
 
 def test_obstacles_are_moved_added_and_deleted(tab, grid):
@@ -305,8 +309,8 @@ def test_the_length_grown_shows_what_is_out_then(tab, grid):
         out_mm = {name: min(front_mm - float(base), float(grown)) for name, base, grown in spans}
         wanted = {name: length for name, length in out_mm.items() if length > 0.0}
         tab.until(
-            "(count) => document.querySelectorAll('.robot-layer path[data-branch]').length"
-            " === count && Math.abs(studio.answers.front.front_mm / studio.answers.front.full_mm"
+            "(count) => new Set([...document.querySelectorAll('.robot-layer path[data-branch]')]"
+            ".map((path) => path.dataset.branch)).size === count && Math.abs(studio.answers.front.front_mm / studio.answers.front.full_mm"
             " - Number(document.getElementById('front').value) / 1000) < 1e-3",
             len(wanted),
         )
@@ -458,7 +462,7 @@ def test_many_walls(tab, studio):
     tab.page.locator("dialog[open] .choice", has_text="walls").click()
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 280")
     shows(tab, tab.design(), world)
-    tab.drag(tab.middle(".pose-layer .base"), (12, -12))
+    tab.drag(tab.middle(".pose-layer .base"), (2, -20))
     shows(tab, tab.design(), world, pose_of(tab.state()))
 
 

@@ -132,6 +132,8 @@ def test_a_drag_is_followed_quickly_and_a_rest_in_full(page):
     # All grounds are there, and the version before has scores to be compared with.
     assert len(rest["have"]) == len(rest["before"]) == 4
     assert page.locator(".tile .difference").first.text_content() == "="
+    # What a snapshot would store is whole, although the last answer had no grounds.
+    assert page.evaluate("fake.app.answers.family.maps.every((entry) => entry.ground_svg)")
 
 
 def test_a_map_is_opened_where_its_robot_was_grown(page, answers):

@@ -1,0 +1,627 @@
+"""The studio's page in a real browser: what the hand does, and what the library says of it."""
+
+import re
+import shutil
+import time
+
+import numpy as np
+import pytest
+import shapely
+
+import vinefab as vf
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.model.files.design_toml import design_of
+from vinefab.pages.plan_svg import outline_svg, robot_svg
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.shipped_tasks import make_task
+
+DESIGN = """# Two arms, to be dragged.
+schema = "vinefab/design-1"
+name = "twig"
+
+[trunk]
+length = 90.0              # up to the fork
+
+[[level]]
+branches = 2
+length = 70.0              # of both arms
+angle_deg = 100.0
+growth_percent = 100.0
+
+[build]
+widths_mm = [24.0, 14.0]
+fillet_mm = [4.0]
+tail_mm = 200.0
+pressure_kpa = 20.0
+"""
+LENGTH = "level.0.length"
+
+pytestmark = pytest.mark.filterwarnings("default::ResourceWarning")
+
+
+# --- The studio and its page --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory, start_studio):
+    """One server, in a folder with a design and a map of its own."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "twig.toml").write_text(DESIGN)
+    vf.maps.grid(2, columns=3, rows=3, size_mm=300).write(folder / "grid.geojson")
+    with start_studio(folder, "twig.toml", "--map", "grid.geojson") as started:
+        yield started
+        assert "Traceback" not in started.said()
+
+
+class Tab:
+    """A page in a context of its own, and what went wrong in it."""
+
+    def __init__(self, page):
+        self.page = page
+        page.set_default_timeout(15_000)
+        self.problems = []
+        page.on("pageerror", lambda error: self.problems.append(str(error)))
+        page.on("console", self._heard)
+        page.on("dialog", lambda dialog: dialog.accept())
+        page.on("request", self._asked)
+        page.add_init_script(
+            "addEventListener('securitypolicyviolation', (event) =>"
+            " console.error('CSP', event.violatedDirective, event.blockedURI))"
+        )
+
+    def _heard(self, message):
+        if message.type in ("error", "warning"):
+            self.problems.append(message.text)
+
+    def _asked(self, request):
+        if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
+            self.problems.append(f"asks the network: {request.url}")
+
+    def open(self, address):
+        self.page.goto(address)
+        self.page.wait_for_selector("#scores .score")
+        return self
+
+    def box(self, selector):
+        box = None
+        while box is None:  # it is being drawn anew
+            box = self.page.locator(selector).first.bounding_box()
+        return box
+
+    def middle(self, selector):
+        box = self.box(selector)
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag(self, start, by, steps=5, *, drop=True):
+        """Press at a point of the screen, move by some pixels, release."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        mouse.move(start[0] + by[0], start[1] + by[1], steps=steps)
+        if drop:
+            mouse.up()
+
+    def state(self):
+        return self.page.evaluate("studio.store.get()")
+
+    def design(self):
+        return design_of(self.state()["design"], "the page")
+
+    def until(self, script, value=None, seconds=8.0):
+        """Wait until a function of the page gives true; Playwright's own wait needs `eval`."""
+        end = time.monotonic() + seconds
+        while not self.page.evaluate(script, value):
+            assert time.monotonic() < end, f"not within {seconds} s: {script}"
+            self.page.wait_for_timeout(20)
+
+    def robot(self):
+        """Return the paths of the robot on the map, by branch."""
+        return self.page.evaluate(
+            """Object.fromEntries([...document.querySelectorAll(".robot-layer path[data-branch]")]
+              .map((path) => [path.dataset.branch, path.getAttribute("d")]))"""
+        )
+
+    def score(self, task="coverage"):
+        return self.page.inner_text(f'.score[data-task="{task}"] .value')
+
+    def outline(self):
+        return self.page.evaluate("studio.answers.live.outline_svg")
+
+
+@pytest.fixture
+def open_tab(studio, browser):
+    """Return a function that opens a tab in a context of its own; problems in it fail the test."""
+    (studio.folder / "twig.toml").write_text(DESIGN)
+    shutil.rmtree(studio.folder / "profiles", ignore_errors=True)  # unsaved work of other tests
+    contexts, tabs = [], []
+
+    def opened(address=None, width=1280, height=900):
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, locale="de-DE", reduced_motion="reduce"
+        )
+        contexts.append(context)
+        tabs.append(Tab(context.new_page()))
+        return tabs[-1].open(address or studio.address)
+
+    yield opened
+    for context in contexts:
+        context.close()
+    time.sleep(0.1)  # what a tab says when it is closed is kept
+    assert [problem for tab in tabs for problem in tab.problems] == []
+
+
+@pytest.fixture
+def tab(open_tab):
+    return open_tab()
+
+
+@pytest.fixture(scope="module")
+def grid(studio):
+    return vf.Map.read(studio.folder / "grid.geojson")
+
+
+# --- What the library says -----------------------------------------------------------------------
+
+
+def shapes(svg):
+    """Return the paths by branch of a robot as the library draws it."""
+    return dict(re.findall(r'data-branch="([^"]+)"[^>]*? d="([^"]+)"', svg))
+
+
+def expected(design, world, pose=None):
+    """Return robot, score and outline of a design, from the library alone."""
+    deployment = design.grow(world, pose)
+    prepared = PreparedMap.of(world)
+    score = make_task("coverage", {}).evaluate(deployment, prepared.context)[0]
+    return {
+        "robot": shapes(robot_svg(deployment, design.build.widths_mm)),
+        "score": score,
+        "outline": outline_svg(body_outline(design).contour),
+    }
+
+
+def shows(tab, design, world, pose=None):
+    """Wait until the page shows what the library says, and compare all of it."""
+    wanted = expected(design, world, pose)
+    end = time.monotonic() + 8.0
+    while tab.robot() != wanted["robot"] and time.monotonic() < end:
+        tab.page.wait_for_timeout(20)
+    assert tab.robot() == wanted["robot"]
+    assert float(tab.score()) == pytest.approx(wanted["score"], abs=5.1e-4)
+    assert tab.outline() == wanted["outline"]
+    return wanted
+
+
+def pose_of(state):
+    pose = state["pose"]
+    return pose["x_mm"], pose["y_mm"], pose["heading_deg"]
+
+
+# --- Cases ---------------------------------------------------------------------------------------
+
+
+def test_open_shows_robot_scores_and_sheet(tab, studio, grid):
+    shows(tab, vf.Design.read(studio.folder / "twig.toml"), grid)
+    assert tab.page.locator("#scores .score").count() == 3
+    assert "simulated" in tab.page.inner_text("#scores")
+    tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
+    assert tab.page.locator("#sheet-drawing path").count() > 5
+    assert tab.page.inner_text(".file-name") == "twig"
+
+
+def test_a_slider_changes_growth_score_and_outline(tab, grid):
+    before = tab.robot()
+    tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (18, 0))
+    design = tab.design()
+    length_mm = float(tab.page.input_value(f'input[type=number][data-key="{LENGTH}"]'))
+    assert length_mm != 70.0
+    assert design.levels[0].length_mm == length_mm
+    shows(tab, design, grid)
+    assert tab.robot() != before
+    assert tab.page.inner_text(".file-mark") == "● unsaved"
+
+
+def test_an_exact_number_and_a_lock(tab, grid):
+    number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
+    number.fill("83.25")
+    number.press("Enter")
+    shows(tab, tab.design(), grid)
+    assert tab.design().levels[0].length_mm == 83.25
+    number.fill("-3")
+    number.press("Enter")
+    assert tab.design().levels[0].length_mm == 83.25
+    assert "0.1 to 10000 mm" in tab.page.inner_text("#status")
+    tab.page.get_by_label("Lock Level 2 Length").click()
+    assert number.is_disabled()
+    assert tab.state()["locks"] == [LENGTH]
+
+
+def test_the_start_and_its_heading_are_dragged(tab, grid):
+    tab.drag(tab.middle(".pose-layer .base"), (25, -30))
+    pose = pose_of(tab.state())
+    start = grid.starts[0].pose
+    assert pose[0] > start.x_mm
+    assert pose[1] > start.y_mm
+    shows(tab, tab.design(), grid, pose)
+    tab.drag(tab.middle(".pose-layer .heading"), (40, 10))
+    turned = pose_of(tab.state())
+    assert turned[:2] == pose[:2]
+    assert turned[2] < pose[2] - 5.0
+    shows(tab, tab.design(), grid, turned)
+    assert float(tab.page.input_value("#pose-heading_deg")) == pytest.approx(turned[2], abs=0.01)
+
+
+def test_a_tip_is_dragged(tab, grid):
+    tip = '.robot-layer .mark[data-branch="0.1"]'  # the other arm leans on a wall
+    tab.page.wait_for_selector(tip)
+    start = tab.middle(tip)
+    tab.drag(start, (-6, -25), steps=8)
+    tab.until("() => studio.store.get().design.level[0].length !== 70")
+    tab.page.wait_for_timeout(300)
+    design = tab.design()
+    shows(tab, design, grid)
+    assert (design.levels[0].length_mm, design.levels[0].fan_rad) != (70.0, np.deg2rad(100.0))
+    x, y = tab.middle(tip)
+    assert np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0, "the tip follows the hand"
+
+
+def test_obstacles_are_moved_added_and_deleted(tab, grid):
+    rock = '[data-obstacle="4"]'
+    tab.drag(tab.middle(rock), (30, 0))
+    state = tab.state()
+    ((kind, index, dx, dy),) = state["map"]["edits"]
+    assert (kind, index) == ("move", 4)
+    assert dx > 5.0
+    assert dy == pytest.approx(0.0, abs=1e-6)
+    moved = list(grid.obstacles)
+    moved[4] = shapely.affinity.translate(moved[4], dx, dy)
+    world = with_obstacles(grid, moved)
+    shows(tab, tab.design(), world)
+
+    tab.page.get_by_role("button", name="Add an obstacle").click()
+    added = tab.state()["map"]["edits"][1]
+    moved.append(shapely.Polygon(added[1]))
+    shows(tab, tab.design(), with_obstacles(grid, moved))
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 10")
+
+    tab.page.get_by_role("button", name="Delete it").click()
+    assert tab.state()["map"]["edits"][2] == ["remove", 9]
+    shows(tab, tab.design(), world)
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
+
+
+def with_obstacles(world, obstacles):
+    return vf.Map(
+        name=world.name, bounds=world.bounds, obstacles=tuple(obstacles), starts=world.starts
+    )
+
+
+def test_the_length_grown_shows_what_is_out_then(tab, grid):
+    """Every branch is as long as the front is past its base, and not longer than it grows."""
+    final = robot_svg(tab.design().grow(grid), tab.design().build.widths_mm)
+    (full_mm,) = (float(text) for text in re.findall(r'data-full="([^"]+)"', final))
+    span = r'data-branch="([^"]+)" data-base="([^"]+)" data-grown="([^"]+)"'
+    spans = set(re.findall(span, final))  # of bodies and centrelines
+    assert len(spans) == 3
+    for share in (250, 700):
+        tab.page.locator("#front").fill(str(share))
+        front_mm = full_mm * share / 1000
+        out_mm = {name: min(front_mm - float(base), float(grown)) for name, base, grown in spans}
+        wanted = {name: length for name, length in out_mm.items() if length > 0.0}
+        tab.until(
+            "(count) => new Set([...document.querySelectorAll('.robot-layer path[data-branch]')]"
+            ".map((path) => path.dataset.branch)).size === count && Math.abs(studio.answers.front.front_mm / studio.answers.front.full_mm"
+            " - Number(document.getElementById('front').value) / 1000) < 1e-3",
+            len(wanted),
+        )
+        drawn = {name: length_mm(path) for name, path in tab.robot().items()}
+        assert drawn == pytest.approx(wanted, abs=0.01)
+        assert f"of {full_mm:.0f} mm" in tab.page.inner_text("output[for=front]")
+    tab.page.locator("#front").fill("1000")
+    shows(tab, tab.design(), grid)
+
+
+def length_mm(path):
+    """Return the length of a path of lines: pairs of numbers, y turned over."""
+    points = np.array(re.findall(r"-?[\d.]+", path), dtype=float).reshape(-1, 2)
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def test_a_finding_appears_and_goes(tab):
+    tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
+    width = tab.page.locator('input[type=number][data-key="build.widths_mm.1"]')
+    width.fill("3")
+    width.press("Enter")
+    tab.page.wait_for_selector("#verdict:has-text('✕ not manufacturable')")
+    finding = tab.page.locator('#findings li.error[data-rule="VF-W01"]').first
+    finding.locator("button").first.click()
+    detail = finding.locator(".detail").inner_text()
+    assert "measured" in detail
+    assert "limit" in detail
+    width.fill("14")
+    width.press("Enter")
+    tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
+    assert tab.page.locator("#findings li.error").count() == 0
+
+
+def test_a_fix_is_previewed_before_it_is_taken(tab):
+    width = tab.page.locator('input[type=number][data-key="build.widths_mm.1"]')
+    width.fill("3")
+    width.press("Enter")
+    tab.page.locator("#fix:enabled").click()
+    tab.page.wait_for_selector("#fix-take", timeout=30_000)
+    narrow = tab.state()["design"]
+    assert narrow["build"]["widths_mm"][1] == 3, "a preview changes nothing"
+    assert tab.page.evaluate("studio.previewed.build.widths_mm[1]") > 3
+    assert tab.page.locator(".fix .changes li").count() >= 1
+    tab.page.locator("#fix-take").click()
+    tab.page.wait_for_selector("#verdict:has-text('✓ manufacturable')")
+    assert tab.state()["design"]["build"]["widths_mm"][1] > 3
+    tab.page.locator("#undo").click()
+    assert tab.state()["design"] == narrow
+
+
+def test_undo_and_redo_go_over_everything(tab, grid):
+    steps = [tab.state()]
+
+    def did(action):
+        action()
+        steps.append(tab.state())
+        assert steps[-1] != steps[-2]
+
+    did(lambda: tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (10, 0), steps=9))
+    did(lambda: tab.drag(tab.middle(".pose-layer .base"), (15, -10), steps=9))
+    did(lambda: tab.drag(tab.middle('[data-obstacle="3"]'), (9, 4), steps=9))
+    did(lambda: tab.page.get_by_role("button", name="Add a level").click())
+    did(lambda: tab.page.get_by_label("Lock Trunk Length").click())
+    for step in reversed(steps[:-1]):
+        tab.page.keyboard.press("Control+z")
+        assert tab.state() == step, "a drag is one step"
+    assert tab.page.locator("#undo").is_disabled()
+    shows(tab, tab.design(), grid)
+    for step in steps[1:]:
+        tab.page.locator("#redo").click()
+        assert tab.state() == step
+    assert tab.page.locator("#redo").is_disabled()
+
+
+def set_length(tab, value):
+    number = tab.page.locator(f'input[type=number][data-key="{LENGTH}"]')
+    number.fill(str(value))
+    number.press("Enter")
+
+
+def test_saving_keeps_the_comments_and_the_file_is_followed(tab, studio, grid):
+    path = studio.folder / "twig.toml"
+    set_length(tab, 75)
+    tab.page.keyboard.press("Control+s")
+    tab.page.wait_for_selector(".file-mark:has-text('saved'):not([data-dirty=true])")
+    assert path.read_text() == DESIGN.replace("length = 70.0 ", "length = 75.0 ")
+    # An editor beside it: the page follows, and undo goes back.
+    path.write_text(DESIGN.replace("length = 70.0 ", "length = 66.0 "))
+    tab.until("() => studio.store.get().design.level[0].length === 66")
+    shows(tab, tab.design(), grid)
+    tab.page.locator("#undo").click()
+    assert tab.state()["design"]["level"][0]["length"] == 75
+
+
+def test_a_broken_file_is_one_line_and_the_page_lives_on(tab, studio, grid):
+    path = studio.folder / "twig.toml"
+    path.write_text("schema = [\n")
+    tab.page.wait_for_selector(".file-note:has-text('twig.toml')")
+    line = tab.page.inner_text("#status")
+    assert "twig.toml" in line
+    assert "\n" not in line
+    set_length(tab, 72)
+    shows(tab, tab.design(), grid)
+    path.write_text(DESIGN)
+
+
+def test_two_tabs_do_not_overwrite_each_other(open_tab, studio):
+    path = studio.folder / "twig.toml"
+    one, other = open_tab(), open_tab()
+    set_length(one, 71)
+    set_length(other, 64)
+    one.page.keyboard.press("Control+s")
+    one.page.wait_for_selector(".file-mark:not([data-dirty=true])")
+    mine = path.read_text()
+    assert "length = 71.0 " in mine
+    other.page.wait_for_selector(".file-note:has-text('unsaved changes')")
+    other.page.get_by_role("button", name="Save", exact=True).click()
+    other.page.get_by_role("button", name="Keep mine").last.wait_for()
+    assert path.read_text() == mine, "nothing is written before somebody has said so"
+    other.page.locator("dialog[open]").get_by_role("button", name="Keep mine").click()
+    other.page.wait_for_selector(".file-mark:not([data-dirty=true])")
+    assert "length = 64.0 " in path.read_text()
+    one.until("() => studio.store.get().design.level[0].length === 64")
+
+
+def test_a_reload_in_the_middle_of_a_drag_keeps_the_state(tab, grid):
+    tab.drag(tab.middle(".pose-layer .base"), (30, -20), drop=False)
+    state = tab.state()
+    assert state["pose"] is not None
+    tab.page.reload()
+    tab.page.wait_for_selector("#scores .score")
+    assert tab.state()["pose"] == state["pose"]
+    assert tab.state()["design"] == state["design"]
+    shows(tab, tab.design(), grid, pose_of(state))
+
+
+def test_many_walls(tab, studio):
+    rocks = [
+        shapely.box(25 * i, 25 * j, 25 * i + 9, 25 * j + 9) for i in range(20) for j in range(14)
+    ]
+    world = vf.Map(
+        name="walls",
+        bounds=shapely.box(-30, -30, 520, 370),
+        obstacles=tuple(rocks),
+        starts=(vf.Start(pose=vf.Pose.of((17.0, -10.0, 80.0))),),
+    )
+    world.write(studio.folder / "walls.geojson")
+    tab.page.keyboard.press("Control+o")
+    tab.page.locator("dialog[open] .choice", has_text="walls").click()
+    tab.until("() => document.querySelectorAll('[data-obstacle]').length === 280")
+    shows(tab, tab.design(), world)
+    tab.drag(tab.middle(".pose-layer .base"), (2, -20))
+    shows(tab, tab.design(), world, pose_of(tab.state()))
+
+
+def test_export(tab, studio):
+    set_length(tab, 77)
+    tab.page.get_by_role("button", name="Export", exact=True).click()
+    box = tab.page.locator('[data-export="picture"]')
+    out = box.locator("input[type=text]").first
+    out.fill("drawn.svg")
+    box.get_by_role("button", name=re.compile("^Write")).click()
+    box.locator(".result:has-text('Written')").wait_for(timeout=30_000)
+    written = studio.folder / "drawn.svg"
+    assert "<svg" in written.read_text()
+    assert "vinefab" in box.locator("code.command").inner_text()
+
+
+def test_late_answers_are_dropped(tab):
+    """The order of the link, through the page's own module, with a socket that this test plays."""
+    assert tab.page.evaluate(
+        """async () => {
+          const sockets = [];
+          const Real = WebSocket;
+          globalThis.WebSocket = class {
+            static OPEN = 1;
+            readyState = 1;
+            sent = [];
+            constructor() { sockets.push(this); }
+            send(text) { this.sent.push(JSON.parse(text)); }
+          };
+          const {createLink} = await import("studio/link.js");
+          const link = createLink("t", {onEvent() {}, onState() {}});
+          globalThis.WebSocket = Real;
+          const [socket] = sockets;
+          const told = [];
+          const note = (name, promise) => promise.then(
+            (found) => told.push([name, found.answer]),
+            (error) => told.push([name, error.stale ? "stale" : "error"]));
+          for (const name of ["a", "b", "c"]) note(name, link.ask("live", {}, {name}));
+          const say = (message) => socket.onmessage({data: JSON.stringify(message)});
+          const first = socket.sent[0].seq;
+          say({panel: "live", seq: first + 7, answer: "late"});
+          say({panel: "rules", seq: first, answer: "of another panel"});
+          say({panel: "live", seq: first, answer: "A"});
+          say({panel: "live", seq: first, answer: "twice"});
+          await 0; await 0;
+          say({panel: "live", seq: socket.sent[1].seq, answer: "C"});
+          await new Promise((done) => setTimeout(done));
+          return [told, socket.sent.map((one) => one.state?.name ?? "hello")];
+        }"""
+    ) == [[["b", "stale"], ["a", "A"], ["c", "C"]], ["a", "c"]]
+
+
+def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, open_tab):
+    (tmp_path / "twig.toml").write_text(DESIGN)
+    with start_studio(tmp_path, "twig.toml") as first:
+        tab = open_tab(first.address)
+        set_length(tab, 81)
+        assert first.interrupt() == 0
+        tab.page.wait_for_selector("html[data-link=down]")
+        assert "does not answer" in tab.page.inner_text("#status")
+        set_length(tab, 82)
+        with start_studio(tmp_path, "twig.toml", "--port", first.port):
+            tab.page.wait_for_selector("#status:has-text('started anew')")
+    assert tab.state()["design"]["level"][0]["length"] == 82
+    # The browser itself says in the console that it could not connect.
+    tab.problems[:] = [text for text in tab.problems if "WebSocket connection" not in text]
+
+
+def test_many_maps_in_the_second_tab(tab):
+    tab.page.get_by_role("tab", name="Many maps").click()
+    tab.page.wait_for_selector("#family .tile", timeout=30_000)
+    assert tab.page.locator("#map").is_hidden()
+
+
+def test_a_search_is_started_and_stopped(tab, studio):
+    tab.page.get_by_role("tab", name="Search").click()
+    start = tab.page.locator("#search").get_by_role("button", name="Start", exact=True)
+    folder = tab.page.locator("#search-folder")
+    tab.until("() => document.getElementById('search-folder').value !== ''")
+    for name, value in (("population", 4), ("generations", 2), ("count", 1)):
+        tab.page.locator(f"#search-{name}").fill(str(value))
+        tab.page.locator(f"#search-{name}").press("Tab")
+    folder.fill("run_page")
+    folder.press("Tab")
+    start.click()
+    tab.page.wait_for_selector("#search .card [data-state]:has-text('run_page')", timeout=30_000)
+    tab.page.wait_for_selector(
+        "#search .card [data-state=running], #search .card [data-state=finished]", timeout=30_000
+    )
+    assert (studio.folder / "run_page").is_dir()
+
+
+# --- Keyboard and screen readers ------------------------------------------------------------------
+
+REACHED = """() => {
+  const shown = (node) => node.checkVisibility({visibilityProperty: true}) && !node.disabled
+    && !node.closest("[inert]");
+  const wanted = [...document.querySelectorAll(
+    "a[href], button, input, select, textarea, summary, [tabindex='0']")]
+    .filter((node) => shown(node) && node.tabIndex >= 0);
+  globalThis.reached = new Set();
+  addEventListener("focusin", (event) => reached.add(event.target), true);
+  globalThis.missed = () => wanted.filter((node) => node.isConnected && !reached.has(node))
+    .map((node) => node.outerHTML.slice(0, 120));
+  return wanted.length;
+}"""
+
+
+def test_tab_reaches_every_control_and_is_never_caught(tab):
+    tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
+    count = tab.page.evaluate(REACHED)
+    assert count > 60
+    for _ in range(count + 5):
+        tab.page.keyboard.press("Tab")
+    assert tab.page.evaluate("missed()") == []
+
+
+def test_every_control_has_a_name(tab):
+    tab.page.wait_for_selector("#verdict:has-text('manufacturable')")
+    tab.page.evaluate(
+        "for (const one of document.querySelectorAll('[role=tabpanel]')) one.hidden = false"
+    )
+    session = tab.page.context.new_cdp_session(tab.page)
+    session.send("Accessibility.enable")
+    nodes = session.send("Accessibility.getFullAXTree")["nodes"]
+    kinds = {
+        "button", "slider", "spinbutton", "textbox", "combobox", "checkbox", "tab", "link",
+        "application", "searchbox", "radio", "listbox",
+    }  # fmt: skip
+    controls = [node for node in nodes if node.get("role", {}).get("value") in kinds]
+    assert len(controls) > 60
+    nameless = [node for node in controls if not node.get("name", {}).get("value", "").strip()]
+    assert [node["role"]["value"] for node in nameless] == []
+
+
+def test_arrow_keys_move_handles_and_obstacles(tab, grid):
+    tab.page.locator(".pose-layer .base").focus()
+    tab.page.keyboard.press("ArrowUp")
+    tab.until("() => studio.store.get().pose?.y_mm === studio.answers.live.pose.y_mm")
+    tab.page.keyboard.press("Shift+ArrowRight")
+    start = grid.starts[0].pose
+    x, y, _ = pose_of(tab.state())
+    assert (x, y) == pytest.approx((start.x_mm + 10.0, start.y_mm + 1.0))
+    shows(tab, tab.design(), grid, pose_of(tab.state()))
+    assert tab.page.evaluate("document.activeElement.classList.contains('base')")
+    slider = tab.page.locator(f'input[type=range][data-key="{LENGTH}"]')
+    slider.focus()
+    slider.press("ArrowRight")
+    assert tab.design().levels[0].length_mm == 71.0
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1024, False), (1280, True)])
+def test_nothing_is_cut_off(open_tab, width, dark):
+    tab = open_tab(width=width, height=800)
+    if dark:
+        tab.page.locator("#theme").click()
+        assert tab.page.get_attribute("html", "data-theme") == "dark"
+    assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
+    for selector in ("#files", "#export", "#undo", "#theme", "#map svg.plan", "#sheet-drawing"):
+        box = tab.box(selector)
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= width

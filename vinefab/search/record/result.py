@@ -182,7 +182,7 @@ class RunResult:
 
 
 @cache
-def _own_versions() -> dict[str, str]:
+def _versions_of_needed() -> dict[str, str]:
     """Return the versions of the packages that vinefab itself needs; to ask takes 10 ms."""
     return {name: version(name) for name in _PACKAGES}
 
@@ -190,7 +190,7 @@ def _own_versions() -> dict[str, str]:
 def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     """Return the versions of all packages that a run's numbers depend on."""
     versions = {"vinefab": __version__, "python": platform.python_version()}
-    versions |= _own_versions()
+    versions |= _versions_of_needed()
     for name in others:
         if name not in versions:
             try:

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -409,6 +410,18 @@ def make_fan():
 def sound_design(request):
     """Each kind of joint and tip in a design that has an exact outline."""
     return request.param
+
+
+@cache
+def _drawn_twice(name: str, beyond_mm: float) -> Polygon:
+    return Twin(NAMED_DESIGNS[name], 1e-4).body(beyond_mm)
+
+
+@pytest.fixture
+def sound_body(sound_design):
+    """Return a function that draws a sound design with Shapely, once for all tests."""
+    (name,) = (name for name, one in NAMED_DESIGNS.items() if one is sound_design)
+    return lambda beyond_mm=0.0: _drawn_twice(name, beyond_mm)
 
 
 def _contour(points: list[tuple[float, float]], bulges: list[float], *, closed: bool) -> Contour:

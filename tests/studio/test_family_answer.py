@@ -70,10 +70,13 @@ def test_scores_are_those_of_the_library(answer, worlds):
 
 def test_interpreted_answers_come_first_and_are_the_same(answer, monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
-    first = family_answer(state_of(family=TWICE), {"soon": True}, silent)
+    ask = {"soon": True, "compiled": False}
+    first = family_answer(state_of(family=TWICE), ask, silent)
     assert first["compiling"] == "compiling the simulator, once on this computer"
     told = [entry["scores"] for entry in first["maps"][: first["evaluated"]]]
     assert told == [entry["scores"] for entry in answer["maps"]]
+    assert not panel._COMPILER.threads
+    family_answer(state_of(family=TWICE), {"soon": True}, silent)
     panel._COMPILER.threads["coverage"].join()
     assert family_answer(state_of(), {"soon": True}, silent)["compiling"] is None
 

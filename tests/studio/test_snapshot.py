@@ -1,7 +1,6 @@
 """Snapshots: one file that shows a state without a server, and gives it back."""
 
 import json
-import os
 import re
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from vinefab.studio.snapshot import (
 )
 from vinefab.studio.state import StudioState, world_of
 
-CHROMIUM = Path("/usr/bin/chromium")
 HOSTILE = "</script><!-- \u2028 & \"quoted\" 'x' <script>"
 
 
@@ -152,19 +150,6 @@ def test_a_snapshot_replaces_a_snapshot_and_nothing_else(state, tmp_path, monkey
         write_snapshot(state, path)
 
 
-@pytest.fixture
-def browser():
-    if not CHROMIUM.exists() and os.environ.get("CI") == "true":
-        pytest.fail("chromium is missing; install chromium")
-    if not CHROMIUM.exists():
-        pytest.skip("chromium is not installed (Debian package chromium)")
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
-        yield found
-        found.close()
-
-
 def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     path = tmp_path / "sent.html"
     state["design"]["build"]["widths_mm"][-1] = 2.0  # which a rule forbids
@@ -194,3 +179,4 @@ def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     assert page.locator("#export > button").is_disabled()
     assert troubles == []
     assert [url for url in asked if not url.startswith(("data:", "file:"))] == []
+    page.close()

@@ -1,5 +1,6 @@
 """``vinefab studio``: the page in the browser."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ from vinefab.core.errors import BadInputError
 if TYPE_CHECKING:
     from vinefab.studio.workplace import Opened
 
-_PACKAGES = "the packages of the studio: pip install 'vinefab[studio]'"
+_PACKAGES = ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets")
 
 
 def studio_command(
@@ -47,10 +48,8 @@ def studio_command(
 
     Example: vinefab studio mine.toml --map lab.geojson --snapshot state.html
     """
-    try:
-        from vinefab.studio.serve import serve  # noqa: PLC0415  an extra
-    except ModuleNotFoundError as error:
-        raise BadInputError("vinefab studio", f"no {error.name}", _PACKAGES) from error
+    _ensure_packages()
+    from vinefab.studio.serve import serve  # noqa: PLC0415  its packages are an extra
     from vinefab.studio.workplace import Opened  # noqa: PLC0415  as above
 
     output = CommandOutput(quiet=quiet, force=force)
@@ -64,6 +63,13 @@ def studio_command(
         return
     ensure_kind("--snapshot", snapshot, (".html",), force=force)
     _write_snapshot(opened, snapshot, output, family=family)
+
+
+def _ensure_packages() -> None:
+    missing = [name for name in _PACKAGES if find_spec(name) is None]
+    if missing:
+        allowed = "together with the packages of the studio: pip install 'vinefab[studio]'"
+        raise BadInputError("vinefab studio", f"without {', '.join(missing)}", allowed)
 
 
 def _write_snapshot(opened: "Opened", path: Path, output: CommandOutput, *, family: bool) -> None:

@@ -72,7 +72,8 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     ask
         ``quick``: for while something is dragged, the task's fast approximations, on as many maps
         as there is time for. ``soon``: as many maps as the interpreter can do while the simulator
-        is compiled; else that is waited for. ``have``: keys of maps whose ground the page holds.
+        is compiled; else that is waited for. ``compiled = false``: another process compiles it just
+        now, which is not done twice. ``have``: keys of maps whose ground the page holds.
         ``draw``: keys of the maps whose robot it shows, all if not given. ``heat``: whether it
         shows where bodies lie. ``before``: by the maps' keys the scores of the version to compare
         with.
@@ -115,6 +116,7 @@ class _Asked:
 
     quick: bool
     soon: bool
+    compiled: bool
     heat: bool
     have: frozenset[str]
     draw: frozenset[str] | None
@@ -128,6 +130,7 @@ class _Asked:
         return cls(
             quick=bool(ask.get("quick", False)),
             soon=bool(ask.get("quick", False) or ask.get("soon", False)),
+            compiled=bool(ask.get("compiled", True)),
             heat=bool(ask.get("heat", True)),
             have=_keys("have", ask.get("have") or []),
             draw=None if draw is None else _keys("draw", draw),
@@ -293,7 +296,8 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
     scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared], tell)
-    _COMPILER.start(task)
+    if asked.compiled:
+        _COMPILER.start(task)
     _check_finite(task, scores, launches, prepared)
     return _Trial(
         places=places,

@@ -46,7 +46,7 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
         dragged, whose element the page moves itself.
     """
-    answer = _outline(state.design)
+    answer = {"engine": engine_now(), **_outline(state.design)}
     if state.world is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
     key = _ground_key(state.world)

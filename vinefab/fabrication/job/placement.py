@@ -258,10 +258,12 @@ class _Stamp:
     def edge_cells(self, bed: "_Bed") -> list[list[int]]:
         """Return column and row of some of the `cells`, spread along the robot's edge."""
         edge = max(shapely.get_parts(self.turned).tolist(), key=shapely.area).exterior
-        along_mm = np.linspace(0.0, edge.length, _SAMPLES, endpoint=False)
+        corners = shapely.get_coordinates(edge)
+        way_mm = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
         # In an order that is spread too: neighbours are taken at the same places.
-        points = shapely.line_interpolate_point(edge, along_mm[_SPREAD])
-        inner = (shapely.get_coordinates(points) - self.low_mm) / bed.cell_mm
+        along_mm = way_mm[-1] / _SAMPLES * _SPREAD
+        points = np.column_stack([np.interp(along_mm, way_mm, side) for side in corners.T])
+        inner = (points - self.low_mm) / bed.cell_mm
         # The middle of a point's own cell is nearer than the distance kept.
         found: list[list[int]] = (np.floor(inner).astype(np.int64) + bed.rim).tolist()
         return found

@@ -8,13 +8,17 @@ the left. Whether far parts of the body cross each other is not the walk's busin
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from vinefab.fabrication.outline.ends import BranchSide, Socket
 from vinefab.fabrication.outline.exactness import (
+    DrawnDesign,
     OutlineProblem,
     Pattern,
     ProblemKind,
+    design_drawn,
     drawing_problems,
+    drawn_of,
     pattern_of,
     pattern_problems,
 )
@@ -88,6 +92,24 @@ def body_outline(
     >>> [round(edge, 6) for edge in outline.contour.box_mm]
     [-200.0, -20.0, 120.0, 20.0]
     """
+    drawn = drawn_of(design)
+    plugs = tuple(sorted(ends.plugs.items()))
+    made = _kept_outline if design.branch_count <= _MOST_KEPT else _outline
+    return made(drawn, offset_mm, least_fillet_mm, (ends.root, ends.socket, plugs))
+
+
+_MOST_KEPT = 200
+"""Outlines of more branches are not kept: they take much memory."""
+
+
+def _outline(
+    drawn: DrawnDesign,
+    offset_mm: float,
+    least_fillet_mm: float,
+    piece: tuple[int, Socket | None, tuple[tuple[int, float], ...]],
+) -> BodyOutline:
+    design, (root, socket, plugs) = design_drawn(drawn), piece
+    ends = PieceEnds(root=root, socket=socket, plugs=dict(plugs))
     layout = flat_layout(design)
     pattern = pattern_of(design, offset_mm, least_fillet_mm)
     problems = pattern_problems(design, layout, pattern)
@@ -97,6 +119,10 @@ def body_outline(
     return BodyOutline(
         contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
     )
+
+
+# The search for pieces, the rules and the job of the laser ask for the same outlines in turn.
+_kept_outline = lru_cache(maxsize=32)(_outline)
 
 
 class _Walk:

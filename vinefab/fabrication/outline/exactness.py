@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from vinefab.fabrication.outline.joint import (
 )
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, WORST_ERROR_MM
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design, Level
 from vinefab.model.outline import Contour
 
 
@@ -94,6 +95,28 @@ class Pattern:
 
 def pattern_of(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> Pattern:
     """Return the pieces of a design's outline at an offset; smaller fillets there are corners."""
+    return _pattern(drawn_of(design), offset_mm, least_fillet_mm)
+
+
+DrawnDesign = tuple[float, tuple[Level, ...], Build]
+"""What of a design its outline is drawn from: length of the trunk, levels, build."""
+
+
+def drawn_of(design: Design) -> DrawnDesign:
+    """Return what of a design its outline is drawn from; it can be the key of a cache."""
+    return design.trunk_length_mm, design.levels, design.build
+
+
+def design_drawn(drawn: DrawnDesign) -> Design:
+    """Return a design without a name of its own that has the same outline."""
+    trunk_mm, levels, build = drawn
+    return Design(name="drawn", trunk_length_mm=trunk_mm, levels=levels, build=build)
+
+
+@lru_cache(maxsize=16)
+def _pattern(drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float) -> Pattern:
+    # Whatever looks at a robot asks for the same few patterns: of its lumen and of its paths.
+    design = design_drawn(drawn)
     return Pattern(
         offset_mm=offset_mm,
         tail=tail_of(design, offset_mm),

@@ -4,6 +4,7 @@ import { el, fillSvg, number, paused, svgEl } from "studio/dom.js";
 
 const STILL_MS = 120;
 const AGAIN_MS = 1500;
+const COMPILED_MS = 120_000;
 const MOST_GROUNDS = 600;
 const CHART = { height: 96, left: 16, right: 16, top: 8, base: 66 };
 /** The interval of so few maps is narrower than it should be. */
@@ -67,7 +68,7 @@ function drawChart(svg, answer, before) {
   svg.setAttribute("viewBox", `0 0 ${width} ${CHART.height}`);
   svg.replaceChildren(...[
     ...bins.counts.map(bar),
-    before.length ? svgEl("path", { class: "before", d: `M${x(bins.low).toFixed(1)} ${CHART.base}L${steps.join(" ")} ${x(end).toFixed(1)} ${CHART.base}` }) : null,
+    bins.before.some(Boolean) ? svgEl("path", { class: "before", d: `M${x(bins.low).toFixed(1)} ${CHART.base}L${steps.join(" ")} ${x(end).toFixed(1)} ${CHART.base}` }) : null,
     svgEl("path", { class: "axis", d: `M${CHART.left} ${CHART.base}H${width - CHART.right}` }),
     ...answer.maps.filter((entry) => entry.score !== null).map((entry) =>
       svgEl("path", { class: "one", d: `M${x(entry.score).toFixed(1)} ${CHART.base + 2}v6` })),
@@ -208,6 +209,7 @@ export function mount(root, app) {
   const heat = heatView();
   let answer = null;
   let asked = "";
+  let evaluated = 0;
   let before = {};
   let view = "maps";
 
@@ -319,17 +321,23 @@ export function mount(root, app) {
     return scoresOf(found);
   }
 
+  /** Tell whether compiled code lies on disk; after so long nobody else compiles it. */
+  const isCompiled = () => app.answers.live?.engine === "kernel" || performance.now() > COMPILED_MS;
+
   async function ask(quick) {
     if (!app.live || root.hidden) return;
     const state = app.shown();
     before = versionBefore(state);
-    const options = { have: [...grounds.keys()], before, soon: true };
+    const options = { have: [...grounds.keys()], before, soon: true, compiled: isCompiled() };
     if (quick) Object.assign(options, { quick: true, heat: view === "heat", draw: view === "maps" ? [...seen] : [] });
     else asked = conditions(state);
     try {
       const found = await app.ask("family", options);
       tell(found.compiling ? `${found.evaluated} of ${found.maps.length} maps so far: ${found.compiling}` : "");
-      if (found.compiling) setTimeout(atRest, AGAIN_MS);
+      // While another process compiles, more maps are asked for only as long as more come.
+      const grew = found.evaluated !== evaluated;
+      evaluated = found.evaluated;
+      if (found.compiling && (grew || isCompiled())) setTimeout(atRest, AGAIN_MS);
     } catch (error) {
       if (!quick && !error.stopped) asked = "";
       if (error.stale) return;
@@ -364,11 +372,14 @@ export function mount(root, app) {
     changed();
   });
   app.onPreview?.(changed);
-  app.on("again", () => {
-    asked = "";
-    changed();
-  });
+  for (const event of ["again", "engine"]) {
+    app.on(event, () => {
+      asked = "";
+      setTimeout(changed, AGAIN_MS);
+    });
+  }
   app.onReference?.(() => {
+    if (!app.live && answer) show(answer, app.store.get());
     if (!app.live || root.hidden || same(before, versionBefore(app.shown()))) return;
     asked = "";
     atRest();

@@ -24,8 +24,9 @@ from vinefab.search.run import run_search
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, Space, SpaceSettings
+from vinefab.studio.followed_run import FollowedRecord, LiveFront
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
-from vinefab.studio.search_desk import SEARCH_DESK, FollowedRecord, LiveFront, SearchDesk
+from vinefab.studio.search_desk import SEARCH_DESK, SearchDesk
 from vinefab.studio.state import StudioState
 
 SMALL = {"columns": 2, "rows": 2, "size_mm": 300.0}

@@ -7,7 +7,6 @@ server is killed: it notices that the pipe to it has closed (`vinefab.core.inter
 
 import asyncio
 import inspect
-import json
 import os
 import shlex
 import subprocess
@@ -20,8 +19,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
 from vinefab.core.atomic import folder_to_fill, write_text
 from vinefab.core.errors import (
     BadInputError,
@@ -33,17 +30,22 @@ from vinefab.core.errors import (
 )
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
-from vinefab.core.validation import Floats, check_plain
-from vinefab.model.files.design_toml import design_content, read_design
-from vinefab.model.score import Score
-from vinefab.search.costs import COSTS
-from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.front import minimized, non_dominated, spread_out
-from vinefab.search.record.result import Generation, first_difference
+from vinefab.core.validation import check_plain
+from vinefab.model.files.design_toml import design_content
+from vinefab.search.record.result import first_difference
 from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings
-from vinefab.search.space import Space
+from vinefab.studio.followed_run import (
+    FollowedRecord,
+    best_of,
+    best_words,
+    final_front,
+    front_design,
+    listed_score,
+    point_of,
+    winner_words,
+)
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.state import PAGE, StudioState
 
@@ -53,147 +55,11 @@ PAUSE_S = 0.35
 PATIENCE_S = 10.0
 """How long a search may take to stop before it is killed; its record is whole then too."""
 
-MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
-MOST_FRONT_KEPT = 360
-"""A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
-
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
 """How far earlier runs are looked for below the folders of the desk."""
 
 MOST_CANDIDATES, MOST_RUN_FILE_BYTES = 40, 1 << 18
 """Of files that may be the run file of a record."""
-
-_SIMULATED = "simulated"
-
-
-@dataclass(slots=True)
-class FollowedRecord:
-    """A record that is read bit by bit while its run goes on."""
-
-    path: Path
-    has_front: bool = True  # whether the front so far is wanted
-    settings: RunSettings | None = None  # None before there is a record
-    generations: int = 0  # read so far
-    evaluations: int = 0
-    best: float = INVALID_FITNESS  # best fitness
-    best_at: tuple[int, int] | None = None  # its generation and row
-    best_breaks: bool = False  # whether it has a penalty
-    best_x: Floats = field(default_factory=lambda: np.empty(0))
-    curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
-    stopped: str = ""
-    winner_score: Score | None = None  # on fresh poses, once the run has ended
-    front: "LiveFront | None" = None
-
-    def look(self) -> None:
-        """Read what is new."""
-        tail = RecordTail.read(self.path, self.generations)
-        if tail is None:
-            return
-        if self.settings is None and tail.settings.objectives and self.has_front:
-            self.front = LiveFront(tail.settings)
-        self.settings, self.stopped = tail.settings, tail.stopped
-        self.winner_score = tail.winner_score
-        for generation in tail.generations:
-            self._take(generation)
-
-    def _take(self, generation: Generation) -> None:
-        self.generations = generation.number + 1
-        self.evaluations += len(generation.fitness)
-        if generation.best > self.best:
-            row = int(np.argmax(generation.fitness))
-            if self.best_breaks and generation.penalty[row] == 0.0:
-                # Designs that break something rank below all others, on a scale of their own.
-                self.curve.clear()
-            self.best, self.best_at = generation.best, (generation.number, row)
-            self.best_x = generation.x[row]
-            self.best_breaks = bool(generation.penalty[row] > 0.0)
-            self.curve.append((self.evaluations, self.best))
-        if self.front is not None:
-            self.front.take(generation)
-
-    @property
-    def share(self) -> float:
-        """Share of the generations that are done; runs with other limits may end before."""
-        if self.settings is None:
-            return 0.0
-        return min(1.0, self.generations / self.settings.search.generations)
-
-    def best_content(self) -> dict[str, Any] | None:
-        """Return the best design so far; None before there is one."""
-        if self.settings is None or self.best_at is None:
-            return None
-        space = Space(self.settings.space, self.settings.build)
-        return design_content(space.design(self.best_x, self.settings.name))
-
-    def curve_points(self) -> list[list[float]]:
-        """Return the curve up to now, in a bounded number of points."""
-        points = [list(point) for point in self.curve]
-        if points and points[-1][0] < self.evaluations:
-            points.append([self.evaluations, self.best])
-        if len(points) <= MOST_CURVE_POINTS:
-            return points
-        chosen = np.linspace(0, len(points) - 1, MOST_CURVE_POINTS).round().astype(int)
-        return [points[place] for place in chosen.tolist()]
-
-
-class LiveFront:
-    """The designs of a run with several objectives that no other dominates so far."""
-
-    def __init__(self, settings: RunSettings) -> None:
-        self._settings = settings
-        self._space = Space(settings.space, settings.build)
-        self._at: list[tuple[int, int]] = []  # generation and row of each
-        self._fitness, self._costs = np.empty(0), np.empty((0, len(settings.further_objectives)))
-
-    def take(self, generation: Generation) -> None:
-        """Let the designs of a generation that break nothing join, and drop what they dominate."""
-        names = self._settings.further_objectives
-        costs = minimized(generation.x, generation.terms, self._space, names)
-        valid = np.isfinite(generation.composite) & (generation.penalty == 0.0)
-        rows = np.flatnonzero(valid & np.isfinite(costs).all(axis=1))
-        at = [*self._at, *((generation.number, row) for row in rows.tolist())]
-        fitness = np.concatenate([self._fitness, generation.fitness[rows]])
-        costs = np.vstack([self._costs, costs[rows]])
-        kept = np.flatnonzero(non_dominated(fitness, costs))
-        if len(kept) > MOST_FRONT_KEPT:
-            kept = kept[spread_out(costs[kept], MOST_FRONT_POINTS)]
-        self._at = [at[place] for place in kept.tolist()]
-        self._fitness, self._costs = fitness[kept], costs[kept]
-
-    def plain(self) -> dict[str, Any]:
-        """Return the front for the page, its points in the order of the first further objective."""
-        settings = self._settings
-        signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
-        points = [
-            {
-                "point": "{}:{}".format(*self._at[place]),
-                "label": f"generation {self._at[place][0] + 1}",
-                "values": [
-                    float(self._fitness[place]),
-                    *(s * float(c) for s, c in zip(signs, self._costs[place], strict=True)),
-                ],
-                "breaks": False,
-            }
-            for place in spread_out(self._costs, MOST_FRONT_POINTS)
-        ]
-        names = (settings.task.name, *settings.further_objectives)
-        return {
-            "objectives": [_objective(name) for name in names],
-            "points": points,
-            "is_final": False,
-        }
-
-
-def _objective(name: str) -> dict[str, str]:
-    """Return an objective as charts name it."""
-    is_cost = name in COSTS
-    return {
-        "name": name.replace("_", " ") if is_cost else f"{name} score",
-        "unit": COSTS[name].unit if is_cost else "",
-        "better": "smaller" if is_cost else "larger",
-        # A cost follows from the design alone.
-        "kind": "planned" if is_cost else _SIMULATED,
-    }
 
 
 @dataclass(slots=True)
@@ -338,11 +204,11 @@ class SearchDesk:
         if not isinstance(point, str):
             raise BadInputError("point", point, "best, G:R or a design of the front", PAGE)
         if point == "best":
-            content, words = _best_of(folder)
+            content, words = best_of(folder)
         elif ":" in point:
-            content, words = _point_of(folder, point)
+            content, words = point_of(folder, point)
         else:
-            content, words = _front_design(folder, point)
+            content, words = front_design(folder, point)
         return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
 
     def front(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -352,7 +218,7 @@ class SearchDesk:
         record.look()
         if record.front is None:
             raise BadInputError("folder", ask["folder"], "a run with several objectives", PAGE)
-        final = _final_front(folder, record)
+        final = final_front(folder, record)
         return {"folder": self._shown(folder), "front": final or record.front.plain()}
 
     def news(self) -> SearchEvent | None:
@@ -453,7 +319,7 @@ class SearchDesk:
             "curve": record.curve_points(),
             "best": record.best_content(),
             "best_score": record.best if record.best_at is not None else None,
-            "best_words": _best_words(record),
+            "best_words": best_words(record),
             "best_breaks": record.best_breaks,
             "front": record.front.plain() if record.front else None,
             "line": problem or _line(state, record, asked=running.was_asked_to_stop),
@@ -465,7 +331,7 @@ class SearchDesk:
         """Return what an ended search changes of its last event."""
         try:
             result = RunArchive.read(running.record.path).result()
-            front = _final_front(running.folder, running.record)
+            front = final_front(running.folder, running.record)
         except VinefabError as error:
             return {"line": str(error)}
         breaks = running.process.returncode == 1
@@ -473,7 +339,7 @@ class SearchDesk:
         found = {
             "best": design_content(result.best),
             "best_score": result.score.composite["mean"],
-            "best_words": f"{_winner_words(result.score)}{rules}",
+            "best_words": f"{winner_words(result.score)}{rules}",
             "best_breaks": breaks,
         }
         return {**found, "front": front} if front else found
@@ -577,7 +443,7 @@ class SearchDesk:
             line = "has no generation yet"
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
-        score, words = _listed_score(record)
+        score, words = listed_score(record)
         return {
             "folder": self._shown(path.parent),
             "state": state,
@@ -614,106 +480,6 @@ def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
     if state == "ended":
         return f"ended after {done}{_WHY.get(record.stopped, '')}"
     return f"stopped after {done}; everything is recorded, it can be resumed"
-
-
-def _best_words(record: FollowedRecord) -> str:
-    if record.best_at is None:
-        return f"no valid design yet ({_SIMULATED})"
-    breaks = "; it breaks fabrication rules or limits" if record.best_breaks else ""
-    where = f"generation {record.best_at[0] + 1}"
-    return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
-
-
-def _winner_words(score: Score) -> str:
-    return f"mean score of the winner on {len(score.evaluations)} fresh poses ({_SIMULATED})"
-
-
-def _listed_score(record: FollowedRecord) -> tuple[float | None, str]:
-    """Return the score of a run's winner, or the best fitness so far, and what it is."""
-    score = record.winner_score
-    if record.stopped and score is not None:
-        return score.composite["mean"], _winner_words(score)
-    return record.best if record.best_at is not None else None, _best_words(record)
-
-
-def _best_of(folder: Path) -> tuple[dict[str, Any], str]:
-    """Return the winner of a run that has ended, or the best design so far."""
-    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
-    record.look()
-    if record.stopped:
-        result = RunArchive.read(record.path).result()
-        words = f"{result.score.composite['mean']:.4f}: {_winner_words(result.score)}"
-        return design_content(result.best), words
-    content = record.best_content()
-    if content is None:
-        raise BadInputError("point", "best", "a run with a valid design", folder)
-    return content, f"fitness {record.best:.4f}: {_best_words(record)}"
-
-
-def _point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
-    """Return the design in a row of a generation."""
-    wanted, _, row = point.partition(":")
-    tail = None
-    if wanted.isascii() and wanted.isdigit() and row.isascii() and row.isdigit():
-        tail = RecordTail.read(folder / RECORD_FILE, min(int(wanted), 2**62))
-    found = [] if tail is None else [g for g in tail.generations if g.number == int(wanted)]
-    if tail is None or not found or int(row) >= len(found[0].x):
-        raise BadInputError("point", point, "G:R, a row of a generation of the run", folder)
-    generation, place = found[0], int(row)
-    design = Space(tail.settings.space, tail.settings.build).design(generation.x[place])
-    content = {**design_content(design), "name": f"{tail.settings.name}_{wanted}_{row}"[:100]}
-    words = f"fitness {generation.fitness[place]:.4f} in the search: likely too good ({_SIMULATED})"
-    return content, words
-
-
-def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
-    """Return a design of the front that a run ended with."""
-    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
-    record.look()
-    front = _final_front(folder, record)
-    known = {} if front is None else {point["point"]: point for point in front["points"]}
-    if name not in known:
-        raise BadInputError("point", name, f"one of {', '.join(known) or 'none'}", folder)
-    values = known[name]["values"]
-    words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
-    return design_content(read_design(folder / "front" / f"{name}.toml")), words
-
-
-_MOST_FRONT_BYTES = 1 << 24
-
-
-def _final_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
-    """Return the front that a run ended with, from its ``front.json``; None without one."""
-    path, settings = folder / "front.json", record.settings
-    if settings is None or not settings.objectives or not record.stopped:
-        return None
-    # The task first, as in the live front.
-    names = [settings.task.name, *settings.further_objectives]
-    try:
-        if path.stat().st_size > _MOST_FRONT_BYTES:
-            raise UnreadableFileError(path, "is too large for a front")
-        content = json.loads(path.read_text(encoding="utf-8"))
-        points = [_final_point(entry, names) for entry in content["designs"]]
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        if isinstance(error, VinefabError):
-            raise
-        raise UnreadableFileError(path, f"is no front of a run ({error})") from error
-    return {"objectives": [_objective(n) for n in names], "points": points, "is_final": True}
-
-
-def _final_point(entry: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
-    name = str(entry["design"])
-    if "/" in name or "\\" in name:
-        raise ValueError(f"a design called {name!r}")
-    knee = ", knee" if entry["knee"] else ""
-    return {
-        "point": name,
-        "label": f"{name}{knee}",
-        "values": [float(entry[objective]) for objective in names],
-        "breaks": entry["penalty"] > 0.0,
-    }
 
 
 def _on_page(error: VinefabError, run_file: Path) -> VinefabError:

@@ -320,6 +320,34 @@ def test_choices_of_a_crowded_folder_are_bounded_and_say_so(desk, folder):
     assert not found["complete"]
 
 
+def test_a_crowded_folder_is_looked_at_in_bounded_time(desk, folder, monkeypatch):
+    monkeypatch.setattr("vinefab.studio.desk._MOST_LOOKED_AT", 50)
+    assert desk.choices({})["complete"]
+    for number in range(60):
+        (folder / f"d{number}").mkdir()
+    found = desk.choices({})
+    assert not found["complete"]
+    (folder / "d1" / "deep" / "deeper" / "deepest").mkdir(parents=True)
+    shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "a.toml")
+    shutil.copy("mine.toml", folder / "d1" / "deep" / "deeper" / "deepest" / "b.toml")
+    monkeypatch.setattr("vinefab.studio.desk._MOST_LOOKED_AT", 5000)
+    paths = [entry["path"] for entry in desk.choices({})["designs"] if entry["where"] == "folder"]
+    assert paths == ["mine.toml", "d1/deep/deeper/a.toml"]
+
+
+def test_a_write_protected_file_is_left_alone_and_modes_stay(desk, folder):
+    file = opened(desk)
+    ask = {"path": "mine.toml", "design": with_length(file["design"], 9), "stamp": file["stamp"]}
+    (folder / "mine.toml").chmod(0o444)
+    assert not opened(desk)["writable"]
+    with pytest.raises(CannotWriteError, match="write-protected"):
+        desk.save_design(ask)
+    assert (folder / "mine.toml").read_text() == MINE
+    (folder / "mine.toml").chmod(0o600)
+    assert desk.save_design(ask)["saved"]
+    assert (folder / "mine.toml").stat().st_mode & 0o777 == 0o600
+
+
 def test_unsaved_work_is_kept_listed_and_dropped(desk):
     state = {"design": opened(desk)["design"], "locks": ["trunk.length"]}
     for number in range(MOST_RECOVERIES + 5):

@@ -132,6 +132,8 @@ def test_a_drag_is_followed_quickly_and_a_rest_in_full(page):
     # All grounds are there, and the version before has scores to be compared with.
     assert len(rest["have"]) == len(rest["before"]) == 4
     assert page.locator(".tile .difference").first.text_content() == "="
+    # What a snapshot would store is whole, although the last answer had no grounds.
+    assert page.evaluate("fake.app.answers.family.maps.every((entry) => entry.ground_svg)")
 
 
 def test_a_map_is_opened_where_its_robot_was_grown(page, answers):
@@ -194,3 +196,18 @@ def test_on_another_map_the_version_before_is_grown_again(page):
     page.evaluate(WAIT, 250)
     assert page.evaluate("fake.asked.some(([panel]) => panel === 'before')")
     assert page.evaluate(cell) != DASH
+
+
+def test_a_mean_that_differs_by_chance_is_neither_better_nor_worse(page):
+    kinds = page.evaluate("""async () => {
+      const {comparedCell} = await import("studio/compare.js");
+      const {isClear} = await import("studio/family_panel.js");
+      const measure = {
+        better: 1, digits: 3, of: (found) => found.mean,
+        isUnclear: (found) => !isClear(found.difference),
+      };
+      const kind = (low, high) =>
+        comparedCell(measure, {mean: 0.51, difference: {low, high}}, {mean: 0.5}, true).kind;
+      return [kind(-0.01, 0.03), kind(0.004, 0.016), kind(null, null)];
+    }""")
+    assert kinds == ["no clear difference", "better", "no clear difference"]

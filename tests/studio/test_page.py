@@ -296,6 +296,14 @@ def with_obstacles(world, obstacles):
     )
 
 
+GROWN = """([count, share]) => {
+  const paths = [...document.querySelectorAll(".robot-layer path[data-branch]")];
+  const {front_mm, full_mm} = studio.answers.front ?? {};
+  return new Set(paths.map((path) => path.dataset.branch)).size === count
+    && Math.abs(front_mm / full_mm - share) < 1e-3;
+}"""
+
+
 def test_the_length_grown_shows_what_is_out_then(tab, grid):
     """Every branch is as long as the front is past its base, and not longer than it grows."""
     final = robot_svg(tab.design().grow(grid), tab.design().build.widths_mm)
@@ -308,12 +316,7 @@ def test_the_length_grown_shows_what_is_out_then(tab, grid):
         front_mm = full_mm * share / 1000
         out_mm = {name: min(front_mm - float(base), float(grown)) for name, base, grown in spans}
         wanted = {name: length for name, length in out_mm.items() if length > 0.0}
-        tab.until(
-            "(count) => new Set([...document.querySelectorAll('.robot-layer path[data-branch]')]"
-            ".map((path) => path.dataset.branch)).size === count && Math.abs(studio.answers.front.front_mm / studio.answers.front.full_mm"
-            " - Number(document.getElementById('front').value) / 1000) < 1e-3",
-            len(wanted),
-        )
+        tab.until(GROWN, [len(wanted), share / 1000])
         drawn = {name: length_mm(path) for name, path in tab.robot().items()}
         assert drawn == pytest.approx(wanted, abs=0.01)
         assert f"of {full_mm:.0f} mm" in tab.page.inner_text("output[for=front]")

@@ -105,6 +105,11 @@ def changed(page, change):
     return page[: stored.start(1)] + text.encode() + page[stored.end(1) :]
 
 
+def with_map(document, text):
+    document["hello"]["state"]["map"]["source"] = {"file": "lab.geojson"}
+    document["map"] = text
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -113,6 +118,8 @@ def changed(page, change):
         (lambda d: d["hello"]["state"]["design"].pop("trunk"), "trunk"),
         (lambda d: d["hello"]["state"]["map"]["edits"].append(["burn"]), "map.edits.1"),
         (lambda d: d["hello"]["state"]["map"].update(source={"file": "/etc/passwd"}), "map is mis"),
+        (lambda d: with_map(d, "{}"), "map.type is missing"),
+        (lambda d: with_map(d, "{"), "its map is not JSON"),
         (lambda d: d["hello"]["state"].update(growth={"body": "fat"}), "'centerline' or"),
     ],
 )

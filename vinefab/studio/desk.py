@@ -7,9 +7,12 @@ and where the files lie that were named there; shipped and own designs and recip
 import asyncio
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import stat
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from threading import Lock
 from time import monotonic
@@ -52,6 +55,7 @@ MOST_LISTED = 300
 """Files of each kind in the list of choices."""
 
 _DEEPEST_FOLDER = 3
+_HIDDEN = (".", "node_modules", "__pycache__")
 _MOST_LOOKED_AT = 5000
 _HEAD_BYTES = 4096
 _SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
@@ -196,7 +200,7 @@ class Desk:
             if now.stamp and now.stamp != ask.get("stamp") and not ask.get("force"):
                 return self._conflict(path, now, known=bool(ask.get("stamp")))
             text, note = self._new_text(path, now, design, ask.get("from"))
-            write_bytes(path, text.encode(), force=True)
+            _write(path, text)
             self._texts[path] = text
         stamp = sha256_of(text.encode())
         self._watch(path, "design", stamp)
@@ -259,7 +263,8 @@ class Desk:
     def is_writable(self, path: Path) -> bool:
         """Tell whether a file may be saved where it lies."""
         inside = any(path.is_relative_to(root) for root in self.roots)
-        return inside and not _is_library(path) and os.access(path.parent, os.W_OK)
+        may_be = os.access(path.parent, os.W_OK) and not _is_protected(path)
+        return inside and may_be and not _is_library(path)
 
     def shown(self, path: Path) -> str:
         """Return a path as the user would type it where the command was started."""
@@ -357,6 +362,8 @@ class Desk:
             raise CannotWriteError(self.shown(path), "its folder does not exist")
         if os.path.lexists(path) and not path.is_file():
             raise CannotWriteError(self.shown(path), "it is no plain file")
+        if _is_protected(path):
+            raise CannotWriteError(self.shown(path), "it is write-protected")
         return path
 
     def _conflict(self, path: Path, now: _Version, *, known: bool) -> dict[str, Any]:
@@ -394,19 +401,9 @@ class Desk:
 
     def _files(self) -> tuple[list[tuple[str, Path]], bool]:
         """Return the files of the folders by kind, and whether all were looked at."""
-        found: list[tuple[str, Path]] = []
-        seen: set[Path] = set()
-        left = _MOST_LOOKED_AT
-        for root in self.roots:
-            for path in _walk(root, _DEEPEST_FOLDER):
-                left -= 1
-                if left < 0:
-                    return found, False
-                kind = _kind(path)
-                if kind and path not in seen and not _is_library(path):
-                    seen.add(path)
-                    found.append((kind, path))
-        return found, True
+        paths, is_complete = _listed(self.roots)
+        kinds = [(_kind(path), path) for path in paths if not _is_library(path)]
+        return [(kind, path) for kind, path in kinds if kind], is_complete
 
 
 DESK: dict[str, Callable[[Desk, Mapping[str, Any]], dict[str, Any]]] = {
@@ -477,6 +474,21 @@ def _version(path: Path) -> _Version:
         return _Version(stamp, problem=str(error))
 
 
+def _is_protected(path: Path) -> bool:
+    """Tell whether a file is there that nobody, or not this user, may write."""
+    if not path.exists():
+        return False
+    return not path.stat().st_mode & 0o222 or not os.access(path, os.W_OK)
+
+
+def _write(path: Path, text: str) -> None:
+    """Replace a file in one step; who may read it stays as it was."""
+    mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else None
+    write_bytes(path, text.encode(), force=True)
+    if mode is not None:
+        path.chmod(mode)
+
+
 def _stamp(path: Path, most_bytes: int) -> str:
     return sha256_of(read_bytes(path, most_bytes))
 
@@ -496,23 +508,25 @@ def _unrounded(design: Design, old: Design) -> Design:
     return replace(design, levels=levels)
 
 
-def _walk(folder: Path, depth: int) -> Iterator[Path]:
-    """Give the files below a folder, those in it first; hidden ones and links are left out."""
-    try:
-        with os.scandir(folder) as entries:
-            listed = sorted(entries, key=lambda entry: entry.name)
-    except OSError:
-        return
-    folders = []
-    for entry in listed:
-        if entry.name.startswith((".", "node_modules", "__pycache__")) or entry.is_symlink():
-            continue
-        if entry.is_dir():
-            folders.append(Path(entry.path))
-        elif entry.is_file():
-            yield Path(entry.path)
-    for below in folders if depth else ():
-        yield from _walk(below, depth - 1)
+def _listed(roots: Sequence[Path]) -> tuple[list[Path], bool]:
+    """Return the files below some folders, the nearest first, and whether these are all.
+
+    Hidden ones and links are left out.
+    """
+    files: dict[Path, None] = {}
+    left, open_folders = _MOST_LOOKED_AT, deque((root, 0) for root in roots)
+    while open_folders:
+        folder, depth = open_folders.popleft()
+        with suppress(OSError), os.scandir(folder) as entries:
+            found = sorted(islice(entries, left + 1), key=lambda entry: entry.name)
+            left -= len(found)
+            if left < 0:
+                return list(files), False
+            shown = [e for e in found if not e.name.startswith(_HIDDEN) and not e.is_symlink()]
+            files.update(dict.fromkeys(Path(entry.path) for entry in shown if entry.is_file()))
+            if depth < _DEEPEST_FOLDER:
+                open_folders.extend((Path(e.path), depth + 1) for e in shown if e.is_dir())
+    return list(files), True
 
 
 def _kind(path: Path) -> str:

@@ -5,17 +5,14 @@ What is not in a file yet, or not as the page shows it, is written beside the ex
 folder ``OUT.inputs`` with ``design.toml`` and, if needed, ``map.geojson``. The export is made of
 what these files say when read back, rounding included.
 """
-# ruff: noqa: PLC0415  what an export needs is loaded when it is asked for: a command line is quick
 
-import json
 import os
 import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Protocol
+from typing import Any
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import (
@@ -26,287 +23,23 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.registry import with_parameters
-from vinefab.core.validation import whole
-from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_arguments
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
-from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile, RecipeStatus
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.laser import RecipeStatus
+from vinefab.model.map import Map, Start
+from vinefab.studio.exports import (
+    DESIGN_FILE,
+    EXPORTS,
+    MAP_FILE,
+    Export,
+    ExportSource,
+    PackageExport,
+    inputs_folder,
+)
 from vinefab.studio.panels import Tell
 from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
 from vinefab.studio.state import PAGE, StudioState
-
-DESIGN_NAME, MAP_NAME = "design.toml", "map.geojson"
-_MOST_COPIES = 200
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Source:
-    """What an export is made of, and what its command calls it."""
-
-    design: Design
-    design_name: str  # a path from the start folder, or a shipped design's name
-    world: Map | None  # None where no map is open, or none is needed
-    map_name: str
-    pose: Pose | None  # None: the map's first start
-    recipe: str
-    profile: LaserProfile
-    growth: GrowthOptions
-    out: str  # what is written, as a path from the start folder
-    inputs: Mapping[str, bytes]  # what is written beside it first, by name; empty for nothing
-
-    @property
-    def folder(self) -> Path:
-        """The folder for what is written beside it."""
-        return inputs_folder(Path(self.out))
-
-    @property
-    def recipe_words(self) -> list[str]:
-        """The option that chooses the recipe, if it is not the default."""
-        return [] if self.recipe == DEFAULT_RECIPE else ["--recipe", self.recipe]
-
-    @property
-    def growth_given(self) -> dict[str, object]:
-        """The growth options that the design would not be grown with by itself."""
-        usual = GrowthChoice.of([self.design]).options.content
-        return {n: value for n, value in self.growth.content.items() if value != usual[n]}
-
-    def as_read(self) -> "Source":
-        """Return the same with the design and the map that reading ``inputs`` gives."""
-        with TemporaryDirectory() as name:
-            for file, data in self.inputs.items():
-                (Path(name) / file).write_bytes(data)
-            design, world = self.design, self.world
-            if DESIGN_NAME in self.inputs:
-                design = read_design(Path(name) / DESIGN_NAME)
-            if MAP_NAME in self.inputs:
-                world = read_map(Path(name) / MAP_NAME)
-        return replace(self, design=design, world=world)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
-    """An export that is ready to be written."""
-
-    files: Mapping[str, bytes] = field(default_factory=dict)  # by name; of one file, by ""
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # files beside it, by path
-    lines: tuple[str, ...] = ()  # what the command would say
-    refused: str = ""  # why nothing may be written
-    findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
-
-
-class Export(Protocol):
-    """One kind of export; its fields are what the user chooses."""
-
-    mark: ClassVar[str]  # the file by which its folder is known again; empty: it is one file
-    endings: ClassVar[tuple[str, ...]]  # of its name, if it is one file
-    uses_map: ClassVar[bool]
-    moves_start: ClassVar[bool]  # whether the page's start has to stand in the map
-
-    def words(self, source: Source) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-
-    def make(self, source: Source, tell: Tell) -> Made:
-        """Return the files."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PackageExport:
-    """The fabrication package."""
-
-    zip: bool = False  # also as an archive
-    allow_uncalibrated: bool = False  # for a recipe that no coupon has confirmed
-    r12: bool = False  # also a DXF of release 12
-    copies: int = 1  # robots on the bed
-    mark: ClassVar[str] = "job.json"
-    endings: ClassVar[tuple[str, ...]] = ()
-    uses_map: ClassVar[bool] = False
-    moves_start: ClassVar[bool] = False
-
-    def words(self, source: Source) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        words = ["fabricate", source.design_name, *source.recipe_words]
-        words += [] if self.copies == 1 else ["--copies", str(self.copies)]
-        words += [f"--{n.replace('_', '-')}" for n in _PACKAGE_FLAGS if getattr(self, n)]
-        return [*words, "--out", source.out]
-
-    def make(self, source: Source, tell: Tell) -> Made:
-        """Return the files of the package, or what forbids them."""
-        from vinefab.fabrication.checking import check_lines
-        from vinefab.fabrication.job.placement import SheetOptions
-        from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
-
-        tell(0.1, "paths and rules")
-        copies = whole("copies", self.copies, 1, _MOST_COPIES)
-        sheet = SheetOptions(copies=copies)
-        prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
-        made = Made(
-            lines=tuple(check_lines(prepared.report)),
-            refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
-            findings=_findings(prepared.report),
-        )
-        if made.refused:
-            return made
-        tell(0.5, "pictures and pages")
-        files, archive = package(prepared), Path(source.out)
-        archive = archive.with_name(f"{archive.name}.zip")
-        beside = {str(archive): zip_bytes(files, source.design.name)} if self.zip else {}
-        return replace(made, files=files, beside=beside)
-
-
-_PACKAGE_FLAGS = ("zip", "r12", "allow_uncalibrated")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigExport:
-    """Printable obstacles."""
-
-    printer: str = DEFAULT_PRINTER
-    style: str = "plate"
-    height_mm: float = 30.0
-    fit_mm: float = 0.0  # length of the rig's longer side; 0: the map's size
-    lid: bool = False
-    check_robot: bool = True  # check corridors and heights for the design
-    pictures: bool = True  # draw rig and beds; report.html
-    mark: ClassVar[str] = "rig.json"
-    endings: ClassVar[tuple[str, ...]] = ()
-    uses_map: ClassVar[bool] = True
-    moves_start: ClassVar[bool] = True
-
-    def words(self, source: Source) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        usual = RigExport()
-        words = ["rig", source.map_name]
-        words += ["--design", source.design_name] if self.check_robot else []
-        for name in ("printer", "style", "height_mm", "fit_mm"):
-            if getattr(self, name) != getattr(usual, name):
-                words.append(f"--{name.replace('_', '-')}={getattr(self, name)}")
-        words += ["--lid"] if self.lid else []
-        words += [] if self.pictures else ["--no-pictures"]
-        return [*words, "--out", source.out]
-
-    def make(self, source: Source, tell: Tell) -> Made:
-        """Return the files of the rig, or what forbids them."""
-        from vinefab.fabrication.checking import check_lines
-        from vinefab.rig.make import RigRequest, make_rig
-        from vinefab.rig.rig_options import RigOptions, read_printer
-
-        world = _map_of(source)
-        options = RigOptions(style=self.style, height_mm=self.height_mm)
-        if self.fit_mm:
-            options = options.fitted(world, self.fit_mm)
-        robot = source.design if self.check_robot else None
-        request = RigRequest(design=robot, lid=self.lid, pictures=self.pictures)
-        made = make_rig(world, read_printer(self.printer), options, request, progress=tell)
-        blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
-        return Made(
-            files=made.files,
-            lines=tuple(check_lines(made.report) if blocking else made.summary()),
-            refused=f"{blocking} forbid it" if blocking else "",
-            findings=_findings(made.report),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PictureExport:
-    """The grown robot on its map, still or in motion."""
-
-    animate: bool = False
-    frames: int = 24  # of the moving picture
-    label: bool = False  # write branch ids in the still one
-    mark: ClassVar[str] = ""
-    endings: ClassVar[tuple[str, ...]] = (".svg", ".png", ".gif")
-    uses_map: ClassVar[bool] = True
-    moves_start: ClassVar[bool] = False
-
-    def words(self, source: Source) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        words = ["grow", source.design_name, "--map", source.map_name, *_pose_words(source.pose)]
-        words += growth_words(source.growth_given)
-        if self._moves(source):
-            return [*words, "--animate", source.out, "--frames", str(self.frames)]
-        return [*words, *(["--label"] if self.label else []), "--svg", source.out]
-
-    def make(self, source: Source, tell: Tell) -> Made:
-        """Return the picture."""
-        from vinefab.prediction.deploy import MOST_FRAMES, deploy
-
-        world, suffix = _map_of(source), Path(source.out).suffix
-        whole("frames", self.frames, 1, MOST_FRAMES)
-        tell(0.1, "growing")
-        found = deploy(source.design, world, _pose_typed(source.pose), source.growth_given)
-        tell(0.3, "drawing")
-        if self._moves(source):
-            data = found.animation(suffix, self.frames)
-        else:
-            data = found.picture(suffix, named=self.label)
-        return Made(files={"": data}, lines=tuple(found.summary()))
-
-    def _moves(self, source: Source) -> bool:
-        """Whether it is a moving picture, which a GIF always is."""
-        suffix = Path(source.out).suffix.lower()
-        if self.animate and suffix == ".png":
-            raise BadInputError("out", source.out, "a name ending in .svg or .gif, to move", PAGE)
-        return self.animate or suffix == ".gif"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportExport:
-    """Predictions as one page."""
-
-    poses: int = 3  # drawn per map
-    seed: int = 0  # of poses and unseen maps
-    environment: str = ""  # predict for unseen maps of it too; empty: for the open map alone
-    count: int = 40  # how many of these
-    mark: ClassVar[str] = ""
-    endings: ClassVar[tuple[str, ...]] = (".html",)
-    uses_map: ClassVar[bool] = True
-    moves_start: ClassVar[bool] = True
-
-    def words(self, source: Source) -> list[str]:
-        """Return the words of the command after ``vinefab``, as the page itself has them."""
-        words = ["report", source.design_name, "--recipe", source.recipe]
-        words += ["--maps", source.map_name] if source.world else []
-        if self.environment:
-            words += ["--environment", self.environment, "--count", str(self.count)]
-        words += ["--poses", str(self.poses), "--seed", str(self.seed)]
-        return [*words, *growth_arguments(source.growth), "--out", source.out]
-
-    def make(self, source: Source, tell: Tell) -> Made:
-        """Return the page."""
-        from vinefab.prediction.family_deployments import (
-            PredictionPlan,
-            map_families,
-            unseen_maps,
-        )
-        from vinefab.prediction.predict import part_of, predict
-        from vinefab.prediction.prediction_json import summary_lines
-        from vinefab.prediction.provenance import origin_of
-
-        unseen = None
-        if self.environment:
-            unseen = unseen_maps(self.environment, self.count, self.seed)
-        families = map_families([source.world] if source.world else [], unseen)
-        poses = whole("poses", self.poses, 1, 1000)
-        plan = PredictionPlan(poses=poses, seed=self.seed, options=source.growth)
-        found = predict(source.design, source.profile, families, plan, part_of(tell, 0.0, 0.6))
-        command = shlex.join(["vinefab", *self.words(source)])
-        origin = origin_of(command, [source.design], source.profile, families)
-        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
-        return Made(files={"": page.encode()}, lines=tuple(summary_lines(found)))
-
-
-EXPORTS: dict[str, type[Export]] = {
-    "package": PackageExport,
-    "report": ReportExport,
-    "rig": RigExport,
-    "picture": PictureExport,
-}
-"""Kinds of exports that are a command, by the name that the page asks for."""
-
 
 SNAPSHOT = "snapshot"
 """The export that is no command: what the page shows."""
@@ -337,19 +70,7 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
         return _written(kind, source, tell)
 
 
-def inputs_folder(out: Path) -> Path:
-    """Return the folder for the design and the map that an export is made of."""
-    return out.with_name(f"{out.name}.inputs")
-
-
-def growth_words(given: Mapping[str, object]) -> list[str]:
-    """Return the options of a command that choose some growth options."""
-    words = growth_arguments(GrowthOptions.of(given))
-    chosen = [word for word in words if word.partition("=")[0] in given]
-    return [word for pair in chosen for word in ("--growth", pair)]
-
-
-def _written(kind: Export, source: Source, tell: Tell) -> dict[str, Any]:
+def _written(kind: Export, source: ExportSource, tell: Tell) -> dict[str, Any]:
     out = Path(source.out)
     _ensure(kind, source, out)
     source = source.as_read()
@@ -366,7 +87,7 @@ def _written(kind: Export, source: Source, tell: Tell) -> dict[str, Any]:
         return answer
     tell(0.99, "writing")
     if source.inputs:
-        write_folder(source.folder, source.inputs, DESIGN_NAME)
+        write_folder(source.folder, source.inputs, DESIGN_FILE)
         answer["inputs"] = [str(source.folder / name) for name in source.inputs]
     if kind.mark:
         write_folder(out, made.files, kind.mark)
@@ -378,10 +99,10 @@ def _written(kind: Export, source: Source, tell: Tell) -> dict[str, Any]:
     return answer
 
 
-def _ensure(kind: Export, source: Source, out: Path) -> None:
+def _ensure(kind: Export, source: ExportSource, out: Path) -> None:
     """Check, before any long work, that everything may be written."""
     if source.inputs:
-        ensure_own_folder(source.folder, DESIGN_NAME)
+        ensure_own_folder(source.folder, DESIGN_FILE)
     if kind.mark:
         ensure_own_folder(out, kind.mark)
     else:
@@ -412,7 +133,7 @@ def _kind(name: object, given: Mapping[str, Any]) -> Export:
     return with_parameters(EXPORTS[name], name, options)
 
 
-def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: object) -> Source:
+def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: object) -> ExportSource:
     roots = _roots(ask)
     path = allowed_path("out", out, roots)
     if kind.endings and path.suffix.lower() not in kind.endings:
@@ -425,13 +146,13 @@ def _source(state: StudioState, ask: Mapping[str, Any], kind: Export, out: objec
     if kind.uses_map and (world := _world(state, kind)):
         map_name = _saved_map(world, ask.get("map_file"), roots)
         if not map_name:
-            map_name = str(folder / MAP_NAME)
-            inputs[MAP_NAME] = map_text(world).encode()
+            map_name = str(folder / MAP_FILE)
+            inputs[MAP_FILE] = map_text(world).encode()
     if inputs or not design_name:
-        inputs = {DESIGN_NAME: design_text(state.design).encode(), **inputs}
-    return Source(
+        inputs = {DESIGN_FILE: design_text(state.design).encode(), **inputs}
+    return ExportSource(
         design=state.design,
-        design_name=design_name or str(folder / DESIGN_NAME),
+        design_name=design_name or str(folder / DESIGN_FILE),
         world=world,
         map_name=map_name,
         pose=state.pose,
@@ -496,29 +217,6 @@ def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:
 def _roots(ask: Mapping[str, Any]) -> tuple[Path, ...]:
     given = ask.get("roots") or [str(Path.cwd())]
     return tuple(Path(os.path.realpath(root)) for root in given)
-
-
-def _pose_words(pose: Pose | None) -> list[str]:
-    if pose is None:
-        return []
-    return [f"--pose={pose.x_mm!r},{pose.y_mm!r},{pose.heading_deg!r}"]
-
-
-def _pose_typed(pose: Pose | None) -> Pose | None:
-    """Return the pose that the command reads: its heading went through degrees."""
-    return None if pose is None else Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
-
-
-def _map_of(source: Source) -> Map:
-    if source.world is None:
-        raise BadInputError("map", None, "an open map", PAGE)
-    return source.world
-
-
-def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
-    from vinefab.fabrication.rules.run_rules import checks_text
-
-    return tuple(json.loads(checks_text(report))["findings"])
 
 
 def _snapshot(ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:

@@ -198,7 +198,12 @@ def _extracted(path: Path, text: object) -> Path:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "map.geojson"
         file.write_text(text, encoding="utf-8")
-        text = map_text(read_map(file))
+        try:
+            text = map_text(read_map(file))
+        except BadInputError as error:
+            raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
+        except UnreadableFileError as error:
+            raise UnreadableFileError(path, f"its map {error.problem}") from error
     for number in range(1, _MOST_MAPS):
         file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
         if not file.exists():

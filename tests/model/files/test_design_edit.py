@@ -273,12 +273,16 @@ def test_scales_that_are_no_power_of_two_are_off_by_the_last_place_at_most():
     assert "length = 10.0 " in result
 
 
+MANY_DOTTED = COMMENTED + "".join(f"more.key_{number} .a = 1\n" for number in range(201))
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "says"),
     [
         ("schema = ", UnreadableFileError, "is not TOML"),
         ('schema = "vinefab/design-1"\nname = "x"', BadInputError, "trunk is missing"),
-        (COMMENTED + f"# {'x' * 300_000}\n", CannotWriteError, "not changed in place"),
+        (COMMENTED + f"# {'x' * 66_000}\n", CannotWriteError, "65536 bytes are not changed in"),
+        (MANY_DOTTED, CannotWriteError, "200 dotted keys are not changed in place"),
     ],
 )
 def test_what_cannot_be_changed_is_refused_in_one_line(text, kind, says):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,12 @@ from vinefab.model.files.toml import toml_content
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
 
-LARGEST_EDITED_BYTES = 1 << 18
-"""Twenty-five times the largest that is shipped; tomlkit needs a second for so much."""
+LARGEST_EDITED_BYTES = 1 << 16
+"""Thirty times the largest that is shipped; more may take tomlkit seconds."""
+
+_MOST_DOTTED = 200
+_DOTTED = re.compile(r"""(?<![\w"'.-])[\w"'-]++[ \t]*+\.[\w."' \t-]{1,200}+=""")
+"""Keys in parts, ``build.tail_mm = 9``: tomlkit needs time that grows with the square of them."""
 
 _ELSEWHERE = "save it under another name"
 
@@ -58,15 +63,22 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     old = design_of(content, source)
     if old == design:
         return text
-    if len(body.encode()) > LARGEST_EDITED_BYTES:
-        problem = f"over {LARGEST_EDITED_BYTES} bytes are not changed in place; {_ELSEWHERE}"
-        raise CannotWriteError(source, problem)
+    too_much = _too_much(body)
+    if too_much:
+        raise CannotWriteError(source, f"{too_much} are not changed in place; {_ELSEWHERE}")
     for order in _level_orders(old, design):
         changed = _changed(body, content, old, design, order)
         for result in _with_lost_comments(body, changed):
             if _gives(result, design, source):
                 return bom + result
     raise CannotWriteError(source, f"its layout cannot be changed in place; {_ELSEWHERE}")
+
+
+def _too_much(body: str) -> str:
+    if len(body.encode()) > LARGEST_EDITED_BYTES:
+        return f"files of over {LARGEST_EDITED_BYTES} bytes"
+    dotted = islice(_DOTTED.finditer(body), _MOST_DOTTED, None)
+    return f"files with over {_MOST_DOTTED} dotted keys" if next(dotted, None) else ""
 
 
 def _level_orders(old: Design, new: Design) -> list[Order]:

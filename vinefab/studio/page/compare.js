@@ -1,7 +1,7 @@
 // The comparison: this version beside the one before, in every number that a change is made for.
 
 import { el, paused } from "studio/dom.js";
-import { familyConditions, signed } from "studio/family_panel.js";
+import { familyConditions, isClear, signed } from "studio/family_panel.js";
 
 const REST_MS = 500;
 const STILL_MS = 120;
@@ -40,6 +40,7 @@ function measures(answers, task) {
     {
       key: "family", name: "many maps", group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
       title: `Mean score over many maps, task ${task}`, of: (found) => found.family?.distribution?.mean,
+      isUnclear: (found) => Boolean(found.family?.difference) && !isClear(found.family.difference),
     },
     {
       key: "grown", name: "length grown", group: "simulated", panel: "live", better: 1, digits: 1, unit: "%",
@@ -84,6 +85,8 @@ export function comparedCell(measure, now, before, comparable) {
   const isSame = Math.abs(gain) < 0.5 * 10 ** -measure.digits;
   cell.kind = isSame ? "same" : gain * measure.better > 0 ? "better" : "worse";
   cell.change = isSame ? "=" : signed(gain, measure.digits);
+  // By chance alone the mean over maps would differ as much: neither better nor worse.
+  if (!isSame && measure.isUnclear?.(now)) cell.kind = "no clear difference";
   return cell;
 }
 
@@ -187,7 +190,7 @@ export function mount(root, app) {
     for (const part of ["before", "now", "change", "kind"]) {
       if (parts[part].textContent !== found[part]) parts[part].textContent = found[part];
     }
-    parts.change.setAttribute("class", found.kind);
+    parts.change.setAttribute("class", ["better", "worse"].includes(found.kind) ? found.kind : "");
     const why = !reference || comparable ? "" : ". Not known of the version before under what is open now";
     parts.row.title = `${measure.title}${why}`;
     parts.row.hidden = found.now === "–" && found.before === "–";

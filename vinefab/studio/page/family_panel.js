@@ -30,6 +30,11 @@ export function familyConditions({ family, task, growth }) {
   return JSON.stringify([family, task, growth]);
 }
 
+/** Tell whether the interval of a paired difference leaves out none at all. */
+export function isClear({ low, high }) {
+  return low !== null && (low > LEAST || high < -LEAST);
+}
+
 /** Scores of an answer by the maps' keys. */
 function scoresOf(answer) {
   const known = (answer?.maps ?? []).filter((entry) => entry.score !== null);
@@ -307,7 +312,9 @@ export function mount(root, app) {
     chart.toggleAttribute("hidden", name !== "maps");
     heat.box.hidden = name !== "heat";
     sort.disabled = name !== "maps";
-    if (name === "heat" && answer) heat.show(answer.heat);
+    if (!answer) return;
+    if (name === "heat") heat.show(answer.heat);
+    else drawChart(chart, answer, Object.values(before));
   }
 
   // ---- asking
@@ -505,7 +512,7 @@ export function mount(root, app) {
     const { difference } = answer;
     change.hidden = !difference;
     if (difference) {
-      const clear = difference.low !== null && (difference.low > LEAST || difference.high < -LEAST);
+      const clear = isClear(difference);
       const kind = !clear ? "" : difference.mean > 0 ? "better" : "worse";
       const verdict = clear ? kind : "no clear difference";
       change.replaceChildren(

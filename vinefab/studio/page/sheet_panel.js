@@ -240,13 +240,15 @@ export function mount(root, app) {
   const more = el("div", { class: "more" });
   const fix = fixView(app, () => answer);
   root.append(
-    el("div", { class: "head" }, verdict, busy),
-    el("div", { class: "toolbar" },
-      button("+", () => drawing.view.zoom(1 / ZOOM), { "aria-label": "Zoom in on the sheet" }),
-      button("−", () => drawing.view.zoom(ZOOM), { "aria-label": "Zoom out of the sheet" }),
-      button("Whole sheet", () => drawing.view.fit()),
-      el("span", { class: "gap" }), fix.start),
-    drawing.svg, fix.box, gauge, bill, list, more,
+    el("div", { class: "top" },
+      el("div", { class: "head" }, verdict, busy),
+      el("div", { class: "toolbar" },
+        button("+", () => drawing.view.zoom(1 / ZOOM), { "aria-label": "Zoom in on the sheet" }),
+        button("−", () => drawing.view.zoom(ZOOM), { "aria-label": "Zoom out of the sheet" }),
+        button("Whole sheet", () => drawing.view.fit()),
+        el("span", { class: "gap" }), fix.start),
+      drawing.svg),
+    fix.box, gauge, bill, list, more,
   );
 
   let answer = null;
@@ -327,7 +329,10 @@ export function mount(root, app) {
     showVerdict();
     gauge.replaceChildren(gaugeView(answer.gauge));
     bill.replaceChildren(billView(answer));
-    if (!answer.findings.some((finding) => finding.fingerprint === selected)) selected = null;
+    if (selected !== null && !answer.findings.some((finding) => finding.fingerprint === selected)) {
+      selected = null;
+      app.highlight([]);
+    }
     showList();
     more.replaceChildren(...skippedView(answer));
   }

@@ -1,0 +1,331 @@
+"""The exports that are commands: what the user chooses, the words of the command, the files.
+
+Each calls the functions that its command calls, with the same options.
+"""
+# ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, ClassVar, Protocol
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import whole
+from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_arguments
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.model.finding import CheckReport
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map, Pose
+from vinefab.studio.panels import Tell
+from vinefab.studio.state import PAGE
+
+DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
+"""Names of what an export is made of, in the folder beside it."""
+
+_MOST_COPIES = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExportSource:
+    """What an export is made of, and what its command calls it."""
+
+    design: Design
+    design_name: str  # a path from the start folder, or a shipped design's name
+    world: Map | None  # None where no map is open, or none is needed
+    map_name: str
+    pose: Pose | None  # None: the map's first start
+    recipe: str
+    profile: LaserProfile
+    growth: GrowthOptions
+    out: str  # what is written, as a path from the start folder
+    inputs: Mapping[str, bytes]  # what is written beside it first, by name; empty for nothing
+
+    @property
+    def folder(self) -> Path:
+        """The folder for what is written beside it."""
+        return inputs_folder(Path(self.out))
+
+    @property
+    def recipe_words(self) -> list[str]:
+        """The option that chooses the recipe, if it is not the default."""
+        return [] if self.recipe == DEFAULT_RECIPE else ["--recipe", self.recipe]
+
+    @property
+    def growth_given(self) -> dict[str, object]:
+        """The growth options that the design would not be grown with by itself."""
+        usual = GrowthChoice.of([self.design]).options.content
+        return {n: value for n, value in self.growth.content.items() if value != usual[n]}
+
+    def as_read(self) -> "ExportSource":
+        """Return the same with the design and the map that reading ``inputs`` gives."""
+        with TemporaryDirectory() as name:
+            for file, data in self.inputs.items():
+                (Path(name) / file).write_bytes(data)
+            design, world = self.design, self.world
+            if DESIGN_FILE in self.inputs:
+                design = read_design(Path(name) / DESIGN_FILE)
+            if MAP_FILE in self.inputs:
+                world = read_map(Path(name) / MAP_FILE)
+        return replace(self, design=design, world=world)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeExport:
+    """An export that is ready to be written."""
+
+    files: Mapping[str, bytes] = field(default_factory=dict)  # by name; of one file, by ""
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # files beside it, by path
+    lines: tuple[str, ...] = ()  # what the command would say
+    refused: str = ""  # why nothing may be written
+    findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
+
+
+class Export(Protocol):
+    """One kind of export; its fields are what the user chooses."""
+
+    mark: ClassVar[str]  # the file by which its folder is known again; empty: it is one file
+    endings: ClassVar[tuple[str, ...]]  # of its name, if it is one file
+    uses_map: ClassVar[bool]
+    moves_start: ClassVar[bool]  # whether the page's start has to stand in the map
+
+    def words(self, source: ExportSource) -> list[str]:
+        """Return the words of the command after ``vinefab``."""
+
+    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+        """Return the files."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackageExport:
+    """The fabrication package."""
+
+    zip: bool = False  # also as an archive
+    allow_uncalibrated: bool = False  # for a recipe that no coupon has confirmed
+    r12: bool = False  # also a DXF of release 12
+    copies: int = 1  # robots on the bed
+    mark: ClassVar[str] = "job.json"
+    endings: ClassVar[tuple[str, ...]] = ()
+    uses_map: ClassVar[bool] = False
+    moves_start: ClassVar[bool] = False
+
+    def words(self, source: ExportSource) -> list[str]:
+        """Return the words of the command after ``vinefab``."""
+        words = ["fabricate", source.design_name, *source.recipe_words]
+        words += [] if self.copies == 1 else ["--copies", str(self.copies)]
+        words += [f"--{n.replace('_', '-')}" for n in _PACKAGE_FLAGS if getattr(self, n)]
+        return [*words, "--out", source.out]
+
+    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+        """Return the files of the package, or what forbids them."""
+        from vinefab.fabrication.checking import check_lines
+        from vinefab.fabrication.job.placement import SheetOptions
+        from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
+
+        tell(0.1, "paths and rules")
+        copies = whole("copies", self.copies, 1, _MOST_COPIES)
+        sheet = SheetOptions(copies=copies)
+        prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
+        made = MadeExport(
+            lines=tuple(check_lines(prepared.report)),
+            refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
+            findings=_findings(prepared.report),
+        )
+        if made.refused:
+            return made
+        tell(0.5, "pictures and pages")
+        files, archive = package(prepared), Path(source.out)
+        archive = archive.with_name(f"{archive.name}.zip")
+        beside = {str(archive): zip_bytes(files, source.design.name)} if self.zip else {}
+        return replace(made, files=files, beside=beside)
+
+
+_PACKAGE_FLAGS = ("zip", "r12", "allow_uncalibrated")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigExport:
+    """Printable obstacles."""
+
+    printer: str = DEFAULT_PRINTER
+    style: str = "plate"
+    height_mm: float = 30.0
+    fit_mm: float = 0.0  # length of the rig's longer side; 0: the map's size
+    lid: bool = False
+    check_robot: bool = True  # check corridors and heights for the design
+    pictures: bool = True  # draw rig and beds; report.html
+    mark: ClassVar[str] = "rig.json"
+    endings: ClassVar[tuple[str, ...]] = ()
+    uses_map: ClassVar[bool] = True
+    moves_start: ClassVar[bool] = True
+
+    def words(self, source: ExportSource) -> list[str]:
+        """Return the words of the command after ``vinefab``."""
+        usual = RigExport()
+        words = ["rig", source.map_name]
+        words += ["--design", source.design_name] if self.check_robot else []
+        for name in ("printer", "style", "height_mm", "fit_mm"):
+            if getattr(self, name) != getattr(usual, name):
+                words.append(f"--{name.replace('_', '-')}={getattr(self, name)}")
+        words += ["--lid"] if self.lid else []
+        words += [] if self.pictures else ["--no-pictures"]
+        return [*words, "--out", source.out]
+
+    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+        """Return the files of the rig, or what forbids them."""
+        from vinefab.fabrication.checking import check_lines
+        from vinefab.rig.make import RigRequest, make_rig
+        from vinefab.rig.rig_options import RigOptions, read_printer
+
+        world = _map_of(source)
+        options = RigOptions(style=self.style, height_mm=self.height_mm)
+        if self.fit_mm:
+            options = options.fitted(world, self.fit_mm)
+        robot = source.design if self.check_robot else None
+        request = RigRequest(design=robot, lid=self.lid, pictures=self.pictures)
+        made = make_rig(world, read_printer(self.printer), options, request, progress=tell)
+        blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
+        return MadeExport(
+            files=made.files,
+            lines=tuple(check_lines(made.report) if blocking else made.summary()),
+            refused=f"{blocking} forbid it" if blocking else "",
+            findings=_findings(made.report),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureExport:
+    """The grown robot on its map, still or in motion."""
+
+    animate: bool = False
+    frames: int = 24  # of the moving picture
+    label: bool = False  # write branch ids in the still one
+    mark: ClassVar[str] = ""
+    endings: ClassVar[tuple[str, ...]] = (".svg", ".png", ".gif")
+    uses_map: ClassVar[bool] = True
+    moves_start: ClassVar[bool] = False
+
+    def words(self, source: ExportSource) -> list[str]:
+        """Return the words of the command after ``vinefab``."""
+        words = ["grow", source.design_name, "--map", source.map_name, *_pose_words(source.pose)]
+        words += growth_words(source.growth_given)
+        if self._moves(source):
+            return [*words, "--animate", source.out, "--frames", str(self.frames)]
+        return [*words, *(["--label"] if self.label else []), "--svg", source.out]
+
+    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+        """Return the picture."""
+        from vinefab.prediction.deploy import MOST_FRAMES, deploy
+
+        world, suffix = _map_of(source), Path(source.out).suffix
+        whole("frames", self.frames, 1, MOST_FRAMES)
+        tell(0.1, "growing")
+        found = deploy(source.design, world, _pose_typed(source.pose), source.growth_given)
+        tell(0.3, "drawing")
+        if self._moves(source):
+            data = found.animation(suffix, self.frames)
+        else:
+            data = found.picture(suffix, named=self.label)
+        return MadeExport(files={"": data}, lines=tuple(found.summary()))
+
+    def _moves(self, source: ExportSource) -> bool:
+        """Whether it is a moving picture, which a GIF always is."""
+        suffix = Path(source.out).suffix.lower()
+        if self.animate and suffix == ".png":
+            raise BadInputError("out", source.out, "a name ending in .svg or .gif, to move", PAGE)
+        return self.animate or suffix == ".gif"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportExport:
+    """Predictions as one page."""
+
+    poses: int = 3  # drawn per map
+    seed: int = 0  # of poses and unseen maps
+    environment: str = ""  # predict for unseen maps of it too; empty: for the open map alone
+    count: int = 40  # how many of these
+    mark: ClassVar[str] = ""
+    endings: ClassVar[tuple[str, ...]] = (".html",)
+    uses_map: ClassVar[bool] = True
+    moves_start: ClassVar[bool] = True
+
+    def words(self, source: ExportSource) -> list[str]:
+        """Return the words of the command after ``vinefab``, as the page itself has them."""
+        words = ["report", source.design_name, "--recipe", source.recipe]
+        words += ["--maps", source.map_name] if source.world else []
+        if self.environment:
+            words += ["--environment", self.environment, "--count", str(self.count)]
+        words += ["--poses", str(self.poses), "--seed", str(self.seed)]
+        return [*words, *growth_arguments(source.growth), "--out", source.out]
+
+    def make(self, source: ExportSource, tell: Tell) -> MadeExport:
+        """Return the page."""
+        from vinefab.prediction.family_deployments import (
+            PredictionPlan,
+            map_families,
+            unseen_maps,
+        )
+        from vinefab.prediction.predict import part_of, predict
+        from vinefab.prediction.prediction_json import summary_lines
+        from vinefab.prediction.provenance import origin_of
+
+        unseen = None
+        if self.environment:
+            unseen = unseen_maps(self.environment, self.count, self.seed)
+        families = map_families([source.world] if source.world else [], unseen)
+        poses = whole("poses", self.poses, 1, 1000)
+        plan = PredictionPlan(poses=poses, seed=self.seed, options=source.growth)
+        found = predict(source.design, source.profile, families, plan, part_of(tell, 0.0, 0.6))
+        command = shlex.join(["vinefab", *self.words(source)])
+        origin = origin_of(command, [source.design], source.profile, families)
+        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
+        return MadeExport(files={"": page.encode()}, lines=tuple(summary_lines(found)))
+
+
+EXPORTS: dict[str, type[Export]] = {
+    "package": PackageExport,
+    "report": ReportExport,
+    "rig": RigExport,
+    "picture": PictureExport,
+}
+"""Kinds of exports that are a command, by the name that the page asks for."""
+
+
+def inputs_folder(out: Path) -> Path:
+    """Return the folder for the design and the map that an export is made of."""
+    return out.with_name(f"{out.name}.inputs")
+
+
+def growth_words(given: Mapping[str, object]) -> list[str]:
+    """Return the options of a command that choose some growth options."""
+    words = growth_arguments(GrowthOptions.of(given))
+    chosen = [word for word in words if word.partition("=")[0] in given]
+    return [word for pair in chosen for word in ("--growth", pair)]
+
+
+def _pose_words(pose: Pose | None) -> list[str]:
+    if pose is None:
+        return []
+    return [f"--pose={pose.x_mm!r},{pose.y_mm!r},{pose.heading_deg!r}"]
+
+
+def _pose_typed(pose: Pose | None) -> Pose | None:
+    """Return the pose that the command reads: its heading went through degrees."""
+    return None if pose is None else Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
+
+
+def _map_of(source: ExportSource) -> Map:
+    if source.world is None:
+        raise BadInputError("map", None, "an open map", PAGE)
+    return source.world
+
+
+def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
+    from vinefab.fabrication.rules.run_rules import checks_text
+
+    return tuple(json.loads(checks_text(report))["findings"])

@@ -80,6 +80,11 @@ def exchange(opened, messages):
 def answer(link, state, seq=1, **parts):
     """Return what the server answers to a question."""
     link.send(json.dumps({"panel": "live", "seq": seq, "state": state, **parts}))
+    return replied(link)
+
+
+def replied(link):
+    """Return the next answer or error, past events and progress."""
     while True:
         got = json.loads(link.recv(timeout=60))
         if "event" not in got and "progress" not in got:
@@ -385,11 +390,11 @@ def test_ctrl_c_before_anybody_came(tmp_path, start_studio):
 def test_a_lane_that_is_killed_starts_anew(tmp_path, start_studio):
     with start_studio(tmp_path) as studio, tab(studio) as (link, state):
         link.send(json.dumps({"panel": "rules", "seq": 1, "state": state}))
-        while not studio.family():
+        while not (lanes := studio.family(running="spawn_main")):
             time.sleep(0.01)
-        for process in studio.family():
+        for process in lanes:
             os.kill(process, signal.SIGKILL)
-        got = json.loads(link.recv(timeout=20))
+        got = replied(link)
         assert "ended unexpectedly" in got["error"]["message"]
         assert "answer" in answer(link, state, seq=2, panel="rules")
 

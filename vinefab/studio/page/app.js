@@ -19,7 +19,9 @@ const KEPT = "vinefab-studio";
 
 const byId = (id) => document.getElementById(id);
 
-function say(text, kind = "info") {
+function say(text, kind = "info", isOfLink = false) {
+  // While there is no server, that is the news; what failed for want of it is not.
+  if (!isOfLink && document.documentElement.dataset.link === "down") return;
   const status = byId("status");
   status.textContent = text;
   status.dataset.kind = kind;
@@ -230,6 +232,7 @@ function main() {
         isOver ? "The studio was started anew: open the address that it printed"
           : GONE,
         "error",
+        true,
       );
     },
   });

@@ -279,6 +279,33 @@ def test_a_question_that_nobody_asks_is_one_line(studio, question):
     assert len(json.dumps(got)) < 1000
 
 
+@pytest.mark.parametrize("kind", ["100 MB", "link", "outside", "folder", "pipe"])
+def test_a_file_that_cannot_be_opened_is_one_line(studio, tmp_path, kind):
+    path = studio.folder / f"{kind.replace(' ', '_')}.toml"
+    if kind == "100 MB":
+        path.write_bytes(b"#" * (100 << 20))
+    elif kind == "link":
+        path.symlink_to("/etc/passwd")
+    elif kind == "outside":
+        path = tmp_path / "outside.toml"
+        path.write_text('schema = "vinefab/design-1"\nname = "x"\n[trunk]\nlength = 1.0\n')
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        os.mkfifo(path)
+    try:
+        with tab(studio) as (link, _):
+            link.send(json.dumps({"desk": "open_design", "seq": 1, "ask": {"design": str(path)}}))
+            line = replied(link)["error"]["message"]
+    finally:
+        if kind == "100 MB":
+            path.unlink()
+    assert str(path)[:40] in line  # long ones are cut
+    assert "\n" not in line
+    assert "root:" not in line
+    assert "this should not happen" not in line
+
+
 def test_an_enormous_design_is_a_line_at_once(studio):
     with tab(studio) as (link, state):
         before = time.process_time()

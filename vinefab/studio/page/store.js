@@ -14,6 +14,17 @@ export function createStore(first) {
     for (const listener of listeners) listener(state, before);
   }
 
+  /** Go to the last step of one list, and put the present state on the other. */
+  function go(from, to) {
+    const step = from.pop();
+    if (!step) return;
+    to.push({ state, label: step.label });
+    const before = state;
+    group = null;
+    state = step.state;
+    tell(before);
+  }
+
   return {
     get: () => state,
     canUndo: () => (past.length ? past.at(-1).label : ""),
@@ -49,25 +60,8 @@ export function createStore(first) {
       });
     },
 
-    undo() {
-      const step = past.pop();
-      if (!step) return;
-      future.push({ state, label: step.label });
-      const before = state;
-      group = null;
-      state = step.state;
-      tell(before);
-    },
-
-    redo() {
-      const step = future.pop();
-      if (!step) return;
-      past.push({ state, label: step.label });
-      const before = state;
-      group = null;
-      state = step.state;
-      tell(before);
-    },
+    undo: () => go(past, future),
+    redo: () => go(future, past),
 
     /** Call a function after every change with the new and the old state. */
     subscribe(listener) {

@@ -12,8 +12,17 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from vinefab.core.interruption import STOP_WITH_INPUT
+
 FIRST_LINE_S = 60.0
 END_S = 10.0
+
+
+def command_line(pid):
+    """Return the command line of a process; nothing of one that has ended."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    return ""
 
 
 class RunningStudio:
@@ -27,6 +36,8 @@ class RunningStudio:
             "XDG_STATE_HOME": str(folder / "state"),
             "XDG_CACHE_HOME": str(folder / "cache"),
             "VINEFAB_PROFILES": str(folder / "profiles"),
+            # It ends with the tests, however they end: its input does.
+            STOP_WITH_INPUT: "1",
             **dict(extra),
         }
         self.folder = folder
@@ -37,6 +48,7 @@ class RunningStudio:
                 [sys.executable, "-m", "vinefab", "studio", "--no-browser", *map(str, arguments)],
                 cwd=folder,
                 env=environment,
+                stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=complaints,
                 text=True,
@@ -61,26 +73,26 @@ class RunningStudio:
         """Return what the server has complained of."""
         return self.complaints.read_text(encoding="utf-8")
 
-    def family(self):
-        """Return the processes that the server has started and that still run."""
+    def family(self, running=""):
+        """Return the processes that the server has started and that still run.
+
+        ``running``: what stands in their command lines.
+        """
         found = []
         for status in Path("/proc").glob("[0-9]*/stat"):
             with suppress(OSError):
                 fields = status.read_text().rpartition(")")[2].split()
                 if int(fields[3]) == self.process.pid and fields[0] != "Z":
                     found.append(int(status.parent.name))
-        return [pid for pid in found if pid != self.process.pid]
+        others = [pid for pid in found if pid != self.process.pid]
+        return [pid for pid in others if running in command_line(pid)]
 
     def left(self, patience_s=1.0):
         """Return the command lines of what the server has left running."""
         until = time.monotonic() + patience_s
         while self.family() and time.monotonic() < until:
             time.sleep(0.05)
-        found = []
-        for pid in self.family():
-            with suppress(OSError):
-                found.append(Path(f"/proc/{pid}/cmdline").read_text())
-        return found
+        return [command_line(pid) for pid in self.family()]
 
     def memory_mb(self):
         """Return the memory that the server holds, without its children."""
@@ -101,6 +113,7 @@ class RunningStudio:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        self.process.stdin.close()
         self.process.stdout.close()
 
 

@@ -80,6 +80,11 @@ def exchange(opened, messages):
 def answer(link, state, seq=1, **parts):
     """Return what the server answers to a question."""
     link.send(json.dumps({"panel": "live", "seq": seq, "state": state, **parts}))
+    return replied(link)
+
+
+def replied(link):
+    """Return the next answer or error, past events and progress."""
     while True:
         got = json.loads(link.recv(timeout=60))
         if "event" not in got and "progress" not in got:
@@ -274,6 +279,33 @@ def test_a_question_that_nobody_asks_is_one_line(studio, question):
     assert len(json.dumps(got)) < 1000
 
 
+@pytest.mark.parametrize("kind", ["100 MB", "link", "outside", "folder", "pipe"])
+def test_a_file_that_cannot_be_opened_is_one_line(studio, tmp_path, kind):
+    path = studio.folder / f"{kind.replace(' ', '_')}.toml"
+    if kind == "100 MB":
+        path.write_bytes(b"#" * (100 << 20))
+    elif kind == "link":
+        path.symlink_to("/etc/passwd")
+    elif kind == "outside":
+        path = tmp_path / "outside.toml"
+        path.write_text('schema = "vinefab/design-1"\nname = "x"\n[trunk]\nlength = 1.0\n')
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        os.mkfifo(path)
+    try:
+        with tab(studio) as (link, _):
+            link.send(json.dumps({"desk": "open_design", "seq": 1, "ask": {"design": str(path)}}))
+            line = replied(link)["error"]["message"]
+    finally:
+        if kind == "100 MB":
+            path.unlink()
+    assert str(path)[:40] in line  # long ones are cut
+    assert "\n" not in line
+    assert "root:" not in line
+    assert "this should not happen" not in line
+
+
 def test_an_enormous_design_is_a_line_at_once(studio):
     with tab(studio) as (link, state):
         before = time.process_time()
@@ -385,11 +417,11 @@ def test_ctrl_c_before_anybody_came(tmp_path, start_studio):
 def test_a_lane_that_is_killed_starts_anew(tmp_path, start_studio):
     with start_studio(tmp_path) as studio, tab(studio) as (link, state):
         link.send(json.dumps({"panel": "rules", "seq": 1, "state": state}))
-        while not studio.family():
+        while not (lanes := studio.family(running="spawn_main")):
             time.sleep(0.01)
-        for process in studio.family():
+        for process in lanes:
             os.kill(process, signal.SIGKILL)
-        got = json.loads(link.recv(timeout=20))
+        got = replied(link)
         assert "ended unexpectedly" in got["error"]["message"]
         assert "answer" in answer(link, state, seq=2, panel="rules")
 

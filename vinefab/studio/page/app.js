@@ -8,7 +8,7 @@ import * as filesPanel from "studio/files_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
-import { createLink } from "studio/link.js";
+import { GONE, createLink } from "studio/link.js";
 import { createStore } from "studio/store.js";
 
 const PANELS = {
@@ -230,7 +230,7 @@ function main() {
       if (isUp) return;
       say(
         isOver ? "The studio was started anew: open the address that it printed"
-          : "The studio does not answer; what you changed stays here. Trying again",
+          : GONE,
         "error",
         true,
       );

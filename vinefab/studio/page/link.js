@@ -1,5 +1,8 @@
 // The socket to the server: per panel one question in flight and one that waits, the newest.
 
+/** What is said while there is no server, whoever asks it. */
+export const GONE = "The studio does not answer; what you changed stays here. Trying again";
+
 const RETRY_MS = 1000;
 
 /** Return a link that reconnects by itself. */
@@ -21,7 +24,7 @@ export function createLink(token, { onEvent, onState }) {
         slot.waiting?.reject({ stale: true });
       }
       panels.clear();
-      for (const question of desk.values()) question.reject({ message: "the studio has ended" });
+      for (const question of desk.values()) question.reject({ message: GONE });
       desk.clear();
       if (event.code === 1008) ended = true;
       onState(false, ended);
@@ -92,7 +95,7 @@ export function createLink(token, { onEvent, onState }) {
 
     desk(name, ask, state) {
       return new Promise((resolve, reject) => {
-        if (socket.readyState !== WebSocket.OPEN) return reject({ message: "the studio has ended" });
+        if (socket.readyState !== WebSocket.OPEN) return reject({ message: GONE });
         desk.set(++seq, { resolve, reject });
         socket.send(JSON.stringify({ desk: name, seq, ask, state }));
       });

@@ -1,12 +1,15 @@
 """The server: bound to this computer, up until Ctrl-C."""
 
 import asyncio
+import os
 import signal
 import socket
+import sys
 import webbrowser
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from threading import Thread
+from threading import enumerate as enumerate_threads
 
 from vinefab.studio.door import Door, bound_socket
 from vinefab.studio.workplace import Opened, Workplace
@@ -39,6 +42,12 @@ def serve(
             Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
 
     asyncio.run(_until_stopped(workplace, door, bound, announce))
+    if any(thread.daemon for thread in enumerate_threads()):
+        # An answer is still being computed for nobody. A thread inside of compiled code must not
+        # meet an interpreter that is being taken down; nothing is open any more.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
 
 
 async def _until_stopped(

@@ -69,11 +69,11 @@ def main():
     for one, other in zip(cluster.history, threads.history, strict=True):
         assert (one.x == other.x).all() and (one.fitness == other.fitness).all()
 
-    # A worker that is started in the middle, because handing out seems to cost nothing.
+    # Workers that are started in the middle, because handing out seems to cost nothing.
     free = HandingOut(round_trip_s=1e-6, per_unit_s=1e-6)
     module.ASSUMED_COSTS = free
     module._DaskWorkers._measured_costs = lambda _: free
-    workers = DaskEvaluator("local:1", threads=1)
+    workers = DaskEvaluator("local:2", threads=1)
     mixed = search(settings, Path(sys.argv[2]) / "mixed", workers=workers)
     assert mixed.best == threads.best
     assert "handed out" in mixed.notes[-1] and "handed out 0" not in mixed.notes[-1], mixed.notes
@@ -84,7 +84,6 @@ if __name__ == "__main__":
 RUN = """schema = "vinefab/run-1"
 [maps]
 count = 2
-options = { size_mm = 250.0, columns = 3, rows = 3 }
 [optimizer]
 name = "pso"
 population = 12

@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.studio.door import Door
 from vinefab.studio.gate import Gate
-from vinefab.studio.lanes import ProcessLane, Question, ThreadLane
+from vinefab.studio.lanes import ProcessLane, Question, ThreadLane, first_answer
 from vinefab.studio.workplace import TIP, Workplace
 
 PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
@@ -79,7 +79,7 @@ class Studio:
         """Watch files and runs while the server is up; end every process with it."""
         tasks = [
             asyncio.create_task(work)
-            for work in self.workplace.background(self.tell_all, self.live)
+            for work in (self._prepare(), *self.workplace.background(self.tell_all, self.live))
         ]
         try:
             yield
@@ -91,6 +91,12 @@ class Studio:
                 lane.close()
             self.live.close()
             self.workplace.close()
+
+    async def _prepare(self) -> None:
+        """Load what the first picture needs, and the map, while the browser opens the page."""
+        state = self.workplace.state
+        with suppress(VinefabError):  # the page will be told
+            await self.live.run(lambda: first_answer(state))
 
     async def page(self, _: Request) -> Response:
         """Return the page itself."""
@@ -139,7 +145,7 @@ class Tab:
         """Greet the page, then answer it until it is gone."""
         sending = asyncio.create_task(self._send())
         try:
-            hello = await self._studio.live.run(self._studio.workplace.hello)
+            hello = await asyncio.to_thread(self._studio.workplace.hello)
             self.put({"event": "hello", **hello})
             while True:
                 self._take(await _received(self._socket))

@@ -28,6 +28,10 @@ class LaneEndedError(VinefabError):
         return "the process of this panel ended unexpectedly; what it printed is in the terminal"
 
 
+_PAINTED_S = 0.5
+"""Time that a page takes to show its first answer."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
     """What a panel asks."""
@@ -127,14 +131,14 @@ class ThreadLane:
         # Its thread is a daemon: Ctrl-C waits for no answer.
         self._pool = ThreadPool(1)
         self.answered = asyncio.Event()
-        """Set once the first question has been answered: what takes long may begin."""
+        """Set once the page has shown its first answer: what takes long may begin."""
 
     async def answer(self, question: Question, send: Send) -> Any:  # noqa: ANN401  plain values
         """Return the answer; what raises raises here."""
         try:
             return await self.run(lambda: _answer(question, send))
         finally:
-            self.answered.set()
+            asyncio.get_running_loop().call_later(_PAINTED_S, self.answered.set)
 
     async def run(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401  as the work
         """Return what some work of the server gives, after what was asked before it."""
@@ -155,6 +159,13 @@ class ThreadLane:
     def close(self) -> None:
         """Take no more questions."""
         self._pool.terminate()
+
+
+def first_answer(state: Mapping[str, Any]) -> None:
+    """Answer what every page asks first; what it loads and prepares stays."""
+    from vinefab.studio.panels import answer_of  # noqa: PLC0415  as below
+
+    answer_of("live", state, {}, lambda _share, _text: None)
 
 
 def _answer(question: Question, send: Send) -> Any:  # noqa: ANN401  plain values

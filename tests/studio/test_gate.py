@@ -398,8 +398,8 @@ def test_ctrl_c_ends_everything(tmp_path, start_studio, number):
         link.send(json.dumps({"panel": "rules", "seq": 2, "state": state}))
         large = with_branches(state, 11, 11, 11)
         link.send(json.dumps({"panel": "live", "seq": 3, "state": large}))
-        time.sleep(0.3)
-        assert studio.family(), "a lane runs"
+        while not studio.family(running="spawn_main"):  # a lane runs
+            time.sleep(0.05)
         before = time.monotonic()
         assert studio.interrupt(number) == 0
         assert time.monotonic() - before < ENDED_S

@@ -57,7 +57,10 @@ async def _until_stopped(
         server.should_exit = True
 
     for name in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(name, stop)
+        try:
+            asyncio.get_running_loop().add_signal_handler(name, stop)
+        except NotImplementedError:  # Windows
+            signal.signal(name, lambda *_: stop())
     # The browser starts while the rest is being loaded; the system keeps its call waiting.
     announce()
     import uvicorn  # noqa: PLC0415  after the address has been printed

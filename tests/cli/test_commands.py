@@ -16,7 +16,7 @@ def test_every_command_has_help_with_an_example(vinefab, command):
     code, output, _ = vinefab(*command, "--help")
     assert code == 0
     assert "Usage: vinefab" in output
-    assert not command or f"vinefab {command[0]} " in output.split("Example:")[1]
+    assert not command or f" {command[0]} " in output.split("Example:")[1]
 
 
 def test_version(vinefab):

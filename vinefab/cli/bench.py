@@ -19,7 +19,7 @@ def bench_command(
 ) -> None:
     """Measure growth against other ways to compute the same and its floor, and a search's time.
 
-    Example: vinefab bench --json bench.json
+    Example: vinefab study bench --json bench.json
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     with output.progress("measuring") as progress:

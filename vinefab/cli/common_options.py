@@ -24,7 +24,7 @@ from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
 from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
-from vinefab.model.files.shipped import locate
+from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.map import Pose
 
 if TYPE_CHECKING:
@@ -38,11 +38,42 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite files that vinef
 JsonOut = Annotated[
     str | None, typer.Option("--json", help="Machine-readable result: a file, or - for the output.")
 ]
-DesignIn = Annotated[str, typer.Argument(help="A design file, or the name of a shipped design.")]
-RecipeIn = Annotated[str, typer.Option("--recipe", help="A recipe file, or a shipped one's name.")]
-MapsIn = Annotated[list[Path], typer.Option("--maps", "--map", help="A map file; may be repeated.")]
+
+
+def names_like(kind: str, incomplete: str = "") -> list[str]:
+    """Return the names of shipped and own files of a kind that begin like a word: completion."""
+    known = sorted({*names(kind), *user_names(kind)})
+    return [name for name in known if name.startswith(incomplete)]
+
+
+def _designs_like(incomplete: str) -> list[str]:
+    return names_like("design", incomplete)
+
+
+def _recipes_like(incomplete: str) -> list[str]:
+    return names_like("recipe", incomplete)
+
+
+DesignIn = Annotated[
+    str,
+    typer.Argument(
+        help="A design file, or the name of a shipped design.", autocompletion=_designs_like
+    ),
+]
+RecipeIn = Annotated[
+    str,
+    typer.Option(
+        "--recipe",
+        help="A recipe file, or a shipped one's name.",
+        autocompletion=_recipes_like,
+    ),
+]
+MapsIn = Annotated[
+    list[Path], typer.Option("--maps", "--map", help="A map file, or several: --maps *.geojson.")
+]
 MapsOptional = Annotated[
-    list[Path] | None, typer.Option("--maps", "--map", help="A map file; may be repeated.")
+    list[Path] | None,
+    typer.Option("--maps", "--map", help="A map file, or several: --maps *.geojson."),
 ]
 EnvironmentIn = Annotated[
     str | None, typer.Option(help="Unseen maps of an environment: grid, cave, ...")

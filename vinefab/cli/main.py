@@ -42,6 +42,12 @@ class CommandEntry:
 
 
 COMMANDS = {
+    "new": CommandEntry(
+        "new", "new_command", "Write a design, run file, map or recipe to begin with."
+    ),
+    "examples": CommandEntry(
+        "examples", "examples_command", "List the examples that ship with vinefab, or copy them."
+    ),
     "studio": CommandEntry(
         "studio",
         "studio_command",
@@ -74,6 +80,9 @@ COMMANDS = {
     "check": CommandEntry(
         "check", "check_command", "Check a design against the rules of making and deploying it."
     ),
+    "rules": CommandEntry(
+        "rules_command", "rules_command", "List the design rules, or explain one."
+    ),
     "watch": CommandEntry(
         "watch", "watch_command", "Grow, score and check a design anew whenever it is saved."
     ),
@@ -100,11 +109,23 @@ COMMANDS = {
     "reproduce": CommandEntry(
         "reproduce", "reproduce_command", "Do the paper's experiments again, with statistics."
     ),
+    "study": CommandEntry(
+        "study",
+        "study_group",
+        "Compare optimizers, do the paper's experiments again, measure speed.",
+        is_group=True,
+    ),
     "bench": CommandEntry(
         "bench", "bench_command", "Measure the speed of the growth simulator on this computer."
     ),
 }
 """Every command, in the order of ``--help``."""
+
+UNDER_STUDY = ("contest", "reproduce", "bench")
+"""Commands that few need; they stand under ``study``, and go on working under their own names."""
+
+MAP_OPTIONS = ("--maps", "--map")
+MAP_SUFFIXES = (".geojson", ".json")
 
 MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
@@ -128,7 +149,7 @@ def build_app(wanted: str | None) -> typer.Typer:
     app = typer.Typer(
         name="vinefab",
         help="Design, simulate, optimize and make branching vine robots.",
-        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
     )
@@ -137,7 +158,7 @@ def build_app(wanted: str | None) -> typer.Typer:
         if name == wanted:
             command.register(app, name)
         else:
-            app.command(name, help=command.summary)(_not_loaded)
+            app.command(name, help=command.summary, hidden=name in UNDER_STUDY)(_not_loaded)
     return app
 
 
@@ -175,13 +196,18 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
-    named = [argument for argument in arguments if not argument.startswith("-")]
+    typed = os.environ["_TYPER_COMPLETE_ARGS"].split()[1:] if _completes() else arguments
+    named = [argument for argument in typed if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
-        result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
+        result = app(
+            each_map_named(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False
+        )
         if sys.stdout is not None:  # as with >&- in a shell
             sys.stdout.flush()
-    except (BrokenPipeError, SystemExit):  # typer makes the second of the first
+    except (BrokenPipeError, SystemExit) as ended:  # typer makes the second of the first
+        if _completes() and isinstance(ended, SystemExit):  # fish asks by the exit code
+            return ended.code if isinstance(ended.code, int) else 0
         # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
@@ -191,6 +217,32 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
     # Some versions of typer return it instead of raising.
     interrupted = request.number or code == request.exit_code
     return _print_error(INTERRUPTED, request.exit_code) if interrupted else code
+
+
+def _completes() -> bool:
+    """Tell whether a shell asks what a half-typed word may become."""
+    return "_VINEFAB_COMPLETE" in os.environ and "_TYPER_COMPLETE_ARGS" in os.environ
+
+
+def each_map_named(arguments: Sequence[str]) -> list[str]:
+    """Return arguments with the option before each of several map files.
+
+    A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``.
+
+    >>> each_map_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
+    ['score', 'vine', '--maps', 'a.geojson', '--maps', 'b.geojson', '-q']
+    """
+    named: list[str] = []
+    option = ""
+    for argument in arguments:
+        if argument.startswith("-"):
+            option = argument if argument in MAP_OPTIONS else ""
+        elif option and not named[-1].startswith("-") and argument.endswith(MAP_SUFFIXES):
+            named.append(option)
+        elif named and not named[-1].startswith("-"):
+            option = ""
+        named.append(argument)
+    return named
 
 
 def run() -> None:

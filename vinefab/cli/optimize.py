@@ -16,10 +16,12 @@ from vinefab.cli.common_options import (
     JsonOut,
     Quiet,
     Verbose,
+    names_like,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.shipped import locate
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search.live_page import PAGE_NAME
 from vinefab.search.record.result import Progress, RunResult
@@ -36,9 +38,20 @@ from vinefab.search.settings import RunLimits, RunSettings, limit_option
 FRONT_FILES = ("front.json", "front.svg", "front.png")
 
 
+def _runs_like(incomplete: str) -> list[str]:
+    return names_like("run", incomplete)
+
+
 def optimize_command(
     *,
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],
+    run_file: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN.toml",
+            help="A run file, or the name of a shipped example.",
+            autocompletion=_runs_like,
+        ),
+    ],
     out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
     workers: Annotated[
         int | None,
@@ -84,13 +97,14 @@ def optimize_command(
 ) -> int:
     """Search for the best design; DIR/index.html shows it, also while it is going on.
 
-    Example: vinefab optimize examples/grid_coverage.toml --out run --workers 2
+    Example: vinefab optimize grid_coverage --out run --workers 2
 
     Every generation is recorded: --resume continues a stopped run, and with --generations,
     --evaluations or --wall-time-s a run that has ended, as if it had been asked for more at once.
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    settings = read_run(run_file)
+    source = locate("run", run_file)
+    settings = read_run(source)
     if seed is not None:
         settings = replace(settings, search=replace(settings.search, seed=seed))
     limits = _limits(generations, evaluations, wall_time_s, resume=resume)
@@ -123,7 +137,7 @@ def optimize_command(
                 limits=limits,
                 workers=make_point_evaluator(workers, cluster),
                 progress=report,
-                source=run_file,
+                source=source,
             )
         violations = violations_of(result, settings)
     with _resumable(command), _recorded(command):

@@ -25,7 +25,7 @@ from vinefab.model.design import (
     Pouch,
 )
 from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
-from vinefab.model.files.shipped import names, user_names
+from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
 from vinefab.search.costs import COSTS
@@ -194,8 +194,9 @@ class RunForm(Form):
     evaluation: EvaluationForm = EvaluationForm()
 
 
-def read_run(path: Path) -> RunSettings:
-    """Return the settings of a run file."""
+def read_run(name_or_path: str | Path) -> RunSettings:
+    """Return the settings of a run file, given as a path or the name of a shipped example."""
+    path = locate("run", name_or_path)
     form = validated(RunForm, read_toml(path), path)
     with located(path):
         return _settings(form, path)

@@ -213,12 +213,14 @@ BUILT_WIDTH = Rule(
     unit="mm",
     limits={"error": 0.1},
     reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
+    remedy="use the recipe's seam and kerf, and leave the machine's own kerf at 0",
     check=check_built_width,
 )
 READBACK = Rule(
     id="VF-X01",
     title="exported files, read again, equal the model",
     reason="programs read files, not intentions",
+    remedy="report it: a file that differs from its model is a fault of vinefab or of a disk",
     check=check_readback,
 )
 
@@ -363,5 +365,6 @@ SEAM_WIDTH = Rule(
     limits={"slack": 0.005},
     reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
     "the slack is what a laser's steps round away (assumed)",
+    remedy="use the recipe's seam width and overcut, or test the narrower seam with coupons",
     check=check_seams,
 )

@@ -143,6 +143,7 @@ OVERLAP = Rule(
     title="branches that are not joined do not overlap when flat",
     unit="mm",
     reason="a flat sheet has no room for two branches at one place",
+    remedy="widen angles, shorten or narrow the branches named, use fewer of them, or allow pieces",
     check=check_overlap,
 )
 CLEARANCE = Rule(
@@ -151,6 +152,7 @@ CLEARANCE = Rule(
     unit="mm",
     limits={"error": 3.0, "warning": 5.0},
     reason="seam, kerf and heat of two outlines need room between them, or they melt into one",
+    remedy="widen angles, narrow or shorten the branches named, use fewer of them, or allow pieces",
     check=check_clearance,
 )
 
@@ -272,6 +274,7 @@ FOREIGN_FILLET = Rule(
     unit="mm",
     limits={"error": 0.0, "warning": 3.0},
     reason="a fillet that swallows another branch's side changes the robot",
+    remedy="a smaller fillet, or more distance between the joint and the branch beside it",
     check=check_foreign,
 )
 
@@ -391,5 +394,6 @@ POUCH = Rule(
     unit="mm",
     limits={"error": 3.0, "warning": 5.0},
     reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",
+    remedy="a pouch wider than its branch; a smaller one, or a wider fan, where two touch",
     check=check_pouch,
 )

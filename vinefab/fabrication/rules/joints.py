@@ -240,6 +240,7 @@ ANGLE = Rule(
     unit="deg",
     limits={"error": 15.0, "warning": 20.0},
     reason="narrower crotches leave a sliver of film that the laser melts shut",
+    remedy="widen the fan, or use fewer branches in it",
     check=check_angle,
 )
 CROTCH = Rule(
@@ -248,6 +249,7 @@ CROTCH = Rule(
     unit="mm",
     limits={"error": 0.5},
     reason="a longer web ties branches together that should bend apart",
+    remedy="a smaller fillet, a wider angle, or a longer child",
     check=check_crotch,
 )
 FILLET = Rule(
@@ -263,6 +265,7 @@ FILLET = Rule(
     },
     reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
     "but a fillet much larger than the child makes it wide where it should be narrow",
+    remedy="a larger fillet on a sharp crotch, a smaller one beside a narrow child",
     check=check_fillet,
 )
 
@@ -332,5 +335,6 @@ TURN = Rule(
     unit="deg",
     limits={"joint_warning": 90.0, "capstan_warning": 10.0},
     reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",
+    remedy="smaller angles, or fewer levels along the path",
     check=check_turn,
 )

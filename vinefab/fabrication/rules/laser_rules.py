@@ -188,6 +188,7 @@ MARKS = Rule(
     unit="mm",
     limits={"error": 3.0},
     reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
+    remedy="more room beside the robot for its label",
     check=check_marks,
 )
 PATHS = Rule(
@@ -200,12 +201,14 @@ PATHS = Rule(
         "shared_error": 0.2,
     },
     reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
+    remedy="larger details: longer branches, larger fillets; no path given twice",
     check=check_paths,
 )
 ORDER = Rule(
     id="VF-L03",
     title="weld before cut, inner before outer",
     reason="film that is cut free moves",
+    remedy="let vinefab order the paths; do not reorder them by hand",
     check=check_order,
 )
 
@@ -294,18 +297,21 @@ PLY = Rule(
     unit="mm",
     limits={"error": 0.0475},
     reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
+    remedy="another film, or a recipe that seals without a laser",
     check=check_ply,
 )
 MACHINE = Rule(
     id="VF-L05",
     title="speeds and accelerations within the machine",
     reason="a head that must slow down in an arc puts more energy there than the recipe says",
+    remedy="a lower speed in the recipe, or larger radii",
     check=check_machine,
 )
 STATUS = Rule(
     id="VF-L06",
     title="the recipe is calibrated",
     reason="no laser settings for this film were found in any source; only coupons tell",
+    remedy="cut the coupons of `vinefab coupon`, measure them, and run `vinefab calibrate`",
     check=check_status,
 )
 
@@ -398,6 +404,7 @@ BED = Rule(
     title="fits the bed after rotation, or in tiles",
     unit="mm",
     reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
+    remedy="shorten the robot, allow tiles or pieces, or use a machine with a larger bed",
     check=check_bed,
 )
 FILM = Rule(
@@ -405,5 +412,6 @@ FILM = Rule(
     title="fits the roll of film",
     unit="mm",
     reason="a robot wider than the roll needs a seam across the film",
+    remedy="shorten or narrow the robot, allow pieces, or use a wider roll",
     check=check_film,
 )

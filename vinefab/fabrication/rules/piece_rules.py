@@ -221,12 +221,14 @@ SLEEVE_ROOM = Rule(
     title="room for a sleeve where the robot must be parted",
     unit="mm",
     reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
+    remedy="lengthen the branch named, or shorten fillets, lap or pouch",
     check=check_sleeve_room,
 )
 PIECE_COUNT = Rule(
     id="VF-J02",
     title="number of pieces",
     reason="each joint is one more place to leak and some minutes of work",
+    remedy="allow more pieces, or change what makes branches overlap",
     check=check_piece_count,
 )
 LAP = Rule(
@@ -236,6 +238,7 @@ LAP = Rule(
     limits={"safety_factor": 1.5},
     reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
     "laps that failed in a test forbid, what they bore is a lower bound",
+    remedy="a lower working pressure or a narrower branch at the joint; burst lap coupons",
     check=check_laps,
 )
 LAP_PACKING = Rule(
@@ -244,11 +247,13 @@ LAP_PACKING = Rule(
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
+    remedy="fewer laps in one branch, shorter laps, or a wider parent",
     check=check_lap_packing,
 )
 PIECE_LABELS = Rule(
     id="VF-J05",
     title="a label beside every piece, plug and socket",
     reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
+    remedy="more room beside the piece, or mark it by hand before it leaves the bed",
     check=check_piece_labels,
 )

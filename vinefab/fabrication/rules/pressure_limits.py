@@ -133,6 +133,7 @@ BURST = Rule(
     limits={"safety_factor": 1.5},
     reason="the load on a seam is pressure times width, so the widest tube bursts first; only a "
     "burst test that was measured forbids, a pressure that a tube survived is a lower bound",
+    remedy="a lower working pressure or narrower tubes; burst coupons to know the seam",
     check=check_burst,
 )
 RATING = Rule(
@@ -140,6 +141,7 @@ RATING = Rule(
     title="working pressure within that of the seam's test",
     unit="kPa",
     reason="beyond the pressure of its test a seam's strength is an extrapolation to other widths",
+    remedy="a lower working pressure, or coupons that are burst at a higher one",
     check=check_rating,
 )
 STRAIN = Rule(
@@ -148,6 +150,7 @@ STRAIN = Rule(
     unit="%",
     limits={"warning": 50.0},
     reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
+    remedy="a lower working pressure, thicker film or narrower tubes",
     check=check_strain,
 )
 
@@ -365,5 +368,6 @@ WINDOW = Rule(
     },
     reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
     "may leave its store without any tension, a spool held back 8.32 kPa (published)",
+    remedy="a narrower trunk, wider leaves, shorter paths or smaller turns; film stored loosely",
     check=check_window,
 )

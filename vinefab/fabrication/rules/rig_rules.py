@@ -123,6 +123,7 @@ RIG_SOLIDS = Rule(
     id="VF-R01",
     title="every rig part is a closed, oriented solid with the right volume",
     reason="slicers guess what an open mesh means",
+    remedy="make the rig anew; report it if the part still is not closed",
     check=_on_subject(check_solids),
 )
 RIG_SIZE = Rule(
@@ -130,6 +131,7 @@ RIG_SIZE = Rule(
     title="every rig part fits the printer",
     unit="mm",
     reason="a part that does not fit cannot be printed",
+    remedy="another printer, a smaller scale, or lower obstacles",
     check=_on_subject(check_fits),
 )
 CORRIDORS = Rule(
@@ -138,6 +140,7 @@ CORRIDORS = Rule(
     unit="mm",
     limits={"warning": 1.0},
     reason="an inflated body does not pass a narrower gap; the limit is times its diameter",
+    remedy="narrower tubes, a larger scale, or another map",
     check=_on_subject(check_corridors),
 )
 OBSTACLE_HEIGHT = Rule(
@@ -146,6 +149,7 @@ OBSTACLE_HEIGHT = Rule(
     unit="mm",
     limits={"warning": 1.2},
     reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
+    remedy="higher obstacles, or a narrower trunk",
     check=_on_subject(check_height),
 )
 RIG_CHECKS: dict[str, tuple[Rule, RigCheck]] = {

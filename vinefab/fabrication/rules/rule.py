@@ -106,6 +106,8 @@ class Rule:
         Default limits by name; see `Limits`.
     reason
         Why the rule exists and where its limits come from.
+    remedy
+        What a designer changes where it fires.
     check
         Checks a subject against limits.
     """
@@ -115,6 +117,7 @@ class Rule:
     unit: str = ""
     limits: Mapping[str, float] = field(default_factory=dict)
     reason: str
+    remedy: str = ""
     check: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
 
     def __post_init__(self) -> None:

@@ -108,12 +108,14 @@ TREE = Rule(
     unit="mm",
     limits={"error": 0.1},
     reason="a branch shorter than a laser spot cannot be drawn",
+    remedy="lengthen the branch, or remove its level",
     check=check_tree,
 )
 POLYGON = Rule(
     id="VF-T02",
     title="the body is one valid polygon without holes",
     reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
+    remedy="widen angles, shorten or narrow branches until none crosses another, or pieces",
     check=check_polygon,
 )
 MOUTH = Rule(
@@ -122,6 +124,7 @@ MOUTH = Rule(
     unit="mm",
     limits={"error": 5.0},
     reason="the robot is inflated and clamped through its mouth; everything else is sealed",
+    remedy="widen the trunk",
     check=check_mouth,
 )
 
@@ -214,6 +217,7 @@ TAIL = Rule(
     unit="mm",
     limits={"error": 150.0, "warning": 200.0},
     reason="the last 200 mm are inverted over the base and clamped (paper)",
+    remedy="a longer tail",
     check=check_tail,
 )
 CLAMP = Rule(
@@ -222,6 +226,7 @@ CLAMP = Rule(
     unit="mm",
     limits={"error": 100.0, "fit_error": 0.1},
     reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
+    remedy="a collar that fits the clamp, or another trunk width",
     check=check_clamp,
 )
 REACH = Rule(
@@ -230,5 +235,6 @@ REACH = Rule(
     unit="mm",
     limits={"short_warning": 250.0, "long_warning": 2000.0},
     reason="untested above 2 m and below 0.25 m (paper)",
+    remedy="change the lengths, or accept that nobody has tried such a length",
     check=check_reach,
 )

@@ -199,6 +199,7 @@ LEAST_WIDTH = Rule(
     unit="mm",
     limits={"error": 5.0, "warning": 8.0},
     reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
+    remedy="widen the level; with a width ratio, raise it or the trunk's width",
     check=check_least_width,
 )
 WIDTH_RATIO = Rule(
@@ -206,6 +207,7 @@ WIDTH_RATIO = Rule(
     title="width of the parent over that of the child",
     limits={"error": 1.2, "warning": 1.5},
     reason="each level should be much wider than the next one, or it does not deploy (paper)",
+    remedy="narrow the child's level or widen its parent's",
     check=check_width_ratio,
 )
 PACKING = Rule(
@@ -214,5 +216,6 @@ PACKING = Rule(
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",
+    remedy="fewer, shorter or narrower descendants, smaller pouches, or a wider parent",
     check=check_packing,
 )

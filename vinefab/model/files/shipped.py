@@ -1,4 +1,4 @@
-"""Designs, machines, materials, recipes and printers by name or by path.
+"""Designs, machines, materials, recipes, printers and run files by name or by path.
 
 A name is looked for in the user's own folder first, then among the shipped files. The folder is
 ``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` where that is set), or what the environment
@@ -18,6 +18,7 @@ KINDS = {
     "material": "laser_profiles/materials",
     "recipe": "laser_profiles/recipes",
     "printer": "laser_profiles/printers",
+    "run": "examples",
 }
 """Folder of each kind, below the place where shipped files lie."""
 

@@ -1,0 +1,138 @@
+"""`new`, `examples`, `rules`, `study`, completion: how a user gets going."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
+from vinefab.cli.new import NEXT_STEPS, starter_map
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.search.run_file import read_run
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+READERS = {"design": read_design, "run": read_run, "recipe": read_profile, "map": read_map}
+
+
+@pytest.mark.parametrize("kind", NEXT_STEPS)
+def test_a_new_file_is_read_and_has_the_name_of_its_file(kind, tmp_path, capsys):
+    path = tmp_path / ("mine.geojson" if kind == "map" else "mine.toml")
+    assert main(["new", kind, str(path)]) == 0
+    made = READERS[kind](path)
+    assert (made.recipe if kind == "recipe" else made).name == "mine"
+    assert "next: vinefab" in capsys.readouterr().out
+    path.write_text(path.read_text() + "\n")
+    before = path.read_text()
+    assert main(["new", kind, str(path)]) == 2
+    assert path.read_text() == before
+    assert "exists; --force overwrites it" in capsys.readouterr().err
+
+
+def test_the_starter_map_has_room_for_the_starter_design(capsys):
+    assert main(["new", "map", "table.geojson", "-q"]) == 0
+    assert main(["grow", "three_level_tree", "--map", "table.geojson"]) == 0
+    assert "grown" in capsys.readouterr().out
+    assert len(starter_map("table").obstacles) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [(["thing", "a.toml"], "KIND"), (["design", "a.json"], "FILE"), (["map", "a.toml"], "FILE")],
+)
+def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
+    assert main(["new", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {named} is ")
+    assert error.count("\n") == 1
+
+
+def test_examples_are_listed_and_copied_and_never_overwrite_changes(tmp_path, capsys):
+    assert main(["examples"]) == 0
+    assert "grid_coverage.toml: A run of" in capsys.readouterr().out
+    assert main(["examples", "grid_coverage", "--out", "mine"]) == 0
+    copied = tmp_path / "mine" / "grid_coverage.toml"
+    assert read_run(copied).name == "grid_coverage"
+    copied.write_text(copied.read_text() + "# mine\n")
+    assert main(["examples", "--out", "mine"]) == 2
+    assert copied.read_text().endswith("# mine\n")
+    assert len(list((tmp_path / "mine").iterdir())) == 1
+    assert main(["examples", "no_such", "--out", "mine"]) == 2
+
+
+def test_a_shipped_run_file_is_found_by_name():
+    assert read_run("grid_coverage").name == "grid_coverage"
+
+
+def test_every_rule_is_explained_with_a_remedy(capsys):
+    assert main(["rules", "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)["rules"]
+    assert [rule["id"] for rule in listed] == list(RULES)
+    assert all(rule["remedy"] and rule["reason"] for rule in listed)
+    assert main(["rules"]) == 0
+    text = capsys.readouterr().out
+    assert all(text.count(f"  {rule}  ") == 1 for rule in RULES)
+    assert main(["rules", "vf-c01"]) == 0
+    explained = capsys.readouterr().out
+    for words in ("VF-C01: clearance", "remedy: ", "limit error: 3 mm", "VF-C01.error=", "waive"):
+        assert words in explained
+    assert main(["rules", "VF-C99"]) == 2
+
+
+def test_old_names_of_studies_work_and_are_not_listed(capsys):
+    assert main(["-h"]) == 0
+    listed = capsys.readouterr().out
+    for name in UNDER_STUDY:
+        assert f"\n  {name} " not in listed
+        assert main([name, "-h"]) == 0
+        own = capsys.readouterr().out
+        assert main(["study", name, "--help"]) == 0
+        assert capsys.readouterr().out.partition("Options:")[2] == own.partition("Options:")[2]
+    shown = [name for name in COMMANDS if name not in UNDER_STUDY]
+    assert all(f"\n  {name} " in listed for name in shown)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ("--maps a.json b.geojson -q", "--maps a.json --maps b.geojson -q"),
+        ("--maps a.geojson --maps b.geojson", "--maps a.geojson --maps b.geojson"),
+        ("--maps a.geojson robot.toml", "--maps a.geojson robot.toml"),
+        ("--out x.json y.json", "--out x.json y.json"),
+        ("a.json --map b.json c.json d.json", "a.json --map b.json --map c.json --map d.json"),
+    ],
+)
+def test_maps_as_a_shell_expands_them(given, named):
+    assert each_map_named(given.split()) == named.split()
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("vinefab fabr", "fabricate"),
+        ("vinefab check six_", "six_branch_anchor"),
+        ("vinefab score plain_vine --tas", "--task"),
+        ("vinefab optimize grid_cov", "grid_coverage"),
+    ],
+)
+def test_a_shell_completes_commands_options_and_names(typed, completed):
+    asked = {"_VINEFAB_COMPLETE": "complete_zsh", "_TYPER_COMPLETE_ARGS": typed}
+    done = subprocess.run(
+        [sys.executable, "-m", "vinefab"],
+        env={**os.environ, **asked},
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    assert completed in done.stdout
+    assert done.stderr == ""

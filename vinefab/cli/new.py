@@ -1,0 +1,81 @@
+"""``vinefab new``: a file of your own to begin with."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import shapely
+import typer
+
+from vinefab.cli.common_options import CommandOutput, Force, Quiet
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.errors import BadInputError, ForeignFileError
+from vinefab.core.units import rad
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text
+from vinefab.model.map import Map, Pose, Start
+
+STARTERS = {"design": "three_level_tree", "run": "grid_coverage", "recipe": DEFAULT_RECIPE}
+"""The shipped file that a new one of each kind is a copy of; a map is made here."""
+
+NEXT_STEPS = {
+    "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
+    "run": "vinefab optimize {0} --out run",
+    "recipe": "vinefab coupon --recipe {0} --out coupons, then vinefab calibrate",
+    "map": "vinefab map info {0}, or: vinefab grow three_level_tree --map {0} --svg grown.svg",
+}
+
+
+def new_command(
+    *,
+    kind: Annotated[str, typer.Argument(help="design, run, map or recipe.")],
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")],
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """Write a commented design, run file, map or recipe to begin with; its name is the file's.
+
+    Example: vinefab new design mine.toml
+    """
+    output = CommandOutput(quiet=quiet, force=force)
+    if kind not in NEXT_STEPS:
+        raise BadInputError("KIND", kind, f"one of {', '.join(NEXT_STEPS)}")
+    suffix = ".geojson" if kind == "map" else ".toml"
+    if out.suffix.lower() != suffix:
+        raise BadInputError("FILE", str(out), f"a file name ending in {suffix}")
+    if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
+        raise ForeignFileError(out, "exists")
+    ensure_writable(out, force=force)
+    text = map_text(starter_map(out.stem)) if kind == "map" else _named_copy(kind, out.stem)
+    write_text(out, text, force=force)
+    output.say(f"wrote {out}")
+    output.say(f"next: {NEXT_STEPS[kind].format(out)}")
+    return 0
+
+
+def starter_map(name: str) -> Map:
+    """Return a table of 600 x 400 mm with three blocks and a start that is placed by hand."""
+    blocks = (
+        (120.0, 150.0, 200.0, 210.0),
+        (300.0, 60.0, 360.0, 160.0),
+        (380.0, 240.0, 470.0, 300.0),
+    )
+    pose = Pose(x_mm=30.0, y_mm=100.0, heading_rad=rad(20.0))
+    start = Start(pose=pose, spread_x_mm=5.0, spread_y_mm=5.0, spread_heading_rad=rad(5.0))
+    return Map(
+        name=name,
+        bounds=shapely.box(0.0, 0.0, 600.0, 400.0),
+        obstacles=tuple(shapely.box(*block) for block in blocks),
+        starts=(start,),
+        environment="table",
+    )
+
+
+def _named_copy(kind: str, name: str) -> str:
+    """Return the text of a shipped file under another name."""
+    text = read_text(locate(kind, STARTERS[kind]))
+    quoted = name.replace("\\", "\\\\").replace('"', '\\"')
+    named, count = re.subn(r'(?m)^name = "[^"]*"', lambda _: f'name = "{quoted}"', text, count=1)
+    if not count:
+        raise BadInputError(kind, STARTERS[kind], "a shipped file with a name")
+    return f"# A copy of {STARTERS[kind]} to change as you like.\n{named}"

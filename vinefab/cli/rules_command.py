@@ -1,0 +1,29 @@
+"""``vinefab rules``: what must hold, why, and what to do where it does not."""
+
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.fabrication.rule_listing import explain_rule, rule_list, rules_json
+
+
+def rules_command(
+    *,
+    rule: Annotated[
+        str | None, typer.Argument(metavar="ID", help="A rule to explain; default: list all.")
+    ] = None,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """List the design rules, or explain one: limits, reason and remedy.
+
+    Example: vinefab rules VF-C01
+    """
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    lines = rule_list() if rule is None else explain_rule(rule)
+    output.give_json(rules_json(rule))
+    for line in lines:
+        output.say(line)
+    return 0

@@ -1,0 +1,105 @@
+"""The design rules as a user reads them: a list, and one rule explained."""
+
+from collections.abc import Mapping
+
+from vinefab.core.errors import UnknownNameError
+from vinefab.core.jsontext import json_text
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.rule import Rule
+
+SCHEMA = "vinefab/rules-1"
+
+RULE_GROUPS: Mapping[str, str] = {
+    "T": "tree and outline",
+    "W": "widths",
+    "C": "clearance and joints",
+    "P": "pressure and seams",
+    "B": "base and reach",
+    "J": "pieces and laps",
+    "S": "sheet",
+    "L": "laser",
+    "X": "files",
+    "R": "test rig",
+}
+"""What rules are about, by the letter in ids of vinefab's own; those of other packages stand last
+under their own names."""
+
+
+def rule_list() -> list[str]:
+    """Return one line for every rule, under what it is about."""
+    lines = list[str]()
+    for title, rules in grouped_rules().items():
+        lines.append(title)
+        lines += [f"  {rule.id}  {rule.title}{_limits_text(rule, ' ({})')}" for rule in rules]
+    lines.append("vinefab rules VF-C01 explains one of them")
+    return lines
+
+
+def explain_rule(rule_id: str) -> list[str]:
+    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such rule.
+    """
+    rule = known_rule(rule_id)
+    lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
+    if rule.remedy:
+        lines.append(f"  remedy: {rule.remedy}")
+    lines += [f"  limit {limit_text(rule, name)}" for name in rule.limits]
+    if rule.limits:
+        first = next(iter(rule.limits))
+        change = f"[limits.{rule.id}] {first} = ..., or check --limit {rule.id}.{first}=..."
+        lines.append(f"  to change a limit for one design: {change}")
+    lines.append("  to accept one finding: [[waive]] with its fingerprint and a reason")
+    return lines
+
+
+def known_rule(rule_id: str) -> Rule:
+    """Return a rule by its id, in upper or lower case."""
+    known = {rule.id.upper(): rule for rule in RULES.values()}
+    if rule_id.upper() not in known:
+        raise UnknownNameError("rule", rule_id, known)
+    return known[rule_id.upper()]
+
+
+def grouped_rules() -> dict[str, list[Rule]]:
+    """Return all rules by what they are about, in the order of the catalogue."""
+    groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
+    for rule in RULES.values():
+        own = rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
+        title = RULE_GROUPS[rule.id[3]] if own else "of other packages"
+        groups.setdefault(title, []).append(rule)
+    return {title: rules for title, rules in groups.items() if rules}
+
+
+def rules_json(rule_id: str | None = None) -> str:
+    """Return all rules, or one, as JSON."""
+    rules = list(RULES.values()) if rule_id is None else [known_rule(rule_id)]
+    content = [
+        {
+            "id": rule.id,
+            "title": rule.title,
+            "unit": rule.unit,
+            "limits": dict(rule.limits),
+            "reason": rule.reason,
+            "remedy": rule.remedy,
+        }
+        for rule in rules
+    ]
+    return json_text(SCHEMA, {"rules": content})
+
+
+def limit_text(rule: Rule, name: str) -> str:
+    """Return a limit with its unit; those that are no error or warning have theirs in the name."""
+    unit = rule.unit if name.endswith(("error", "warning")) else ""
+    return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
+
+
+def _limits_text(rule: Rule, form: str) -> str:
+    """Return error and warning limits in a form with one place; nothing where there are none."""
+    parts = [
+        f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits
+    ]
+    return form.format(f"{', '.join(parts)} {rule.unit}".strip()) if parts else ""

@@ -107,6 +107,15 @@ PoseIn = Annotated[
 ]
 
 
+_STYLES = {
+    "ERROR": "bold red",
+    "warn": "yellow",
+    "waived": "cyan",
+    **dict.fromkeys(("info", "ran", "note", "limit", "skipped", "next:"), "dim"),
+}
+"""Colours of lines by their first word; the words say the same where there is no colour."""
+
+
 class _PlainConsole(Console):
     """Prints texts as they are: no markup in them, and nothing that a terminal would obey."""
 
@@ -131,8 +140,9 @@ class CommandOutput:
         object.__setattr__(self, "console", console)
 
     def say(self, text: str = "") -> None:
-        """Print a line for the user."""
-        self.console.print(text, soft_wrap=True)
+        """Print a line for the user; on a terminal its first word gives it a colour."""
+        style = _STYLES.get(text.partition(" ")[0])
+        self.console.print(text, soft_wrap=True, style=style)
 
     def show(self, table: Table) -> None:
         """Print a table for the user."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
@@ -49,7 +50,7 @@ def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorrid
     )
 
 
-_SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
+_SIGNS = {Severity.ERROR: "ERROR ", Severity.WARNING: "warn  ", Severity.INFO: "info  "}
 
 Deployed = tuple[tuple[str, Deployment], ...]
 """Deployments, each with the name of its map."""
@@ -190,13 +191,30 @@ def deployed_lines(deployed: Deployed) -> list[str]:
 
 
 def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
-    """Return a check as lines for the user."""
-    lines = [finding_line(finding) for finding in report.findings]
+    """Return a check as lines for the user: findings by rule, what was not looked at, verdict."""
+    return [*findings_by_rule(report), *around_findings(report, verbose=verbose), verdict(report)]
+
+
+def findings_by_rule(report: CheckReport) -> list[str]:
+    """Return a line for every rule with findings of one severity, and below it one for each."""
+    groups = dict[tuple[str, str], list[Finding]]()
+    for finding in report.findings:
+        groups.setdefault((_sign(finding), finding.rule), []).append(finding)
+    lines = list[str]()
+    for (sign, rule), findings in groups.items():
+        lines.append(f"{sign} {rule}  {_title(rule)}".rstrip())
+        lines += [f"       {_finding_words(finding)}" for finding in findings]
+    return lines
+
+
+def around_findings(report: CheckReport, *, verbose: bool = False) -> list[str]:
+    """Return what else a user should know of a check: notes, changed limits, rules skipped."""
+    lines = list[str]()
     if verbose:
-        lines += [f"ran     {r.rule}  checked {r.checked}" for r in report.run]
-    lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
+        lines += [f"ran    {r.rule}  {_title(r.rule)}: {r.checked} checked" for r in report.run]
+    lines += [f"note   {r.rule}  {r.note}" for r in report.run if r.note]
     lines += [
-        f"limit   {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
+        f"limit  {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
         f"from {limit.source}"
         for limit in report.limits
     ]
@@ -206,17 +224,17 @@ def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
         for why in reasons
     ]
     lines += [
-        f"warn    stale waiver {name}: no finding has that name; remove it from the design"
+        f"warn   stale waiver {name}: no finding has that name; remove it from the design"
         for name in report.stale_waivers
     ]
-    return [*lines, verdict(report)]
+    return lines
 
 
 def verdict(report: CheckReport) -> str:
     """Return the outcome of a check in one line."""
     errors, warnings = report.count(Severity.ERROR), report.count(Severity.WARNING)
-    rules = f"{len(report.run)} rules run, {len(report.skipped)} skipped"
-    found = f"{errors} errors, {warnings} warnings; {rules}"
+    rules = f"{counted(len(report.run), 'rule')} run, {len(report.skipped)} skipped"
+    found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}; {rules}"
     if report.blocking:
         return f"{report.design}: not manufacturable: {found}"
     return f"{report.design}: manufacturable: {found}"
@@ -224,11 +242,21 @@ def verdict(report: CheckReport) -> str:
 
 def finding_line(finding: Finding) -> str:
     """Return a finding as a line for the user."""
-    sign = "waived" if finding.waived else _SIGNS[finding.severity]
-    who = f" [{', '.join(finding.branches[:4])}]" if finding.branches else ""
+    return f"{_sign(finding)} {finding.rule}  {_finding_words(finding)}"
+
+
+def _sign(finding: Finding) -> str:
+    return "waived" if finding.waived else _SIGNS[finding.severity]
+
+
+def _title(rule: str) -> str:
+    return RULES[rule].title if rule in RULES else ""
+
+
+def _finding_words(finding: Finding) -> str:
+    who = f"[{', '.join(finding.branches[:4])}] " if finding.branches else ""
     why = f" (waived: {finding.reason})" if finding.waived else ""
-    words = f"{finding.message}{_numbers(finding)}{why}"
-    return f"{sign}  {finding.rule}{who}  {words}  #{finding.fingerprint}"
+    return f"{who}{finding.message}{_numbers(finding)}{why}  #{finding.fingerprint}"
 
 
 def _numbers(finding: Finding) -> str:

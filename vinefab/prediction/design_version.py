@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.fabrication.checking import (
-    check_lines,
+    around_findings,
     checked_design,
     finding_line,
     findings_file,
@@ -144,7 +144,7 @@ class DesignVersion:
 
 def _about_rules(report: CheckReport) -> list[str]:
     """Return what a check says beside its findings: notes, limits, and what was skipped and why."""
-    return check_lines(report)[len(report.findings) : -1]
+    return around_findings(report)
 
 
 def _others(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:

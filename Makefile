@@ -49,7 +49,7 @@ format: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,gis,studio,vision]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[cluster,dev,docs,gis,studio,vision]'
 	touch $(READY)
 
 # For maintainers: pins for every supported Python and system, without any address in them.

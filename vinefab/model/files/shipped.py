@@ -19,6 +19,7 @@ KINDS = {
     "recipe": "laser_profiles/recipes",
     "printer": "laser_profiles/printers",
     "run": "examples",
+    "contacts": "contacts",
 }
 """Folder of each kind, below the place where shipped files lie."""
 

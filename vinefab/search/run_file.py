@@ -66,23 +66,23 @@ RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 class StartForm(Form):
     """``start`` of ``[maps]``: a pose, and half-widths of the range that poses are drawn from."""
 
-    x_mm: float
-    y_mm: float
-    heading_deg: float
-    spread_x_mm: float = 0.0
-    spread_y_mm: float = 0.0
-    spread_heading_deg: float = 0.0
+    x_mm: float  # in map coordinates
+    y_mm: float  # in map coordinates
+    heading_deg: float  # counter-clockwise from +x
+    spread_x_mm: float = 0.0  # half-width of the range of positions
+    spread_y_mm: float = 0.0  # half-width of the range of positions
+    spread_heading_deg: float = 0.0  # half-width of the range of headings
 
 
 class MapsForm(Form):
     """Table ``[maps]``: generated maps, or files relative to the run file."""
 
-    environment: str | None = None
-    count: int | None = None
-    seed: int | None = None
-    options: dict[str, Any] | None = None
-    files: list[str] | None = None
-    start: StartForm | None = None
+    environment: str | None = None  # a generator; see `vinefab map --help`
+    count: int | None = None  # of maps
+    seed: int | None = None  # of the first map; the next have the next seeds
+    options: dict[str, Any] | None = None  # of the generator
+    files: list[str] | None = None  # map files, relative to the run file, in place of all above
+    start: StartForm | None = None  # of every map, in place of its own
 
 
 class RunPartForm(Form):
@@ -94,58 +94,60 @@ class RunPartForm(Form):
 class TaskForm(RunPartForm):
     """Table ``[task]``; that of another task among the objectives is ``[task.NAME]`` in it."""
 
-    name: str = RunSettings().task.name
-    objectives: list[str] = Field(default_factory=list)
+    name: str = RunSettings().task.name  # coverage, reach, anchoring, or of another package
+    objectives: list[str] = Field(default_factory=list)  # for a front: tasks and costs
 
 
 class RunLevelForm(Form):
     """Table ``[[space.level]]``: ranges of one level; level 1 is the trunk."""
 
-    number: int
-    length_mm: RangeForm | None = None
-    angle_deg: RangeForm | None = None
-    branches: RangeForm | None = None
-    growth_percent: RangeForm | None = None
+    number: int  # of the level; 1 is the trunk
+    length_mm: RangeForm | None = None  # range of BL
+    angle_deg: RangeForm | None = None  # range of theta
+    branches: RangeForm | None = None  # range of SPL
+    growth_percent: RangeForm | None = None  # range of LGF
 
 
 class SpaceForm(Form):
     """Table ``[space]``: ranges of all levels."""
 
-    levels: RangeForm | None = None
-    length_mm: RangeForm | None = None
-    angle_deg: RangeForm | None = None
-    branches: RangeForm | None = None
-    growth_percent: RangeForm | None = None
-    most_film_length_mm: float | None = None
-    most_film_area_mm2: float | None = None
-    most_sheet_area_mm2: float | None = None
-    most_branches: int | None = None
-    symmetric: bool = False
-    level: list[RunLevelForm] = Field(default_factory=list)
+    levels: RangeForm | None = None  # range of their number, trunk included
+    length_mm: RangeForm | None = None  # range of BL
+    angle_deg: RangeForm | None = None  # range of theta, the whole fan
+    branches: RangeForm | None = None  # range of SPL, children per parent
+    growth_percent: RangeForm | None = None  # range of LGF
+    most_film_length_mm: float | None = None  # planned length of all branches together
+    most_film_area_mm2: float | None = None  # lay-flat area of all branches, one layer
+    most_sheet_area_mm2: float | None = None  # of the rectangle that holds the flat robot
+    most_branches: int | None = None  # trunk included
+    symmetric: bool = False  # left mirrors right
+    level: list[RunLevelForm] = Field(default_factory=list)  # other ranges for one level
 
 
 class RunBuildForm(Form):
     """Table ``[build]``."""
 
-    trunk_width_mm: float | None = None
-    widths_mm: list[float] | None = None
-    width_ratio: float = DEFAULT_WIDTH_RATIO
-    tail_mm: float = DEFAULT_TAIL_MM
-    pressure_kpa: float = DEFAULT_PRESSURE_KPA
-    pouch: PouchForm | None = None
-    pieces: PiecesForm | None = None
+    trunk_width_mm: float | None = None  # lay-flat
+    widths_mm: list[float] | None = None  # of the first levels, in place of trunk_width_mm
+    width_ratio: float = DEFAULT_WIDTH_RATIO  # of a level over the one before
+    tail_mm: float = DEFAULT_TAIL_MM  # below the trunk
+    pressure_kpa: float = DEFAULT_PRESSURE_KPA  # working gauge pressure
+    pouch: PouchForm | None = None  # at the tip of every leaf
+    pieces: PiecesForm | None = None  # robots may be cut in flat pieces
 
 
 class RunGrowthForm(Form):
     """Table ``[growth]``: options by their names in `GrowthOptions.content`."""
 
+    # within it of head-on a tip stops; [low, high]: drawn
     head_on_half_angle_deg: RangeForm | None = None
+    # stop: they stay inside; deploy: they grow
     children_of_stuck: Literal["stop", "deploy"] | None = None
-    body: Literal["centerline", "inflated"] | None = None
-    pressure_stop: bool | None = None
-    storage_kpa: float | None = None
-    fitted_diameter_mm: float | None = None
-    body_width_ratio: float | None = None
+    body: Literal["centerline", "inflated"] | None = None  # inflated, or centerline as in the paper
+    pressure_stop: bool | None = None  # whether growth ends where pressure does not evert film
+    storage_kpa: float | None = None  # tension of the film in its store
+    fitted_diameter_mm: float | None = None  # of the tube of the published fit
+    body_width_ratio: float | None = None  # real inflated width over the nominal one
     # a file of measured contacts, relative to the run file, or its name; or the numbers themselves
     contacts: str | dict[str, Any] | None = None
 
@@ -153,48 +155,53 @@ class RunGrowthForm(Form):
 class OptimizerForm(RunPartForm):
     """Table ``[optimizer]``; without a name `_default_optimizer`."""
 
-    name: str = ""
-    population: int = SearchSettings().population
-    generations: int = SearchSettings().generations
-    seed: int = SearchSettings().seed
-    stall_generations: int = 0
-    stall_tolerance: float = 0.0
-    evaluations: int = 0
-    wall_time_s: float = 0.0
+    name: str = ""  # islands, cmaes, evolution, particleswarm, pso, nsga2 or random; empty: as fits
+    population: int = SearchSettings().population  # designs of a generation
+    generations: int = SearchSettings().generations  # at most
+    seed: int = SearchSettings().seed  # of everything random but the maps
+    stall_generations: int = 0  # without improvement that end it; 0: never
+    stall_tolerance: float = 0.0  # what counts as improvement, relative
+    evaluations: int = 0  # that end it; 0: never
+    wall_time_s: float = 0.0  # that ends it; 0: never
+    # designs to begin at, files or names; islands only
     start_from: list[str] = Field(default_factory=list)
 
 
 class EvaluationForm(Form):
     """Table ``[evaluation]``."""
 
-    poses_per_map: int = EvaluationSettings().poses_per_map
-    maps_per_generation: int = EvaluationSettings().maps_per_generation
+    poses_per_map: int = EvaluationSettings().poses_per_map  # drawn for every generation
+    maps_per_generation: int = EvaluationSettings().maps_per_generation  # drawn for each; 0: all
+    # share of the starts' range that poses are drawn from
     pose_range: float = EvaluationSettings().pose_range
-    composite: str = EvaluationSettings().composite
+    composite: str = EvaluationSettings().composite  # mean, best, min_deviation or single
+    # of scores, that earns nothing in min_deviation
     reference_deviation: float = EvaluationSettings().reference_deviation
-    redraw: bool = True
-    fabricable: bool = True
-    recipe: str = ""
+    redraw: bool = True  # new poses for every generation
+    fabricable: bool = True  # designs that break rules rank below all others
+    recipe: str = ""  # whose limits decide that; empty: the shipped one
+    # fitness that every head-on stop costs
     head_on_weight: float = EvaluationSettings().head_on_weight
-    penalty_weight: float = EvaluationSettings().penalty_weight
-    finalists: int = EvaluationSettings().finalists
-    final_poses_per_map: int = EvaluationSettings().final_poses_per_map
-    finalists_by: str = EvaluationSettings().finalists_by
+    penalty_weight: float = EvaluationSettings().penalty_weight  # of broken rules
+    finalists: int = EvaluationSettings().finalists  # best designs that are scored again at the end
+    final_poses_per_map: int = EvaluationSettings().final_poses_per_map  # for them
+    finalists_by: str = EvaluationSettings().finalists_by  # fresh_maps, training or contact_range
+    # fitness that every sleeve joint costs, with build.pieces
     joint_weight: float = EvaluationSettings().joint_weight
 
 
 class RunForm(Form):
     """A whole run file."""
 
-    schema_: Literal["vinefab/run-1"] = Field(alias="schema")
-    name: str | None = None
-    maps: MapsForm = MapsForm()
-    task: TaskForm = TaskForm()
-    space: SpaceForm = SpaceForm()
-    build: RunBuildForm = RunBuildForm()
-    growth: RunGrowthForm = RunGrowthForm()
-    optimizer: OptimizerForm = OptimizerForm()
-    evaluation: EvaluationForm = EvaluationForm()
+    schema_: Literal["vinefab/run-1"] = Field(alias="schema")  # kind of file and its version
+    name: str | None = None  # of the run and its best design; default: the file's
+    maps: MapsForm = MapsForm()  # the training maps
+    task: TaskForm = TaskForm()  # what is scored
+    space: SpaceForm = SpaceForm()  # what may vary
+    build: RunBuildForm = RunBuildForm()  # how every design is made
+    growth: RunGrowthForm = RunGrowthForm()  # how robots grow
+    optimizer: OptimizerForm = OptimizerForm()  # how it is searched
+    evaluation: EvaluationForm = EvaluationForm()  # how a design is judged
 
 
 def read_run(name_or_path: str | Path) -> RunSettings:

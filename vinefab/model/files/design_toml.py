@@ -43,77 +43,91 @@ Taper = Annotated[float, Field(ge=0.01, le=1)]
 class TrunkForm(Form):
     """Table ``[trunk]``."""
 
-    length: Positive
+    length: Positive  # of the trunk, times scale_mm_per_unit
 
 
 class LevelForm(Form):
     """Table ``[[level]]``: one level after the trunk."""
 
-    branches: Annotated[int, Field(ge=1, le=1000)]
-    length: Positive
+    branches: Annotated[int, Field(ge=1, le=1000)]  # children per parent (SPL of the paper)
+    length: Positive  # of the first child (BL), times scale_mm_per_unit
+    # the whole fan (theta), first child to last
     angle_deg: Annotated[float, Field(ge=0, le=360)] = 0.0
+    # last child's length over the first's (LGF)
     growth_percent: Annotated[float, Field(ge=0.1, le=10_000)] = 100.0
 
 
 class PouchForm(Form):
     """Inline table ``pouch``."""
 
-    shape: Literal["round", "rectangle"]
-    radius_mm: Positive | None = None
-    length_mm: Positive | None = None
-    width_mm: Positive | None = None
+    shape: Literal["round", "rectangle"]  # round: a disc; rectangle: along the branch
+    radius_mm: Positive | None = None  # of a round one
+    length_mm: Positive | None = None  # of a rectangle, along the branch
+    width_mm: Positive | None = None  # of a rectangle, across it
 
 
 class CollarForm(Form):
     """Inline table ``collar``."""
 
-    clamp_diameter_mm: Width
+    clamp_diameter_mm: Width  # of the pipe that the mouth is pulled over
+    # of the straight part at the mouth
     length_mm: Annotated[float, Field(ge=0, le=WIDEST_BODY_MM)] = 30.0
-    flare_mm: Width = 40.0
+    flare_mm: Width = 40.0  # over which the width changes to that of the tail
 
 
 class PiecesForm(Form):
     """Inline table ``pieces``."""
 
+    # pieces that may be cut
     most: Annotated[int, Field(ge=1, le=MOST_PIECES)] = PieceSettings().most
+    # socket over plug, along the branch (assumed)
     lap_mm: Annotated[float, Field(ge=1, le=1000)] = PieceSettings().lap_mm
+    # added to the flat width of a socket (assumed)
     ease_mm: Annotated[float, Field(ge=0, le=100)] = PieceSettings().ease_mm
 
 
 class BuildForm(Form):
     """Table ``[build]``: every key may be left out."""
 
+    # lay-flat lumen width of each level, trunk first; inflates to 2 w / pi
     widths_mm: list[Width] | None = None
-    trunk_width_mm: Width | None = None
-    width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None
+    trunk_width_mm: Width | None = None  # in place of widths_mm, with width_ratio
+    width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None  # of a level over the one before
+    # width at the end of each level's branches over that at their beginning
     taper: list[Taper] | None = None
-    fillet_mm: list[NotNegative] | None = None
+    fillet_mm: list[NotNegative] | None = None  # radius in each level's joints, level 2 first
+    # in place of fillet_mm: radius over the child's width
     fillet_ratio: Annotated[float, Field(ge=0, le=10)] | None = None
-    tail_mm: NotNegative = DEFAULT_TAIL_MM
+    tail_mm: NotNegative = DEFAULT_TAIL_MM  # below the trunk, inverted over the base and clamped
+    # working gauge pressure; 0: not known
     pressure_kpa: Annotated[float, Field(ge=0, le=10_000)] = DEFAULT_PRESSURE_KPA
-    pouch: PouchForm | None = None
-    collar: CollarForm | None = None
+    pouch: PouchForm | None = None  # at the tip of every leaf
+    collar: CollarForm | None = None  # fits the tail to a clamp
+    # may be cut in flat pieces, joined by sleeves; left out: one outline
     pieces: PiecesForm | None = None
 
 
 class WaiveForm(Form):
     """Table ``[[waive]]``."""
 
-    fingerprint: str
-    reason: str
+    fingerprint: str  # of the finding, as `vinefab check` shows it
+    reason: str  # why it is accepted; stands in every report
 
 
 class DesignForm(Form):
     """A whole design file."""
 
-    schema_: Literal["vinefab/design-1"] = Field(alias="schema")
-    name: str
-    scale_mm_per_unit: Positive = 1.0
-    trunk: TrunkForm
+    schema_: Literal["vinefab/design-1"] = Field(alias="schema")  # kind of file and its version
+    name: str  # in reports and on the sheet
+    scale_mm_per_unit: Positive = 1.0  # multiplies lengths of trunk and levels
+    trunk: TrunkForm  # level 1
+    # one per level after the trunk; none: a plain vine
     level: list[LevelForm] = Field(default_factory=list)
-    build: BuildForm = BuildForm()
-    waive: list[WaiveForm] = Field(default_factory=list)
+    build: BuildForm = BuildForm()  # how it is made
+    waive: list[WaiveForm] = Field(default_factory=list)  # findings that are accepted
+    # how the design was made; written by `vinefab optimize`
     origin: dict[str, Any] = Field(default_factory=dict)
+    # limits of rules for this design: [limits.VF-C01] warning = 6.0
     limits: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 

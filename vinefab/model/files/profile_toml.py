@@ -35,9 +35,11 @@ class QuantityForm(Form):
     ``uncertainty`` may be added: one standard deviation, in the number's own unit.
     """
 
-    value: float
+    value: float  # in the unit that ends the key
+    # measured, paper, published, computed or assumed
     standing: Annotated[Standing, Field(strict=False)]
-    source: Annotated[str, Field(min_length=1)]
+    source: Annotated[str, Field(min_length=1)]  # who says so, or how it was found
+    # one standard deviation, in the same unit
     uncertainty: Annotated[float, Field(ge=0)] | None = None
 
     def noun(self) -> Quantity:
@@ -69,8 +71,8 @@ FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_len
 class NamedForm(Form):
     """Keys of every profile file."""
 
-    name: FileName
-    title: str
+    name: FileName  # as the file, without its suffix
+    title: str  # for people
 
 
 F = TypeVar("F", bound=NamedForm)
@@ -79,132 +81,134 @@ F = TypeVar("F", bound=NamedForm)
 class MachineForm(NamedForm):
     """A file in ``laser_profiles/machines``."""
 
-    schema_: Literal["vinefab/machine-1"] = Field(alias="schema")
-    colours: str = "default"
+    schema_: Literal["vinefab/machine-1"] = Field(alias="schema")  # kind of file and its version
+    colours: str = "default"  # preset of its software
+    # line width that its driver takes for a cut
     hairline_mm: Annotated[float, Field(gt=0, le=10)] = 0.01
-    bed_width_mm: Positive
-    bed_height_mm: Positive
-    margin_mm: NotNegative
-    power_w: Positive
-    spot_mm: Positive
-    rayleigh_mm: Positive
-    speed_max_mm_s: Positive
-    acceleration_mm_s2: Positive
+    bed_width_mm: Positive  # along x
+    bed_height_mm: Positive  # along y
+    margin_mm: NotNegative  # rim of the bed that stays free
+    power_w: Positive  # of the laser
+    spot_mm: Positive  # diameter in focus
+    rayleigh_mm: Positive  # depth over which the spot grows by the root of 2
+    speed_max_mm_s: Positive  # of the head
+    acceleration_mm_s2: Positive  # of the head
 
 
 class MaterialForm(NamedForm):
     """A file in ``laser_profiles/materials``."""
 
-    schema_: Literal["vinefab/material-1"] = Field(alias="schema")
-    plies: Annotated[int, Field(ge=1, le=10)]
-    weldable: bool
-    ply_mm: Positive
-    roll_width_mm: Positive
-    density_kg_m3: Positive
-    modulus_mpa: Positive
-    strength_mpa: Positive
-    friction: NotNegative
-    burst_kpa: Positive | None = None
-    burst_width_mm: Positive | None = None
-    survived_kpa: Positive | None = None
-    survived_width_mm: Positive | None = None
+    schema_: Literal["vinefab/material-1"] = Field(alias="schema")  # kind of file and its version
+    plies: Annotated[int, Field(ge=1, le=10)]  # layers that are welded at once
+    weldable: bool  # whether a laser can weld it
+    ply_mm: Positive  # thickness of one layer
+    roll_width_mm: Positive  # of the film as it is bought
+    density_kg_m3: Positive  # of the film
+    modulus_mpa: Positive  # of elasticity
+    strength_mpa: Positive  # in tension
+    friction: NotNegative  # against the environment
+    burst_kpa: Positive | None = None  # at which a tube burst
+    burst_width_mm: Positive | None = None  # lay-flat width of that tube
+    survived_kpa: Positive | None = None  # that a tube bore
+    survived_width_mm: Positive | None = None  # lay-flat width of that tube
 
 
 class OperationForm(Form):
     """A table ``[operations.NAME]`` of a recipe."""
 
-    passes: Annotated[int, Field(ge=1, le=100)]
-    air_assist: bool
-    power_percent: Percent
-    min_power_percent: Percent
-    speed_mm_s: Positive
-    focus_offset_mm: Offset
-    frequency_hz: NotNegative
-    spot_mm: Positive
-    kerf_mm: NotNegative
-    seam_width_mm: NotNegative
-    overcut_mm: NotNegative
+    passes: Annotated[int, Field(ge=1, le=100)]  # over the same path
+    air_assist: bool  # whether air blows on the cut
+    power_percent: Percent  # of the laser
+    min_power_percent: Percent  # in corners
+    speed_mm_s: Positive  # of the head
+    focus_offset_mm: Offset  # above the focus; widens the spot
+    frequency_hz: NotNegative  # of pulses
+    spot_mm: Positive  # diameter at this offset
+    kerf_mm: NotNegative  # width that is removed
+    seam_width_mm: NotNegative  # width that is fused beside the kerf
+    overcut_mm: NotNegative  # that a closed path runs past its start
 
 
 class OperationsForm(Form):
     """The tables ``[operations.NAME]`` of a recipe."""
 
-    mark: OperationForm | None = None
-    weld: OperationForm | None = None
-    weldcut: OperationForm | None = None
-    cut: OperationForm
+    mark: OperationForm | None = None  # labels beside the body
+    weld: OperationForm | None = None  # seam only
+    weldcut: OperationForm | None = None  # seam and cut in one pass
+    cut: OperationForm  # mouth and sheet
 
 
 class SealerForm(Form):
     """The table ``[sealer]`` of a recipe whose seams an impulse sealer makes."""
 
-    temperature_c: Positive
-    dwell_s: Positive
-    seam_width_mm: Positive
+    temperature_c: Positive  # of the bar
+    dwell_s: Positive  # for which it stays shut
+    seam_width_mm: Positive  # of the bar
 
 
 class MeasuredForm(Form):
     """The table ``[measured]`` of a recipe: measured values that replace the material's."""
 
-    burst_kpa: Positive | None = None
-    burst_width_mm: Positive | None = None
-    survived_kpa: Positive | None = None
-    survived_width_mm: Positive | None = None
-    friction: NotNegative | None = None
+    burst_kpa: Positive | None = None  # at which a tube of yours burst
+    burst_width_mm: Positive | None = None  # lay-flat width of that tube
+    survived_kpa: Positive | None = None  # that a tube of yours bore
+    survived_width_mm: Positive | None = None  # lay-flat width of that tube
+    friction: NotNegative | None = None  # of your film on your obstacles
 
 
 class GrowthForm(Form):
     """The table ``[growth]`` of a recipe: growth-pressure constants of the user's own tube."""
 
-    yield_kpa: NotNegative
-    drag_kpa_m: NotNegative
-    storage_kpa: NotNegative
-    friction: NotNegative
-    width_mm: Positive
+    yield_kpa: NotNegative  # below which film does not evert
+    drag_kpa_m: NotNegative  # per metre of path
+    storage_kpa: NotNegative  # tension of the film in its store
+    friction: NotNegative  # film on film, per radian of turn
+    width_mm: Positive  # lay-flat width of the tube that was grown
 
 
 class WindowForm(Form):
     """A table ``[[coupons.windows]]``: line energies at which coupons passed."""
 
-    operation: Literal["weld", "weldcut"]
-    focus_mm: Annotated[float, Field(ge=-1000, le=1000)]
-    least_mj_mm: Positive | None = None
-    most_mj_mm: Positive | None = None
+    operation: Literal["weld", "weldcut"]  # whose energies these are
+    focus_mm: Annotated[float, Field(ge=-1000, le=1000)]  # offset at which they were cut
+    least_mj_mm: Positive | None = None  # that welded
+    most_mj_mm: Positive | None = None  # that did not cut through
 
 
 class CouponsForm(Form):
     """The table ``[coupons]`` of a recipe: coupon results that no other table holds."""
 
-    peel_n_mm: NotNegative | None = None
-    crotch_burst_kpa: Positive | None = None
-    crotch_fillet_mm: Positive | None = None
-    windows: list[WindowForm] = Field(default_factory=list)
+    peel_n_mm: NotNegative | None = None  # force per width at which a strip peeled
+    crotch_burst_kpa: Positive | None = None  # of the crotch coupon
+    crotch_fillet_mm: Positive | None = None  # its radius
+    windows: list[WindowForm] = Field(default_factory=list)  # line energies that passed
 
 
 class LapForm(Form):
     """The table ``[lap]`` of a recipe: the bond of sleeve joints."""
 
+    # impulse_seal or adhesive_film
     method: Annotated[LapMethod, Field(strict=False)]
-    band_mm: Positive
-    strength_n_per_mm: Positive | None = None
-    survived_n_per_mm: Positive | None = None
+    band_mm: Positive  # width of the bond, along the branch
+    strength_n_per_mm: Positive | None = None  # per millimetre of rim, at which it failed
+    survived_n_per_mm: Positive | None = None  # per millimetre of rim, that it bore
 
 
 class RecipeForm(NamedForm):
     """A file in ``laser_profiles/recipes``."""
 
-    schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")
-    machine: FileName
-    material: FileName
-    status: Annotated[RecipeStatus, Field(strict=False)]
-    source: Annotated[str, Field(min_length=1)]
-    operations: OperationsForm
-    sealer: SealerForm | None = None
-    measured: MeasuredForm | None = None
-    growth: GrowthForm | None = None
-    coupons: CouponsForm | None = None
-    lap: LapForm | None = None
-    limits: dict[str, dict[str, float]] = Field(default_factory=dict)
+    schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")  # kind of file and its version
+    machine: FileName  # its profile, by name
+    material: FileName  # its profile, by name
+    status: Annotated[RecipeStatus, Field(strict=False)]  # unverified, coupon_ok or burst_tested
+    source: Annotated[str, Field(min_length=1)]  # where the settings come from
+    operations: OperationsForm  # settings of each operation
+    sealer: SealerForm | None = None  # in place of laser welds
+    measured: MeasuredForm | None = None  # values of your film, in place of the material's
+    growth: GrowthForm | None = None  # constants of growth pressure, if you measured them
+    coupons: CouponsForm | None = None  # what else the coupons gave
+    lap: LapForm | None = None  # the bond of robots in pieces
+    limits: dict[str, dict[str, float]] = Field(default_factory=dict)  # of rules, for this recipe
 
 
 # --- Reading ------------------------------------------------------------------------------------

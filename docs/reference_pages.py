@@ -1,0 +1,369 @@
+"""Reference pages made from the code, so that they cannot drift from it.
+
+Formats come from the models that read files, rules from the catalogue, commands from the program,
+parts from their registries. A key without a meaning is refused: `tests/test_docs.py`.
+"""
+
+import inspect
+import re
+import types
+from collections.abc import Iterable, Iterator
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from vinefab.fabrication.rule_listing import grouped_rules, limit_text
+from vinefab.fabrication.rules.rule import Rule
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.files.contacts_toml import ContactsForm
+from vinefab.model.files.design_toml import DesignForm
+from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
+from vinefab.rig.rig_options import PrinterForm
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.run_file import RunForm
+from vinefab.tasks.shipped_tasks import TASKS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A kind of file and the model that reads it."""
+
+    name: str
+    title: str
+    form: type[BaseModel]
+    about: str
+
+
+FORMATS = (
+    Format(
+        name="design",
+        title="Design file (`vinefab/design-1`, TOML)",
+        form=DesignForm,
+        about="`vinefab new design mine.toml` writes one with comments. Lengths are millimetres.",
+    ),
+    Format(
+        name="run",
+        title="Run file (`vinefab/run-1`, TOML)",
+        form=RunForm,
+        about="What `vinefab optimize` searches; `vinefab new run mine.toml` writes one. Every key "
+        "but `schema` may be left out. Parameters of tasks, optimizers and environments: "
+        "[parts](parts.md).",
+    ),
+    Format(
+        name="recipe",
+        title="Recipe (`vinefab/recipe-1`, TOML)",
+        form=RecipeForm,
+        about="One material on one machine. `vinefab new recipe mine.toml` writes one, "
+        "`vinefab calibrate` another from coupons. Every number is a table with its standing.",
+    ),
+    Format(
+        name="machine",
+        title="Machine (`vinefab/machine-1`, TOML)",
+        form=MachineForm,
+        about="A laser cutter. Every number is a table with its standing.",
+    ),
+    Format(
+        name="material",
+        title="Material (`vinefab/material-1`, TOML)",
+        form=MaterialForm,
+        about="A film. Every number is a table with its standing.",
+    ),
+    Format(
+        name="printer",
+        title="Printer (`vinefab/printer-1`, TOML)",
+        form=PrinterForm,
+        about="A 3-D printer for rigs. Every number is a table with its standing.",
+    ),
+    Format(
+        name="contacts",
+        title="Measured contacts (`vinefab/contacts-1`, TOML)",
+        form=ContactsForm,
+        about="What photos of grown robots say of assumed numbers; `vinefab observe` writes it, "
+        "`--contacts` reads it.",
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """One key of a file."""
+
+    name: str  # with the tables that it stands in
+    kind: str
+    default: str  # empty: it must be given
+    meaning: str
+
+
+def write_reference(folder: Path) -> None:
+    """Write every reference page into a folder; a page that is as it should be is not touched."""
+    pages = {f"{one.name}.md": format_page(one) for one in FORMATS}
+    pages |= {"rules.md": rules_page(), "commands.md": commands_page(), "parts.md": parts_page()}
+    folder.mkdir(exist_ok=True)
+    for name, text in pages.items():
+        path = folder / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+# --- File formats -------------------------------------------------------------------------------
+
+
+def format_page(one: Format) -> str:
+    """Return the page of a kind of file: a table for each of its tables."""
+    parts = [f"# {one.title}\n\n{one.about}\n"]
+    for title, form in tables_of(one.form):
+        rows = [
+            f"| `{key.name}` | {key.kind} | {key.default or 'required'} | {key.meaning} |"
+            for key in keys_of(form)
+        ]
+        heading = f"## `{title}`" if title else "## Top of the file"
+        head = "| key | kind | default | meaning |\n|---|---|---|---|"
+        parts.append("\n".join([heading, "", head, *rows, ""]))
+    if one.form in (RecipeForm, MachineForm, MaterialForm, PrinterForm):
+        rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(QuantityForm)]
+        parts.append(
+            "\n".join(
+                ["## A number with its standing", "", "| key | kind | meaning |\n|---|---|---|"]
+                + [*rows, ""]
+            )
+        )
+    return "\n".join(parts)
+
+
+def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
+    """Yield the tables of a file with the names of their headings, in the order of the model."""
+    yield prefix, form
+    for name, field in form.model_fields.items():
+        inner, many = _inner_form(field.annotation)
+        if inner is not None and inner is not QuantityForm:
+            path = f"{prefix.strip('[]')}.{name}" if prefix else name
+            yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
+
+
+def keys_of(form: type[BaseModel]) -> list[Key]:
+    """Return the keys of one table."""
+    said = meanings(form)
+    return [
+        Key(
+            name=field.alias or name,
+            kind=_kind(field.annotation, field.metadata),
+            default=_default(field),
+            meaning=said.get(name, ""),
+        )
+        for name, field in form.model_fields.items()
+    ]
+
+
+def meanings(kind: type) -> dict[str, str]:
+    """Return the comment beside or above each field in the source of a class and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__.startswith("vinefab"):
+            found |= _comments(inspect.getsource(base))
+    return found
+
+
+def _comments(source: str) -> dict[str, str]:
+    found, above = {}, list[str]()
+    for line in source.splitlines():
+        comment = re.match(r"\s+# (.*)", line)
+        field = re.match(r"    (\w+): ", line)
+        if comment:
+            above.append(comment.group(1))
+        elif field:
+            beside = re.search(r"  # (.*)$", line)
+            words = beside.group(1) if beside else " ".join(above)
+            found[field.group(1)] = words.removesuffix(".")
+            above = []
+        else:
+            above = []
+    return found
+
+
+def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
+    """Return the model of a table that a field holds, and whether the field holds several."""
+    origin, inside = get_origin(annotation), get_args(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation, False
+    if origin is Annotated:
+        return _inner_form(inside[0])
+    if origin in (Union, types.UnionType):
+        forms = [_inner_form(one) for one in inside]
+        return next((one for one in forms if one[0] is not None), (None, False))
+    if origin is list:
+        return _inner_form(inside[0])[0], True
+    return None, False
+
+
+_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "anything"}
+
+
+def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
+    words = _kind_words(annotation)
+    limits = [text for one in metadata for text in _limit_words(one)]
+    return f"{words}, {', '.join(limits)}" if limits else words
+
+
+def _kind_words(annotation: object) -> str:
+    origin, inside = get_origin(annotation), get_args(annotation)
+    if annotation is QuantityForm:
+        return "a number with its standing"
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "table"
+    if annotation in _KINDS:
+        return _KINDS[annotation]  # type: ignore[index]
+    if origin is Annotated:
+        return _annotated_words(inside)
+    if origin is Literal:
+        return " or ".join(f"`{one}`" for one in inside)
+    if origin in (Union, types.UnionType):
+        return " or ".join(_kind_words(one) for one in inside if one is not type(None))
+    if origin is list:
+        inner, _ = _inner_form(inside[0])
+        return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
+    if origin is dict:
+        return "table of any keys"
+    if isinstance(annotation, type) and hasattr(annotation, "__members__"):
+        return " or ".join(f"`{one.value}`" for one in annotation)  # type: ignore[attr-defined]
+    return "number"
+
+
+def _annotated_words(inside: tuple[object, ...]) -> str:
+    if get_origin(inside[0]) is list and len(inside) == 2 and "BeforeValidator" in repr(inside[1]):
+        return "number, or a range `[low, high]`"
+    return _kind(inside[0], [one for outer in inside[1:] for one in getattr(outer, "metadata", [outer])])
+
+
+def _limit_words(one: object) -> Iterator[str]:
+    for name, words in (("gt", "above"), ("ge", "from"), ("lt", "below"), ("le", "to")):
+        value = getattr(one, name, None)
+        if value is not None:
+            yield f"{words} {value:g}"
+
+
+def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
+    if field.is_required():
+        return ""
+    value = field.default
+    if value is PydanticUndefined or isinstance(value, BaseModel):
+        return "none"
+    if value is None:
+        return "none"
+    return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
+
+
+# --- Rules --------------------------------------------------------------------------------------
+
+
+def rules_page() -> str:
+    """Return the page of all design rules."""
+    parts = [
+        "# Design rules\n\n`vinefab rules VF-C01` explains one in the terminal. An error forbids "
+        "cutting unless it is waived; a warning does not. Limits are changed by a recipe, by "
+        "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n"
+    ]
+    for title, rules in grouped_rules().items():
+        parts.append(f"## {title.capitalize()}\n")
+        parts += [_rule_part(rule) for rule in rules]
+    return "\n".join(parts)
+
+
+def _rule_part(rule: Rule) -> str:
+    limits = "; ".join(limit_text(rule, name) for name in rule.limits) or "none: it holds or not"
+    picture = Path(__file__).parent / "pictures" / "rules" / f"{rule.id}.svg"
+    shown = f"\n![{rule.id} fires](../pictures/rules/{rule.id}.svg)\n" if picture.is_file() else ""
+    return (
+        f"### {rule.id}: {rule.title}\n{shown}\n- **Limits:** {limits}\n- **Why:** {rule.reason}\n"
+        f"- **Remedy:** {rule.remedy}\n"
+    )
+
+
+# --- Commands -----------------------------------------------------------------------------------
+
+
+def commands_page() -> str:
+    """Return the help of every command, as the program prints it."""
+    import typer.testing  # noqa: PLC0415  only this page needs a terminal
+
+    from vinefab.cli.main import COMMANDS, UNDER_STUDY, build_app  # noqa: PLC0415
+
+    runner = typer.testing.CliRunner()
+    parts = ["# Commands\n\nEvery command has `-h`. What stands here is what it prints.\n"]
+    for name in COMMANDS:
+        if name in UNDER_STUDY:
+            continue
+        words = [name]
+        shown = [words]
+        if COMMANDS[name].is_group:
+            shown += [[name, part] for part in _subcommands(name)]
+        for words in shown:
+            result = runner.invoke(
+                build_app(name), [*words, "--help"], prog_name="vinefab", env={"COLUMNS": "100"}
+            )
+            level = "##" if len(words) == 1 else "###"
+            parts.append(f"{level} vinefab {' '.join(words)}\n\n```text\n{result.output.strip()}\n```\n")
+    return "\n".join(parts)
+
+
+def _subcommands(name: str) -> list[str]:
+    from typer.main import get_command  # noqa: PLC0415  as above
+
+    from vinefab.cli.main import build_app  # noqa: PLC0415
+
+    return list(get_command(build_app(name)).commands[name].commands)  # type: ignore[attr-defined]
+
+
+# --- Parts --------------------------------------------------------------------------------------
+
+
+def parts_page() -> str:
+    """Return the page of environments, tasks and optimizers with their parameters."""
+    parts = [
+        "# Parts and their parameters\n\nEnvironments, tasks and optimizers are named in run files "
+        "and on the command line; their parameters are keys beside the name, `--set NAME=VALUE`, "
+        "or options of `vinefab map NAME`.\n"
+    ]
+    groups = (
+        ("Environments", {name: one.options for name, one in ENVIRONMENTS.items()}),
+        ("Tasks", dict(TASKS.items())),
+        ("Optimizers", dict(OPTIMIZERS.items())),
+    )
+    for title, kinds in groups:
+        parts.append(f"## {title}\n")
+        parts += [_part(name, kind) for name, kind in kinds.items()]
+    return "\n".join(parts)
+
+
+def _part(name: str, kind: type) -> str:
+    first = (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
+    if not is_dataclass(kind):
+        return f"### {name}\n\n{first}\n"
+    said = meanings(kind) | parameter_words(kind)
+    rows = [
+        f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |" for one in fields(kind)
+    ]
+    table = ["| parameter | default | meaning |\n|---|---|---|", *rows] if rows else ["No parameters."]
+    return "\n".join([f"### {name}\n", first, "", *table, ""])
+
+
+def parameter_words(kind: type) -> dict[str, str]:
+    """Return what the docstrings of a class and its bases say of each parameter, by name."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        block = re.search(
+            r"Parameters\n-+\n(.*?)(?:\n\n[A-Z]\w+\n-+\n|\Z)", inspect.getdoc(base) or "", re.DOTALL
+        )
+        for names, words in re.findall(
+            r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
+        ):
+            found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "`").split()))
+    return found
+
+
+def _field_default(one: Any) -> str:  # noqa: ANN401  a field of a dataclass
+    if one.default is not MISSING:
+        return f"`{one.default!r}`".replace("'", '"')
+    return "as made" if one.default_factory is not MISSING else "required"

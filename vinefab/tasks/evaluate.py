@@ -17,7 +17,6 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
-from vinefab.physics.tube import inflated_radius_mm
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
@@ -135,7 +134,7 @@ def trunks_with_room(
     """Tell for each pose whether a design's trunk has room there to leave its start at all."""
     if options.body == "centerline":
         return [True for places in poses for _ in places]
-    radius_mm = inflated_radius_mm(design.build.widths_mm[0])
+    radius_mm = options.radius_mm(design.build.widths_mm[0])
     rows = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm)
         for prepared, places in zip(maps, poses, strict=True)

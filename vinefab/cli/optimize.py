@@ -39,7 +39,7 @@ FRONT_FILES = ("front.json", "front.svg", "front.png")
 
 
 def _runs_like(incomplete: str) -> list[str]:
-    return names_like("run", incomplete)
+    return names_like("run file", incomplete)
 
 
 def optimize_command(
@@ -103,7 +103,7 @@ def optimize_command(
     --evaluations or --wall-time-s a run that has ended, as if it had been asked for more at once.
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    source = locate("run", run_file)
+    source = locate("run file", run_file)
     settings = read_run(source)
     if seed is not None:
         settings = replace(settings, search=replace(settings.search, seed=seed))

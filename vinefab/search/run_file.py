@@ -206,7 +206,7 @@ class RunForm(Form):
 
 def read_run(name_or_path: str | Path) -> RunSettings:
     """Return the settings of a run file, given as a path or the name of a shipped example."""
-    path = locate("run", name_or_path)
+    path = locate("run file", name_or_path)
     form = validated(RunForm, read_toml(path), path)
     with located(path):
         return _settings(form, path)

@@ -57,7 +57,7 @@ def contacts_given(given: object) -> MeasuredContacts:
 
 def read_contacts(path_or_name: str | PathLike[str]) -> MeasuredContacts:
     """Return the measured contacts of a file, or of a name in the user's own folder."""
-    path = locate("contacts", path_or_name)
+    path = locate("contacts file", path_or_name)
     form = validated(ContactsForm, read_toml(path), path)
     with located(path):
         return _contacts(form)

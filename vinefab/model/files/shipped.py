@@ -18,8 +18,8 @@ KINDS = {
     "material": "laser_profiles/materials",
     "recipe": "laser_profiles/recipes",
     "printer": "laser_profiles/printers",
-    "run": "examples",
-    "contacts": "contacts",
+    "run file": "examples",
+    "contacts file": "contacts",
 }
 """Folder of each kind, below the place where shipped files lie."""
 

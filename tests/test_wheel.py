@@ -60,7 +60,8 @@ def test_shipped_designs_and_profiles_are_found_by_name(installed, tmp_path):
     assert root == str(installed / "vinefab" / "_shipped")
     shipped = [len(list((ROOT / folder).glob("*.toml"))) for folder in KINDS.values()]
     assert [int(count) for count in counts] == shipped
-    assert all(shipped)
+    empty = [kind for kind, count in zip(KINDS, shipped, strict=True) if not count]
+    assert empty == ["contacts file"]  # nobody has measured any yet
 
 
 def test_a_design_is_checked_and_cut_from_another_folder(installed, tmp_path):

@@ -15,8 +15,12 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text
 from vinefab.model.map import Map, Pose, Start
 
-STARTERS = {"design": "three_level_tree", "run": "grid_coverage", "recipe": DEFAULT_RECIPE}
-"""The shipped file that a new one of each kind is a copy of; a map is made here."""
+STARTERS = {
+    "design": ("design", "three_level_tree"),
+    "run": ("run file", "grid_coverage"),
+    "recipe": ("recipe", DEFAULT_RECIPE),
+}
+"""Kind and name of the shipped file that a new one is a copy of; a map is made here."""
 
 NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
@@ -56,7 +60,7 @@ def new_command(
 def starter_map(name: str) -> Map:
     """Return a table of 600 x 400 mm with three blocks and a start that is placed by hand."""
     blocks = (
-        (120.0, 150.0, 200.0, 210.0),
+        (150.0, 120.0, 230.0, 190.0),
         (300.0, 60.0, 360.0, 160.0),
         (380.0, 240.0, 470.0, 300.0),
     )
@@ -73,9 +77,10 @@ def starter_map(name: str) -> Map:
 
 def _named_copy(kind: str, name: str) -> str:
     """Return the text of a shipped file under another name."""
-    text = read_text(locate(kind, STARTERS[kind]))
+    shipped_kind, original = STARTERS[kind]
+    text = read_text(locate(shipped_kind, original))
     quoted = name.replace("\\", "\\\\").replace('"', '\\"')
     named, count = re.subn(r'(?m)^name = "[^"]*"', lambda _: f'name = "{quoted}"', text, count=1)
     if not count:
-        raise BadInputError(kind, STARTERS[kind], "a shipped file with a name")
-    return f"# A copy of {STARTERS[kind]} to change as you like.\n{named}"
+        raise BadInputError(kind, original, "a shipped file with a name")
+    return f"# A copy of {original} to change as you like.\n{named}"

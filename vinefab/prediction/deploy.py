@@ -8,7 +8,6 @@ of s at its base, at most its own length. Growth to a length passes through the 
 smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -168,7 +167,8 @@ def without_room(
     if options.deploys_stuck:
         can_emerge |= deployment.deployed[parent]
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
-    return tuple(_place(design, deployment, branch, int(parent[branch])) for branch in lost)
+    radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
+    return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)
 
 
 def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
@@ -191,10 +191,14 @@ def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
     ]
 
 
-def wedged(design: Design, deployment: Deployment) -> tuple[BranchPlace, ...]:
+def wedged(
+    design: Design, deployment: Deployment, options: GrowthOptions
+) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
-    return tuple(_place(design, deployment, branch, branch) for branch in stuck)
+    inflated = replace(options, body="inflated")
+    radii_mm = [inflated.radius_mm(width_mm) for width_mm in design.build.widths_mm]
+    return tuple(_place(radii_mm, deployment, branch, branch) for branch in stuck)
 
 
 def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
@@ -207,7 +211,9 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     return [f"{title}: {', '.join(named[:MOST_NAMED])}{more} mm"]
 
 
-def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> BranchPlace:
+def _place(
+    radii_mm: Sequence[float], deployment: Deployment, branch: int, ended: int
+) -> BranchPlace:
     """Return a branch with the tip of the branch ``ended``, or the pose if that is none."""
     x_mm, y_mm = deployment.pose.x_mm, deployment.pose.y_mm
     if ended >= 0:
@@ -217,7 +223,7 @@ def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> B
         branch=deployment.tree.ids[branch],
         x_mm=x_mm,
         y_mm=y_mm,
-        radius_mm=design.build.widths_mm[level - 1] / math.pi,
+        radius_mm=radii_mm[level - 1],
     )
 
 
@@ -255,7 +261,9 @@ class DeployedDesign:
             **self.options.content,
             "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
-            "wedged": [place.content() for place in wedged(self.design, self.deployment)],
+            "wedged": [
+                place.content() for place in wedged(self.design, self.deployment, self.options)
+            ],
         }
 
     def summary(self) -> list[str]:
@@ -270,7 +278,7 @@ class DeployedDesign:
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
             *stayed_text([bool(self.deployment.deployed[0])], self.design),
             *places_text("no room to start for branch", self.without_room),
-            *places_text("wedged: branch", wedged(self.design, self.deployment)),
+            *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
             *self._tight_exits(),
         ]
 

@@ -160,7 +160,7 @@ def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     return [
         *stayed_text([bool(deployment.deployed[0])], state.design),
         *places_text("no room for the body of", lost),
-        *places_text("stuck in a corner", wedged(state.design, deployment)),
+        *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
     ]
 
 

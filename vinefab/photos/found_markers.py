@@ -168,14 +168,14 @@ def square_points(photo: Photo, side_mm: float) -> ControlPoints:
     found = find_markers(photo)
     if not found:
         raise BadInputError(
-            "markers", "0 in the photo", "one ArUco marker (DICT_4X4_50), with white around it",
+            "markers",
+            "0 in the photo",
+            "one ArUco marker (DICT_4X4_50), with white around it",
             photo.name,
         )
     seen = np.array([found[number] for number in sorted(found)])
     placed = _placed_squares(seen)
-    return ControlPoints(
-        points_px=seen.reshape(-1, 2), points_mm=side_mm * placed.reshape(-1, 2)
-    )
+    return ControlPoints(points_px=seen.reshape(-1, 2), points_mm=side_mm * placed.reshape(-1, 2))
 
 
 _SQUARE = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
@@ -194,7 +194,9 @@ def _placed_squares(seen: Floats) -> Floats:
 
     def off(values: Floats) -> Floats:
         matrix = np.append(values[:8], 1.0).reshape(3, 3)
-        return (projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)).ravel()
+        return (
+            projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)
+        ).ravel()
 
     fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
     return _squares(fit.x[8:])

@@ -18,6 +18,13 @@ _MOST_CURVE_POINTS = 1_000_000
 """In one curve: a tolerance that needs more surely has the wrong unit."""
 
 
+PROJECT_ADVICE = (
+    "coordinates in metres or feet: project the layer in your GIS program (QGIS: Export, Save "
+    "Features As, a projected CRS), or ogr2ogr -t_srs EPSG:32632 (your zone) metres.gpkg FILE"
+)
+"""For coordinates in degrees."""
+
+
 class CurvePiece(Protocol):
     """A straight or curved part of a line, in the units of its source."""
 

@@ -40,9 +40,9 @@ def test_a_photo_of_two_megapixels_is_rectified_within_half_a_millimetre(
     tilted = dataclasses.replace(camera, tilt_deg=tilt_deg)
     photo = compressed(floor.photographed(tilted, noise=4.0, blur_px=0.7))
     fitted = fit_camera(photo, marker_points(photo, markers))
-    assert fitted.residual_mm < 0.25
+    assert fitted.residual_mm < 0.05
     plan = rectified(photo, fitted, AREA, mm_per_pixel=mm_per_pixel)
-    assert np.hypot(*(dots_of(plan) - DOTS).T).max() < 0.25
+    assert np.hypot(*(dots_of(plan) - DOTS).T).max() < 0.15
     assert plan.mm_per_pixel == mm_per_pixel or 0.3 < plan.mm_per_pixel < 0.7
 
 

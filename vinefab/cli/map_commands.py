@@ -73,6 +73,13 @@ def import_command(
         list[str] | None,
         typer.Option(help="Read only this layer (DXF) or group (SVG: id or label); repeatable."),
     ] = None,
+    drawn: Annotated[
+        str | None,
+        typer.Option(
+            help="What the areas of a drawing are: obstacles (in bounds), or free: their union is "
+            "the free space and its holes are obstacles; default: guessed, and said."
+        ),
+    ] = None,
     bounds: Annotated[
         str | None,
         typer.Option(
@@ -121,6 +128,7 @@ def import_command(
         start=pose_from(start, "--start"),
         join_mm=join_mm,
         layers=tuple(layer or ()),
+        drawn=cast("Any", drawn),
         bounds=cast("Any", bounds),
         margin_mm=margin_mm,
         wall_mm=wall_mm,

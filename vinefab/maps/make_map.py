@@ -212,8 +212,8 @@ def import_(
     layers
         Read only these layers (DXF) or groups (SVG).
     **options
-        ``simplify_mm``, ``join_mm``, ``bounds``, ``margin_mm``, ``wall_mm``, ``open_lines``,
-        ``unknown``, as in `vinefab.maps.importers.source_drawing.ImportOptions`.
+        ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
+        ``open_lines``, ``unknown``, as in `vinefab.maps.importers.source_drawing.ImportOptions`.
 
     Raises
     ------

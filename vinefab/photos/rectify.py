@@ -18,7 +18,7 @@ def rectified(
     plane_mm: float | None = None,
     mm_per_pixel: float | None = None,
 ) -> PlanView:
-    """Return a photo as a camera straight above would have taken it; what it does not show is white.
+    """Return a photo as if taken from straight above; what it does not show is white.
 
     Parameters
     ----------

@@ -53,7 +53,16 @@ def _scaled_start(start: Start, factor: float) -> Start:
 
 
 _DEEPEST = 20
-_ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wall_mm", "open_lines")
+_ONLY_DRAWINGS = (
+    "simplify_mm",
+    "start",
+    "join_mm",
+    "drawn",
+    "bounds",
+    "margin_mm",
+    "wall_mm",
+    "open_lines",
+)
 _ROLES = ("bounds", "obstacle")
 
 _Leaf = tuple[str, dict[str, Any], object]

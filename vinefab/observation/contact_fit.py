@@ -20,7 +20,6 @@ from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
-from vinefab.model.deployment import Deployment
 from vinefab.model.files.contacts_toml import contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
@@ -283,14 +282,13 @@ def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
     atlas = TerrainSet([Terrain.of(photo.world)])
     launches = Launches.of(atlas, [poses], [rad(angle) for angle in SHAPE_ANGLES_DEG])
     grown = Batch(Plans.of([photo.design], options), launches, options, engine="auto").deployments()
-    names = [name for name in grown[0].tree.ids if name in photo.chains_mm]
-    rows = [[_mean_square_mm2(photo.chains_mm[n], _chain_mm(d, n)) for d in grown] for n in names]
+    rows = [
+        [_mean_square_mm2(photo.chains_mm[name], one.chain_mm(branch)) for one in grown]
+        for branch, name in enumerate(grown[0].tree.ids)
+        if name in photo.chains_mm
+    ]
     table = np.array(rows).reshape(-1, len(grown))
     return np.asarray(table[np.isfinite(table).all(axis=1)])
-
-
-def _chain_mm(deployment: Deployment, name: str) -> Floats:
-    return deployment.chain_mm(deployment.tree.ids.index(name))
 
 
 def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:

@@ -9,6 +9,7 @@ import re
 import types
 from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -124,12 +125,8 @@ def format_page(one: Format) -> str:
         parts.append("\n".join([heading, "", head, *rows, ""]))
     if one.form in (RecipeForm, MachineForm, MaterialForm, PrinterForm):
         rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(QuantityForm)]
-        parts.append(
-            "\n".join(
-                ["## A number with its standing", "", "| key | kind | meaning |\n|---|---|---|"]
-                + [*rows, ""]
-            )
-        )
+        head = ["## A number with its standing", "", "| key | kind | meaning |", "|---|---|---|"]
+        parts.append("\n".join([*head, *rows, ""]))
     return "\n".join(parts)
 
 
@@ -198,7 +195,7 @@ def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     return None, False
 
 
-_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "anything"}
+_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
 
 
 def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
@@ -209,32 +206,33 @@ def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
 
 def _kind_words(annotation: object) -> str:
     origin, inside = get_origin(annotation), get_args(annotation)
-    if annotation is QuantityForm:
-        return "a number with its standing"
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return "table"
-    if annotation in _KINDS:
-        return _KINDS[annotation]  # type: ignore[index]
+    if isinstance(annotation, type):
+        return _class_words(annotation)
     if origin is Annotated:
         return _annotated_words(inside)
     if origin is Literal:
         return " or ".join(f"`{one}`" for one in inside)
-    if origin in (Union, types.UnionType):
-        return " or ".join(_kind_words(one) for one in inside if one is not type(None))
     if origin is list:
         inner, _ = _inner_form(inside[0])
         return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
     if origin is dict:
         return "table of any keys"
-    if isinstance(annotation, type) and hasattr(annotation, "__members__"):
-        return " or ".join(f"`{one.value}`" for one in annotation)  # type: ignore[attr-defined]
-    return "number"
+    return " or ".join(_kind_words(one) for one in inside if one is not type(None))
+
+
+def _class_words(kind: type) -> str:
+    if kind is QuantityForm:
+        return "a number with its standing"
+    if issubclass(kind, Enum):
+        return " or ".join(f"`{one.value}`" for one in kind)
+    return "table" if issubclass(kind, BaseModel) else _KINDS[kind]
 
 
 def _annotated_words(inside: tuple[object, ...]) -> str:
-    if get_origin(inside[0]) is list and len(inside) == 2 and "BeforeValidator" in repr(inside[1]):
+    if get_origin(inside[0]) is list and "BeforeValidator" in repr(inside[1]):
         return "number, or a range `[low, high]`"
-    return _kind(inside[0], [one for outer in inside[1:] for one in getattr(outer, "metadata", [outer])])
+    limits = [one for outer in inside[1:] for one in getattr(outer, "metadata", [outer])]
+    return _kind(inside[0], limits)
 
 
 def _limit_words(one: object) -> Iterator[str]:
@@ -304,7 +302,9 @@ def commands_page() -> str:
                 build_app(name), [*words, "--help"], prog_name="vinefab", env={"COLUMNS": "100"}
             )
             level = "##" if len(words) == 1 else "###"
-            parts.append(f"{level} vinefab {' '.join(words)}\n\n```text\n{result.output.strip()}\n```\n")
+            parts.append(
+                f"{level} vinefab {' '.join(words)}\n\n```text\n{result.output.strip()}\n```\n"
+            )
     return "\n".join(parts)
 
 
@@ -343,9 +343,12 @@ def _part(name: str, kind: type) -> str:
         return f"### {name}\n\n{first}\n"
     said = meanings(kind) | parameter_words(kind)
     rows = [
-        f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |" for one in fields(kind)
+        f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |"
+        for one in fields(kind)
     ]
-    table = ["| parameter | default | meaning |\n|---|---|---|", *rows] if rows else ["No parameters."]
+    table = (
+        ["| parameter | default | meaning |\n|---|---|---|", *rows] if rows else ["No parameters."]
+    )
     return "\n".join([f"### {name}\n", first, "", *table, ""])
 
 

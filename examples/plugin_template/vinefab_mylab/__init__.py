@@ -1,0 +1,1 @@
+"""Parts of my lab for vinefab; `pyproject.toml` names them."""

@@ -29,6 +29,7 @@ from vinefab.model.map import Pose
 
 if TYPE_CHECKING:
     from vinefab.growth.options import GrowthChoice
+    from vinefab.model.contacts import MeasuredContacts
 
 EXIT_FINDINGS = 1
 
@@ -68,6 +69,15 @@ HalfAngleIn = Annotated[
     typer.Option(
         "--head-on-half-angle-deg",
         help="Contacts closer to head-on than this stop a tip (assumed); short for --growth ...",
+    ),
+]
+ContactsIn = Annotated[
+    str | None,
+    typer.Option(
+        "--contacts",
+        metavar="FILE",
+        help="Numbers that photos measured (vinefab observe --fit), in place of assumed ones; "
+        "short for --growth contacts=FILE.",
     ),
 ]
 PoseIn = Annotated[
@@ -240,7 +250,22 @@ def growth_from(texts: list[str] | None, **shortcuts: object) -> dict[str, objec
             option = f"--{name.replace('_', '-')}"
             raise BadInputError(option, given, f"not beside --growth {name}={options[name]}")
         options[name] = given
+    if "contacts" in options:
+        # Read here, so that a wrong file is reported before any work and read only once.
+        options["contacts"] = _contacts_from(options["contacts"])
     return options
+
+
+def contacts_arguments(contacts: str | None) -> list[str]:
+    """Return the arguments that choose the same measured contacts again."""
+    return [] if contacts is None else ["--contacts", contacts]
+
+
+def _contacts_from(given: object) -> "MeasuredContacts":
+    # Commands that do not grow anything do not wait for the schemas of files.
+    from vinefab.model.files.contacts_toml import contacts_given  # noqa: PLC0415
+
+    return contacts_given(given)
 
 
 def growth_choice(

@@ -9,6 +9,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     Count,
     EnvironmentIn,
     Force,
@@ -18,6 +19,7 @@ from vinefab.cli.common_options import (
     MapsOptional,
     Quiet,
     SetIn,
+    contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
@@ -55,6 +57,7 @@ def compare_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     out: Annotated[Path | None, typer.Option("--out", help="A page to write (HTML).")] = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -65,7 +68,9 @@ def compare_command(
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given_growth = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
@@ -90,6 +95,7 @@ def compare_command(
             str(poses),
             "--seed",
             str(seed),
+            *contacts_arguments(contacts),
             *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)

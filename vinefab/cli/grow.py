@@ -8,6 +8,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
@@ -42,6 +43,7 @@ def grow_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     children_of_stuck: Annotated[
         str | None, typer.Option(help="stop: they never emerge; deploy: they grow from there.")
     ] = None,
@@ -80,6 +82,7 @@ def grow_command(
         growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
         children_of_stuck=children_of_stuck,
     )
     robot, start = read_design(design), pose_from(pose)

@@ -9,6 +9,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     Count,
     DesignIn,
     EnvironmentIn,
@@ -20,6 +21,7 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
     SetIn,
+    contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
@@ -51,6 +53,7 @@ def report_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -60,7 +63,9 @@ def report_command(
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given_growth = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     ensure_writable(out, force=force)
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
@@ -75,7 +80,7 @@ def report_command(
         arguments = ["vinefab", "report", design, "--recipe", recipe]
         arguments += map_arguments(maps, environment, count, parameter)
         arguments += ["--poses", str(poses), "--seed", str(seed)]
-        arguments += [*growth_arguments(options), "--out", str(out)]
+        arguments += [*contacts_arguments(contacts), *growth_arguments(options), "--out", str(out)]
         origin = origin_of(shlex.join(arguments), [robot], profile, families)
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)

@@ -7,6 +7,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
@@ -37,6 +38,7 @@ def score_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -47,7 +49,9 @@ def score_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
-    given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     robot, worlds = read_design(design), [read_map(path) for path in maps]
     options = growth_choice([design], [robot], given).options
     result = score_design_on_task(robot, worlds, plan, options)

@@ -145,6 +145,9 @@ class RunGrowthForm(Form):
     pressure_stop: bool | None = None
     storage_kpa: float | None = None
     fitted_diameter_mm: float | None = None
+    body_width_ratio: float | None = None
+    # a file of measured contacts, relative to the run file, or its name; or the numbers themselves
+    contacts: str | dict[str, Any] | None = None
 
 
 class OptimizerForm(RunPartForm):
@@ -210,7 +213,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         task=PartSettings(name=form.task.name, parameters=parameters),
         space=_space(form.space),
         build=_build(form.build),
-        growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
+        growth=_growth(form.growth, path.parent),
         optimizer=PartSettings(
             name=form.optimizer.name or _default_optimizer(form),
             parameters=form.optimizer.model_extra or {},
@@ -229,6 +232,14 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _growth(form: RunGrowthForm, folder: Path) -> GrowthOptions:
+    given = form.model_dump(exclude_none=True)
+    if isinstance(given.get("contacts"), str):
+        beside = folder / given["contacts"]
+        given["contacts"] = str(beside) if beside.is_file() else given["contacts"]
+    return GrowthOptions.of(given)
 
 
 def _default_optimizer(form: RunForm) -> str:

@@ -311,8 +311,9 @@ def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
     if is_dataclass(settings):
         values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-        later = [f.name for f in fields(settings) if f.metadata.get("later")]
-        return {n: plain_settings(v) for n, v in values.items() if v or n not in later}
+        later = {f.name: f.default for f in fields(settings) if f.metadata.get("later")}
+        said = {n: v for n, v in values.items() if n not in later or (v and v != later[n])}
+        return {n: plain_settings(v) for n, v in said.items()}
     if isinstance(settings, Mapping):
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):

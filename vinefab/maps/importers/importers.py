@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
+from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import import_svg
@@ -35,6 +36,18 @@ def _import_dxf(path: Path, options: ImportOptions) -> Map:
     from vinefab.maps.importers.dxf_drawing import import_dxf  # noqa: PLC0415  ezdxf takes a second to import
 
     return import_dxf(path, options)
+
+
+def _import_gis(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.gis_layers import import_gis  # noqa: PLC0415  seldom used
+
+    return import_gis(path, options)
+
+
+def _import_photo(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.photo_map import import_photo  # noqa: PLC0415  scipy.optimize takes long to import
+
+    return import_photo(path, options)
 
 
 IMPORTERS: Registry[MapImporter] = Registry(
@@ -65,6 +78,22 @@ IMPORTERS: Registry[MapImporter] = Registry(
             read=import_csv,
             malformed=b"polygon,x_mm,y_mm\nroom,0,0\nroom,100\n",
         ),
+        "geopackage": MapImporter(
+            suffixes=(".gpkg",),
+            read=_import_gis,
+            malformed=b"SQLite format 3\0 and no pages",
+        ),
+        "shapefile": MapImporter(
+            suffixes=(".shp",), read=_import_gis, malformed=b"\0\0\x27\x0a and no header"
+        ),
+        "flatgeobuf": MapImporter(
+            suffixes=(".fgb",), read=_import_gis, malformed=b"fgb\x03fgb\0 and no header"
+        ),
+        "photo": MapImporter(
+            suffixes=PHOTO_SUFFIXES,
+            read=_import_photo,
+            malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
+        ),
     },
 )
 
@@ -94,6 +123,8 @@ def import_map(source: Path, options: ImportOptions) -> Map:
     suffix = source.suffix.lower()
     if suffix not in known:
         raise BadInputError("source", str(source), f"a file ending in {', '.join(known)}")
+    if options.photo is not None and suffix not in PHOTO_SUFFIXES:
+        options.photo.refuse(source)
     # Sizes near the limits of floats are refused, or found equal, by what is done with them.
     with np.errstate(all="ignore"):
         return known[suffix].read(source, options)

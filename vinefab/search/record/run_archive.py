@@ -17,6 +17,7 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
+from vinefab.model.files.contacts_toml import contacts_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
 from vinefab.search.record.result import (
@@ -114,7 +115,10 @@ def _growth(record: Mapping[str, Any]) -> GrowthOptions:
     """Return the growth options of a record; one from before pressure stopped growth has none."""
     angle = record["head_on_half_angle_rad"]
     angle = tuple(angle) if isinstance(angle, list) else angle
-    return GrowthOptions(**{"pressure_stop": False, **record, "head_on_half_angle_rad": angle})
+    values = {"pressure_stop": False, **record, "head_on_half_angle_rad": angle}
+    if "contacts" in record:
+        values["contacts"] = contacts_given(record["contacts"])
+    return GrowthOptions(**values)
 
 
 def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:

@@ -378,13 +378,13 @@ def _hooks(
 ) -> list[tuple[BaseGeometry, BaseGeometry]]:
     """Return the hooks at the ends of the border: what stands on the dial, what reaches over."""
     place, sizes = job
-    reach_mm = -block.bounds[2]
-    swept = _turned(_tube(0.0, reach_mm, sizes.bore_mm + 1.0), headings)
-    room = _entry(place, block).difference(place.walls.buffer(place.gap_mm)).difference(swept)
-    room = room.intersection(place.walls.buffer(_HOOK_MM))
-    moving, found = shapely.union(_turned(block, headings).buffer(0.4), swept), []
+    swept = _turned(_tube(0.0, -block.bounds[2], sizes.bore_mm + 1.0), headings)
+    beside = place.walls.buffer(place.gap_mm)
+    taken = shapely.union_all([_turned(block, headings).buffer(0.4), swept, beside])
+    room = _entry(place, block).difference(taken).intersection(place.walls.buffer(_HOOK_MM))
+    found = []
     for piece in snapped_union(room):
-        post = dial.intersection(piece.buffer(_HOOK_POST_MM, join_style="mitre")).difference(moving)
+        post = dial.intersection(piece.buffer(_HOOK_POST_MM, join_style="mitre")).difference(taken)
         wide = piece.buffer(-0.5 * _LEAST_HOOK_MM).area > 0.0
         if wide and post.area > _LEAST_HOOK_MM * _HOOK_POST_MM and piece.distance(post) < _TOUCH_MM:
             found.append((post, piece))

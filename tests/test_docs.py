@@ -1,0 +1,148 @@
+"""The documentation: it is built without a warning, and what it tells a user to type works."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from vinefab.cli.main import COMMANDS, build_app, each_map_named
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tutorials/*.md"))]
+sys.path.insert(0, str(DOCS))
+
+import reference_pages  # noqa: E402  lies in docs/, which is no package
+
+
+def test_reference_pages_are_what_the_code_says(tmp_path):
+    reference_pages.write_reference(tmp_path)
+    written = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+    kept = {
+        path.name: path.read_text(encoding="utf-8") for path in (DOCS / "reference").glob("*.md")
+    }
+    stale = [name for name in written if kept.get(name) != written[name]]
+    assert (stale, sorted(kept)) == ([], sorted(written)), "run: python docs/reference_pages.py"
+
+
+def test_every_key_of_every_file_has_a_meaning():
+    bare = [
+        (page.name, title, key.name)
+        for page in reference_pages.FORMATS
+        for title, form in reference_pages.tables_of(page.form)
+        for key in reference_pages.keys_of(form)
+        if not key.meaning
+    ]
+    assert bare == []
+
+
+def test_every_parameter_of_every_part_has_a_meaning():
+    rows = re.findall(r"^\| `(\w+)` \| .* \|  \|$", reference_pages.parts_page(), re.MULTILINE)
+    assert rows == []
+
+
+def test_the_site_is_built_without_a_warning(tmp_path):
+    build = ["-b", "html", "-q", "-W", "--keep-going", "-d", str(tmp_path / "trees"), str(DOCS)]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *build, str(tmp_path / "site")],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    home = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert "Your first robot" in home
+    assert not re.search(r'(src|href)="https?://[^"]+\.(js|css)"', home), "nothing from elsewhere"
+
+
+# --- What a user types --------------------------------------------------------------------------
+
+
+def typed_lines(page: Path) -> list[str]:
+    """Return the command lines of a page's shell blocks, without comments, joined where broken."""
+    lines: list[str] = []
+    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words:
+                lines.append(shlex.join(words))
+    return lines
+
+
+TYPED = [(page, line) for page in PAGES for line in typed_lines(page) if line.startswith("vinefab")]
+
+
+def test_pages_have_commands():
+    assert len(TYPED) > 40
+    assert {line.split()[1] for _, line in TYPED} >= {"new", "map", "grow", "optimize", "rig"}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_line_of_the_pages_is_understood(command):
+    app = get_command(build_app(command))
+    for page, line in TYPED:
+        words = shlex.split(line)[1:]
+        if words[0] != command:
+            continue
+        context = app.make_context("vinefab", each_map_named(words))  # type: ignore[attr-defined]
+        group, rest = app, [*context._protected_args, *context.args]
+        while hasattr(group, "commands"):
+            name, group, rest = group.resolve_command(context, rest)
+            assert group is not None, (page.name, line)
+            context = group.make_context(name, rest, parent=context)
+            rest = [*getattr(context, "_protected_args", []), *context.args]
+
+
+# --- A package of one's own ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def with_template(tmp_path_factory):
+    """An environment in which the template of a package is installed."""
+    site = tmp_path_factory.mktemp("template")
+    install = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            *install,
+            "--disable-pip-version-check",
+            "--target",
+            str(site),
+        ]
+        + [str(ROOT / "examples" / "plugin_template")],
+        check=True,
+        capture_output=True,
+    )
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), str(ROOT)])}
+
+
+def test_parts_of_the_template_are_found(with_template, tmp_path):
+    def typed(line):
+        return subprocess.run(
+            [sys.executable, "-m", *shlex.split(line)],
+            cwd=tmp_path,
+            env=with_template,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+
+    made = typed("vinefab map posts --seed 1 --posts 5 --out posts.geojson")
+    assert (made.returncode, made.stderr) == (0, "")
+    asked = "vinefab score plain_vine --task farthest --maps posts.geojson --json s.json"
+    assert typed(asked).returncode == 0
+    scored = json.loads((tmp_path / "s.json").read_text())
+    assert scored["task"] == "farthest"
+    assert all(0.0 < one["score"] < 2.0 for one in scored["evaluations"])
+    assert "remedy: shorten" in typed("vinefab rules MYLAB-01").stdout
+    assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout

@@ -22,7 +22,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.contacts_toml import ContactsForm
 from vinefab.model.files.design_toml import DesignForm
 from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
-from vinefab.rig.rig_options import PrinterForm
+from vinefab.rig.rig_options import Printer, PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.run_file import RunForm
 from vinefab.tasks.shipped_tasks import TASKS
@@ -140,9 +140,14 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
+_EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
+
+
 def keys_of(form: type[BaseModel]) -> list[Key]:
     """Return the keys of one table."""
-    said = meanings(form)
+    said = _EVERYWHERE | meanings(form)
+    if form is PrinterForm:  # its keys are the fields of the noun, and explained there
+        said |= meanings(Printer)
     return [
         Key(
             name=field.alias or name,
@@ -173,7 +178,10 @@ def _comments(source: str) -> dict[str, str]:
         elif field:
             beside = re.search(r"  # (.*)$", line)
             words = beside.group(1) if beside else " ".join(above)
-            found[field.group(1)] = words.removesuffix(".")
+            several = re.match(r"(\w+(?:, \w+)+): (.*)", words)
+            names, meaning = several.groups() if several else (field.group(1), words)
+            if meaning or field.group(1) not in found:
+                found |= dict.fromkeys(names.split(", "), meaning.removesuffix("."))
             above = []
         else:
             above = []
@@ -368,5 +376,10 @@ def parameter_words(kind: type) -> dict[str, str]:
 
 def _field_default(one: Any) -> str:  # noqa: ANN401  a field of a dataclass
     if one.default is not MISSING:
-        return f"`{one.default!r}`".replace("'", '"')
+        value = f"{one.default:.6g}" if isinstance(one.default, float) else repr(one.default)
+        return f"`{value}`".replace("'", '"')
     return "as made" if one.default_factory is not MISSING else "required"
+
+
+if __name__ == "__main__":
+    write_reference(Path(__file__).parent / "reference")

@@ -31,6 +31,7 @@ def rule_list() -> list[str]:
     for title, rules in grouped_rules().items():
         lines.append(title)
         lines += [f"  {rule.id}  {rule.title}{_limits_text(rule, ' ({})')}" for rule in rules]
+    lines += [f"  {name}  does not load ({why})" for name, why in RULES.broken.items()]
     lines.append("vinefab rules VF-C01 explains one of them")
     return lines
 
@@ -56,9 +57,15 @@ def explain_rule(rule_id: str) -> list[str]:
     return lines
 
 
+def all_rules() -> list[Rule]:
+    """Return the rules of vinefab and of other packages that load."""
+    RULES.load_plugins()
+    return list(RULES.values())
+
+
 def known_rule(rule_id: str) -> Rule:
     """Return a rule by its id, in upper or lower case."""
-    known = {rule.id.upper(): rule for rule in RULES.values()}
+    known = {rule.id.upper(): rule for rule in all_rules()}
     if rule_id.upper() not in known:
         raise UnknownNameError("rule", rule_id, known)
     return known[rule_id.upper()]
@@ -67,7 +74,7 @@ def known_rule(rule_id: str) -> Rule:
 def grouped_rules() -> dict[str, list[Rule]]:
     """Return all rules by what they are about, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
-    for rule in RULES.values():
+    for rule in all_rules():
         own = rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
         title = RULE_GROUPS[rule.id[3]] if own else "of other packages"
         groups.setdefault(title, []).append(rule)
@@ -76,7 +83,7 @@ def grouped_rules() -> dict[str, list[Rule]]:
 
 def rules_json(rule_id: str | None = None) -> str:
     """Return all rules, or one, as JSON."""
-    rules = list(RULES.values()) if rule_id is None else [known_rule(rule_id)]
+    rules = all_rules() if rule_id is None else [known_rule(rule_id)]
     content = [
         {
             "id": rule.id,

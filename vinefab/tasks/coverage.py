@@ -39,7 +39,7 @@ class Coverage:
     radius_mm: float = 50.0  # radius of the disc that one sensor sees
     most_branches: int = 100  # N_max
     most_diagonals: float = 20.0  # L_max over the diagonal of the map's bounds
-    # the weights of the four terms, at least 0
+    # weight_area, weight_count, weight_length, weight_film: weights of the four terms, at least 0
     weight_area: float = 1.0
     weight_count: float = 0.5
     weight_length: float = 0.5

@@ -18,29 +18,33 @@ CONTACTS_SCHEMA = "vinefab/contacts-1"
 class MeasuredNumberForm(Form):
     """A table of one number; never without the standing ``measured`` and its source."""
 
-    value: float | None = None
-    low: float
-    high: float
-    side: Side = "both"
-    count: int
-    photos: int
-    standing: Literal["measured"] = "measured"
-    source: Annotated[str, Field(min_length=1)]
+    value: float | None = None  # the most likely one; left out where only a bound is known
+    low: float  # of the 95 % interval
+    high: float  # of the 95 % interval
+    side: Side = "both"  # both: an interval; lower or upper: only that bound is known
+    count: int  # of contacts or places that it rests on
+    photos: int  # that they were seen on
+    standing: Literal["measured"] = "measured"  # always that
+    source: Annotated[str, Field(min_length=1)]  # which photos, and how
 
 
 class NumbersForm(Form):
     """The numbers of `MeasuredContacts`."""
 
-    head_on_half_angle_deg: MeasuredNumberForm | None = None
+    head_on_half_angle_deg: MeasuredNumberForm | None = None  # within it of head-on a tip stopped
+    # of the everting tip on the wall: tangent of the half-angle
     tip_friction: MeasuredNumberForm | None = None
+    # how far centre lines keep from walls, over the nominal radius
     body_width_ratio: MeasuredNumberForm | None = None
+    # breadth of the film as seen, over the nominal inflated width
     film_breadth_ratio: MeasuredNumberForm | None = None
 
 
 class ContactsForm(NumbersForm):
     """A whole file."""
 
-    schema_: Literal["vinefab/contacts-1"] = Field(alias="schema")
+    schema_: Literal["vinefab/contacts-1"] = Field(alias="schema")  # kind of file and its version
+    # how the numbers were fitted
     method: dict[str, str | float | int | bool | list[str]] = Field(default_factory=dict)
 
 

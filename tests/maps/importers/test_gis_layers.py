@@ -86,7 +86,7 @@ def test_of_several_layers_one_must_be_chosen(tmp_path):
     assert len(import_map(path, ImportOptions(layers=("rooms",))).obstacles) == 0
     both = import_map(path, ImportOptions(layers=("rooms", "rocks")))
     assert len(both.obstacles) == 1
-    with pytest.raises(UnknownNameError, match=r"site.gpkg.*did you mean 'rocks'"):
+    with pytest.raises(UnknownNameError, match=r"site\.gpkg.*did you mean 'rocks'"):
         import_map(path, ImportOptions(layers=("rock",)))
 
 
@@ -118,7 +118,7 @@ def test_what_is_missing_or_of_another_kind_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "cave.prj").unlink()
     assert "no .prj" in import_map(path, ImportOptions()).facts["units"]
     (tmp_path / "cave.shx").unlink()
-    with pytest.raises(UnreadableFileError, match="needs cave[.]shx beside it"):
+    with pytest.raises(UnreadableFileError, match=r"needs cave.shx beside it"):
         import_map(path, ImportOptions())
     # GDAL would follow what such a file names.
     virtual = tmp_path / "virtual.gpkg"

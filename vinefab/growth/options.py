@@ -213,7 +213,7 @@ class GrowthOptions:
             return CONTACT_ANGLES_DEG
         low, high = half_angle_ends_deg(found)
         steps = np.linspace(low, high, len(CONTACT_ANGLES_DEG)).tolist()
-        return tuple(dict.fromkeys((low, *(round(step, 3) for step in steps[1:-1]), high)))
+        return tuple(dict.fromkeys((low, *(round(step, 2) for step in steps[1:-1]), high)))
 
     @property
     def contact_angles_standing(self) -> str:

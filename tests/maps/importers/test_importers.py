@@ -1,5 +1,6 @@
 """What every registered importer promises."""
 
+import io
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
@@ -9,10 +10,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.maps.importers import importers
 from vinefab.maps.importers.importers import IMPORTERS, import_map, import_suffixes
+from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.map import Map
 
@@ -74,12 +77,21 @@ def gis_sample(suffix: str) -> bytes:
         return path.read_bytes()
 
 
+def photo_sample() -> bytes:
+    pixels = np.full((60, 100), 240, dtype=np.uint8)
+    pixels[20:40, 40:60] = 20
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "PNG")
+    return file.getvalue()
+
+
 SAMPLES = {
     "csv": csv_sample,
     "dxf": dxf_sample,
     "flatgeobuf": partial(gis_sample, ".fgb"),
     "geojson": geojson_sample,
     "geopackage": partial(gis_sample, ".gpkg"),
+    "photo": photo_sample,
     "ros": ros_sample,
     "shapefile": partial(gis_sample, ".shp"),
     "svg": svg_sample,
@@ -87,6 +99,7 @@ SAMPLES = {
 """The smallest file of each format that shows the room with its pillar."""
 
 NAMES = sorted(IMPORTERS)
+SCALED = PhotoOptions(points_px=((0.0, 0.0), (0.0, 60.0)), distance_mm=60.0)
 EVERY_SUFFIX = [(name, suffix) for name in NAMES for suffix in IMPORTERS[name].suffixes]
 
 
@@ -97,7 +110,11 @@ def imported(folder: Path, suffix: str, data: bytes) -> Map:
         (folder / "sample.shx").write_bytes(gis_sample(".shx"))
     path = folder / f"sample{suffix}"
     path.write_bytes(data)
-    options = ImportOptions(scale_mm_per_unit=1000.0 if suffix in (".yaml", ".yml") else None)
+    kind = suffix.lower()
+    options = ImportOptions(
+        scale_mm_per_unit=1000.0 if kind in IMPORTERS["ros"].suffixes else None,
+        photo=SCALED if kind in IMPORTERS["photo"].suffixes else None,
+    )
     return import_map(path, options)
 
 

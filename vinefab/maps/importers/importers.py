@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
+from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import import_svg
@@ -41,6 +42,12 @@ def _import_gis(path: Path, options: ImportOptions) -> Map:
     from vinefab.maps.importers.gis_layers import import_gis  # noqa: PLC0415  seldom used
 
     return import_gis(path, options)
+
+
+def _import_photo(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.photo_map import import_photo  # noqa: PLC0415  scipy.optimize takes long to import
+
+    return import_photo(path, options)
 
 
 IMPORTERS: Registry[MapImporter] = Registry(
@@ -81,6 +88,11 @@ IMPORTERS: Registry[MapImporter] = Registry(
         ),
         "flatgeobuf": MapImporter(
             suffixes=(".fgb",), read=_import_gis, malformed=b"fgb\x03fgb\0 and no header"
+        ),
+        "photo": MapImporter(
+            suffixes=PHOTO_SUFFIXES,
+            read=_import_photo,
+            malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
         ),
     },
 )
@@ -161,6 +173,8 @@ def import_map(source: Path, options: ImportOptions) -> Map:
         raise BadInputError(
             "source", str(source), f"a file ending in {', '.join(known)}{_advice(source)}"
         )
+    if options.photo is not None and suffix not in PHOTO_SUFFIXES:
+        options.photo.refuse(source)
     # Sizes near the limits of floats are refused, or found equal, by what is done with them.
     with np.errstate(all="ignore"):
         return known[suffix].read(source, options)

@@ -12,6 +12,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
+from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.model.map import Map, Pose
 
 _MOST_CURVE_POINTS = 1_000_000
@@ -175,14 +176,14 @@ class ImportOptions:
     Parameters
     ----------
     scale_mm_per_unit
-        Millimetres of the map per unit of the source (per metre for ROS maps), instead of the
-        unit that the source names.
+        Millimetres of the map per unit of the source (per metre for ROS maps, per pixel for
+        photos), instead of the unit that the source names.
     simplify_mm
         Largest distance between imported walls and those of the source.
     unknown
         Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
     least_obstacle_mm2
-        Obstacles of a ROS map smaller than this are left out, as noise.
+        Obstacles of a ROS map or a photo smaller than this are left out, as noise.
     start
         Where robots start, in the map's millimetres.
     join_mm
@@ -200,6 +201,8 @@ class ImportOptions:
         Thickness of walls that are drawn as lines.
     open_lines
         ``refuse`` or ``drop``.
+    photo
+        What is known of a photo or scan: its scale, and what its obstacles look like.
     """
 
     scale_mm_per_unit: float | None = None
@@ -214,6 +217,7 @@ class ImportOptions:
     margin_mm: float | None = None
     wall_mm: float | None = None
     open_lines: Literal["refuse", "drop"] | None = None
+    photo: PhotoOptions | None = None
 
     def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
         """Raise BadInputError if an option was given that means nothing for a kind of file."""

@@ -435,7 +435,7 @@ class _Walk:
             return
         self.read[node.tag] += 1
         self.drawn_in.add(place.layers)
-        for run in _outlines(node):
+        for run in svg_outlines(node):
             pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
             # A fill closes an open path with a straight line.
@@ -477,7 +477,7 @@ class _Walk:
         return len(np.unique(points, axis=0)) == 4
 
 
-def _outlines(node: Node) -> list[Subpath]:
+def svg_outlines(node: Node) -> list[Subpath]:
     """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":

@@ -212,8 +212,9 @@ def import_(
     layers
         Read only these layers (DXF) or groups (SVG).
     **options
-        ``simplify_mm``, ``join_mm``, ``bounds``, ``margin_mm``, ``wall_mm``, ``open_lines``,
-        ``unknown``, ``photo``, as in `vinefab.maps.importers.source_drawing.ImportOptions`.
+        ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
+        ``open_lines``, ``unknown``, ``photo``, as in
+        `vinefab.maps.importers.source_drawing.ImportOptions`.
 
     Raises
     ------

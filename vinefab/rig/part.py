@@ -40,6 +40,8 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
+    # height at which the filament is changed for another colour; 0: one colour
+    colour_change_mm: float = 0.0
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)

@@ -1,8 +1,11 @@
 """What every registered importer promises."""
 
 import io
+import warnings
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -60,6 +63,19 @@ def ros_image() -> bytes:
     return b"P5 10 6 255\n" + cells.tobytes()
 
 
+@cache
+def gis_sample(suffix: str) -> bytes:
+    """Return a file that GDAL wrote; of a Shapefile ``.shx`` is the index that lies beside it."""
+    raw = pytest.importorskip("pyogrio.raw")
+    shapes = shapely.to_wkb(np.array([shapely.Polygon(ring) for ring in (ROOM, PILLAR)]))
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # no reference system: mm
+        path = Path(folder) / f"sample{suffix}"
+        written = path.with_suffix(".shp" if suffix == ".shx" else suffix)
+        raw.write(str(written), shapes, [], [], geometry_type="Polygon")
+        return path.read_bytes()
+
+
 def photo_sample() -> bytes:
     pixels = np.full((60, 100), 240, dtype=np.uint8)
     pixels[20:40, 40:60] = 20
@@ -71,9 +87,12 @@ def photo_sample() -> bytes:
 SAMPLES = {
     "csv": csv_sample,
     "dxf": dxf_sample,
+    "flatgeobuf": partial(gis_sample, ".fgb"),
     "geojson": geojson_sample,
+    "geopackage": partial(gis_sample, ".gpkg"),
     "photo": photo_sample,
     "ros": ros_sample,
+    "shapefile": partial(gis_sample, ".shp"),
     "svg": svg_sample,
 }
 """The smallest file of each format that shows the room with its pillar."""
@@ -84,8 +103,10 @@ EVERY_SUFFIX = [(name, suffix) for name in NAMES for suffix in IMPORTERS[name].s
 
 
 def imported(folder: Path, suffix: str, data: bytes) -> Map:
-    """Import data as a file with a suffix; the image that ROS maps name lies beside it."""
+    """Import data as a file with a suffix; what ROS maps and Shapefiles need lies beside it."""
     (folder / "cells.pgm").write_bytes(ros_image())
+    if suffix.lower() == ".shp":
+        (folder / "sample.shx").write_bytes(gis_sample(".shx"))
     path = folder / f"sample{suffix}"
     path.write_bytes(data)
     kind = suffix.lower()

@@ -511,6 +511,7 @@ def _drawing(document: "Document", layers: tuple[str, ...]) -> SourceDrawing:
     return SourceDrawing(
         items=tuple(items),
         mm_per_unit=mm_per_unit,
+        layered=True,
         facts={
             "dxf_version": document.acad_release,
             "units": unit,

@@ -38,6 +38,12 @@ def _import_dxf(path: Path, options: ImportOptions) -> Map:
     return import_dxf(path, options)
 
 
+def _import_gis(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.gis_layers import import_gis  # noqa: PLC0415  seldom used
+
+    return import_gis(path, options)
+
+
 def _import_photo(path: Path, options: ImportOptions) -> Map:
     from vinefab.maps.importers.photo_map import import_photo  # noqa: PLC0415  scipy.optimize takes long to import
 
@@ -71,6 +77,17 @@ IMPORTERS: Registry[MapImporter] = Registry(
             suffixes=(".csv",),
             read=import_csv,
             malformed=b"polygon,x_mm,y_mm\nroom,0,0\nroom,100\n",
+        ),
+        "geopackage": MapImporter(
+            suffixes=(".gpkg",),
+            read=_import_gis,
+            malformed=b"SQLite format 3\0 and no pages",
+        ),
+        "shapefile": MapImporter(
+            suffixes=(".shp",), read=_import_gis, malformed=b"\0\0\x27\x0a and no header"
+        ),
+        "flatgeobuf": MapImporter(
+            suffixes=(".fgb",), read=_import_gis, malformed=b"fgb\x03fgb\0 and no header"
         ),
         "photo": MapImporter(
             suffixes=PHOTO_SUFFIXES,

@@ -129,7 +129,7 @@ def test_its_pins_fit_the_holes_of_every_heading(make_map, make_printer):
     made = made_of(make_map(*WALLS, starts=(spread(20.0),)), make_printer(), entry_width_mm=60.0)
     parts, content = standing(made)
     headings = content["headings_deg"]
-    assert headings == sorted(headings) and 0.0 in headings and len(headings) >= 5
+    assert headings == [-20.0, -10.0, 0.0, 10.0, 20.0]
     dial, block = (manifold_of(*parts[name]) for name in ("base_dial", "base_block"))
     plate = outlines_at(dial, -2.5)
     pins = outlines_at(block, -2.5)
@@ -166,7 +166,7 @@ def test_a_wide_tube_lies_higher_and_says_so(make_map, make_printer):
     [
         (spread(0.0, y_mm=140.0), {"entry_reach_mm": 40.0}, "comes up through the plate"),
         (spread(0.0), {"entry_width_mm": 20.0}, "widen --entry-mm"),
-        (spread(0.0, x_mm=20.0, y_mm=25.0), {"markers": "print"}, "--markers none"),
+        (spread(0.0, x_mm=35.0, y_mm=25.0), {"markers": "print"}, "--markers none"),
     ],
 )
 def test_where_no_holder_can_stand_it_is_said_or_refused(
@@ -176,14 +176,14 @@ def test_where_no_holder_can_stand_it_is_said_or_refused(
     made = made_of(world, make_printer(), **sizes)
     assert json.loads(made.files["rig.json"])["base_holder"] is None
     assert any("no base holder" in note and reason in note for note in made.rig.notes)
-    with pytest.raises(BadInputError, match=f"rig.base_start is 1.*{reason}"):
+    with pytest.raises(BadInputError, match=rf"rig\.base_start is 1.*{reason}"):
         made_of(world, make_printer(), base_start=1, **sizes)
 
 
 def test_a_start_that_is_not_there_is_refused(make_map, make_printer):
-    with pytest.raises(BadInputError, match="rig.base_start is 2; allowed: 0 to 1"):
+    with pytest.raises(BadInputError, match=r"rig\.base_start is 2; allowed: 0 to 1"):
         made_of(make_map(*WALLS), make_printer(), base_start=2)
-    with pytest.raises(BadInputError, match="rig.collar_mm is 1"):
+    with pytest.raises(BadInputError, match=r"rig\.collar_mm is 1"):
         RigOptions(collar_mm=1.0)
 
 
@@ -201,5 +201,6 @@ def test_admesh_finds_closed_solids(make_map, make_printer, tmp_path):
         counts = [
             line.split(":")[1].split() for line in said.splitlines() if "disconnected" in line
         ]
-        assert counts and all(set(count) == {"0"} for count in counts), said
-        assert "Number of parts       :     1" in said
+        assert counts
+        assert all(set(count) == {"0"} for count in counts), said
+        assert "Degenerate facets     :     0" in said

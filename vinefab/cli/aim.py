@@ -20,16 +20,18 @@ from vinefab.cli.common_options import (
     growth_from,
     parameters_from,
 )
-from vinefab.core.errors import BadInputError
+from vinefab.core.atomic import write_bytes
+from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
+from vinefab.prediction.aim_page import aim_document
 from vinefab.prediction.aiming import (
     AimPlan,
     aim_growth,
     aim_lines,
     aim_robots,
     aim_text,
-    plain_vine_of,
+    held_against,
 )
 from vinefab.prediction.family_deployments import MapFamily
 from vinefab.prediction.pose_search import PLACING_DEG, PLACING_MM
@@ -94,15 +96,11 @@ def aim_command(
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--out", out, (".html", ".svg", ".png"), force=force)
     output.ensure_json()
-    if alone and against is not None:
-        raise BadInputError("--alone", "together with --against", "one of them")
     given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
-    names, designs = [design], [read_design(design)]
-    if against is not None:
-        names, designs = [design, against], [*designs, read_design(against)]
-    elif not alone and designs[0].levels:
-        designs.append(plain_vine_of(designs[0]))
-    growth_choice(names, designs[: len(names)], given)
+    names = [design] if against is None else [design, against]
+    read = [read_design(name) for name in names]
+    growth_choice(names, read, given)
+    designs = held_against(*read, alone=alone)
     choice = aim_growth(designs, given)
     plan = AimPlan(
         where=where,
@@ -127,6 +125,10 @@ def aim_command(
     origin = origin_of(
         shlex.join(arguments), designs, None, [MapFamily(label=world.name, worlds=(world,))]
     )
+    page = aim_document(found, origin, out.suffix, choice.notes) if out is not None else b""
     output.give_json(aim_text(found, origin))
+    if out is not None:
+        write_bytes(out, page, force=force)
+        output.say(f"wrote {out}")
     for line in [*choice.notes, *aim_lines(found)]:
         output.say(line)

@@ -336,7 +336,9 @@ class _Coarse:
         share = cut.reshape(rows, times, columns, times).mean(axis=(1, 3))
         cell = times * film.view.mm_per_pixel
         x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-        places = np.column_stack([film.view.left_mm + x.ravel() * cell, film.view.top_mm - y.ravel() * cell])
+        places = np.column_stack(
+            [film.view.left_mm + x.ravel() * cell, film.view.top_mm - y.ravel() * cell]
+        )
         floor = film.moved(places, film.plane_mm, radius_mm)
         unseen = film.hidden(floor, radius_mm) | film.is_solid(places)
         value = np.where(unseen, 0.0, (2.0 * share.ravel() - 1.0) * cell**2)
@@ -428,9 +430,7 @@ def _film_along(film: Film, chain: Floats, radius: float) -> float:
     _, _, points, way = _stations(chain, 1.0)
     step = _length(chain) / len(points)
     side = np.column_stack([-way[:, 1], way[:, 0]])
-    seen = np.mean(
-        [film.at(points + o * radius * side, radius) for o in (-0.6, 0.0, 0.6)], axis=0
-    )
+    seen = np.mean([film.at(points + o * radius * side, radius) for o in (-0.6, 0.0, 0.6)], axis=0)
     there = (seen > 0.6) | film.hidden(points, radius)
     missing = np.flatnonzero(~there)
     gap = max(1, round(_GAP_MM / step))
@@ -622,9 +622,7 @@ def _fit_once(work: _Tracing, alive: list[int]) -> None:
 
 
 def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [
-        work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive
-    ]
+    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive]
 
 
 def _hold_length(

@@ -55,7 +55,7 @@ _MARK_MM, _STROKE_MM, _DIGIT_MM = 0.4, 0.8, 5.0
 _STEPS_DEG = (5.0, 10.0, 15.0, 30.0)
 _FINE_DEG = 2.5
 _STEP_MM = 0.5
-_TOUCH_MM = 0.02
+_TOUCH_MM, _SLIVER_MM, _WELD_MM = 0.02, 0.05, 2e-3
 _NEAR_BOX_MM = (-1500.0, -1500.0, 1500.0, 1500.0)
 
 
@@ -115,6 +115,7 @@ class _Place:
     plate_mm: float
     border_mm: float
     gap_mm: float
+    reach_mm: float  # how far inside the bounds a start has an entry
     to_plan: Floats  # homogeneous transform, shape (3, 3), from the frame
     to_map: Floats  # the same in space, shape (4, 4), into map coordinates
 
@@ -175,6 +176,7 @@ def _place_of(start: Start, world: Map, rig: Rig) -> _Place:
         plate_mm=options.plate_mm,
         border_mm=options.border_mm,
         gap_mm=options.gap_mm(rig.printer),
+        reach_mm=options.entry_reach_mm,
         to_plan=to_plan,
         to_map=table_to_map(world, rig) @ lift,
     )
@@ -291,6 +293,12 @@ def _headings(start: Start, place: _Place, sizes: _Sizes) -> tuple[list[float], 
     most_deg = deg(start.spread_heading_rad)
     fine = np.arange(-90.0, 90.1, _FINE_DEG)
     wanted = [angle for angle in fine.tolist() if abs(angle) <= most_deg + 1e-6]
+    way = LineString([(-place.reach_mm - _TOUCH_MM, 0.0), (0.0, 0.0)])
+    if not way.intersects(place.inside.boundary):
+        return (
+            f"the border is more than {place.reach_mm:g} mm behind it: the robot comes up through "
+            "the plate, from a base of your own below"
+        )
     for _ in range(len(wanted)):
         reach_mm = _reach_mm(wanted or [0.0], place, sizes)
         free = [angle for angle in wanted if _passes(angle, reach_mm, place, sizes)]
@@ -300,10 +308,7 @@ def _headings(start: Start, place: _Place, sizes: _Sizes) -> tuple[list[float], 
             break
         wanted = free
     if reach_mm > _most_reach_mm(place, sizes):
-        return (
-            f"it lies {reach_mm:.0f} mm inside the rig, too far from the border: the robot comes "
-            "up through the plate"
-        )
+        return "other walls of the rig leave no room for it"
     inner_mm = math.hypot(reach_mm + 8.0, sizes.ear_mm)
     step_deg = next(
         (step for step in _STEPS_DEG if math.radians(step) * inner_mm >= _HOLE_APART_MM), 30.0
@@ -312,7 +317,7 @@ def _headings(start: Start, place: _Place, sizes: _Sizes) -> tuple[list[float], 
 
 
 def _most_reach_mm(place: _Place, sizes: _Sizes) -> float:
-    return 80.0 + 2.0 * (place.border_mm + sizes.half_mm)
+    return place.reach_mm + 2.0 * (place.border_mm + sizes.half_mm) + CLAMP_MM
 
 
 def _reach_mm(headings: list[float], place: _Place, sizes: _Sizes) -> float:
@@ -360,7 +365,10 @@ def _entry(place: _Place, block: Polygon) -> BaseGeometry:
     """Return the opening of the border between the mouth and the block."""
     low, side = block.bounds[0], block.bounds[3]
     near = box(low, -3.0 * side, 0.0, 3.0 * side)
-    gaps = polygon_parts(place.plate.difference(place.inside).difference(place.walls))
+    border = place.plate.difference(place.inside).difference(place.walls)
+    # Opened a little: what rounding leaves along the border's edges is no gap.
+    opened = border.buffer(-_SLIVER_MM, join_style="mitre").buffer(_SLIVER_MM, join_style="mitre")
+    gaps = polygon_parts(opened)
     way = LineString([(0.0, 0.0), (low, 0.0)])
     return shapely.union_all([gap for gap in gaps if gap.intersects(way)]).intersection(near)
 
@@ -370,13 +378,13 @@ def _hooks(
 ) -> list[tuple[BaseGeometry, BaseGeometry]]:
     """Return the hooks at the ends of the border: what stands on the dial, what reaches over."""
     place, sizes = job
-    reach_mm = -block.bounds[2]
-    swept = _turned(_tube(0.0, reach_mm, sizes.bore_mm + 1.0), headings)
-    room = _entry(place, block).difference(place.walls.buffer(place.gap_mm)).difference(swept)
-    room = room.intersection(place.walls.buffer(_HOOK_MM))
-    turned, found = _turned(block, headings).buffer(0.4), []
+    swept = _turned(_tube(0.0, -block.bounds[2], sizes.bore_mm + 1.0), headings)
+    beside = place.walls.buffer(place.gap_mm)
+    taken = shapely.union_all([_turned(block, headings).buffer(0.4), swept, beside])
+    room = _entry(place, block).difference(taken).intersection(place.walls.buffer(_HOOK_MM))
+    found = []
     for piece in snapped_union(room):
-        post = dial.intersection(piece.buffer(_HOOK_POST_MM, join_style="mitre")).difference(turned)
+        post = dial.intersection(piece.buffer(_HOOK_POST_MM, join_style="mitre")).difference(taken)
         wide = piece.buffer(-0.5 * _LEAST_HOOK_MM).area > 0.0
         if wide and post.area > _LEAST_HOOK_MM * _HOOK_POST_MM and piece.distance(post) < _TOUCH_MM:
             found.append((post, piece))
@@ -599,7 +607,8 @@ def _standing(rear: tuple[float, float, float], low_mm: float) -> Floats:
 
 
 def _part(name: str, body: Manifold, to_frame: Floats, volume_mm3: float, place: _Place) -> RigPart:
-    vertices, faces = mesh_of(body)
+    # Corners nearer than a file can tell apart would leave triangles without an area.
+    vertices, faces = mesh_of(body.simplify(_WELD_MM))
     return RigPart(
         name=name,
         vertices_mm=vertices,

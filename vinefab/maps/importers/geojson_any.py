@@ -50,6 +50,8 @@ def _scaled_start(start: Start, factor: float) -> Start:
         pose=replace(pose, x_mm=pose.x_mm * factor, y_mm=pose.y_mm * factor),
         spread_x_mm=start.spread_x_mm * factor,
         spread_y_mm=start.spread_y_mm * factor,
+        area=start.area and shapely.transform(start.area, lambda points: points * factor),
+        clearance_mm=start.clearance_mm * (1.0 if start.area is None else factor),
     )
 
 

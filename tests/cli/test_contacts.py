@@ -106,6 +106,16 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
     assert "growth.body_width_ratio" in text
 
 
+def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, measured):
+    more = ("--map", grid, "--deployments", 1000, "--alone", "--json", "-")
+    code, words, _ = vinefab("aim", plain, *more, "--contacts", measured)
+    assert code == 0
+    found = json.loads(words)
+    assert found["standing"]["contacts"] == f"measured: {WORDS}"
+    assert f"--contacts {measured}" in found["reproduce"]["command"]
+    assert "head_on_half_angle_deg=3.0,6.0" in found["reproduce"]["command"]
+
+
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
     more = ("--contacts", measured, "--head-on-half-angle-deg", 10)
     _, words, _ = vinefab("grow", plain, "--map", grid, *more)
@@ -274,9 +284,10 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
     again = file.read_bytes()
     assert vinefab("observe", *observed, "--fit", file)[0] == 0  # its own file, not a foreign one
     assert file.read_bytes() == again
-    assert "(measured: 6 contacts on 2 photos" in vinefab(
-        "grow", plain, "--map", grid, "--contacts", file
-    )[1]
+    assert (
+        "(measured: 6 contacts on 2 photos"
+        in vinefab("grow", plain, "--map", grid, "--contacts", file)[1]
+    )
 
 
 def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):

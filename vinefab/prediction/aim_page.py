@@ -497,12 +497,15 @@ def _team_section(found: AimResult) -> Section:
 def _method_section(found: AimResult) -> Section:
     plan, first = found.plan, found.first
     low, high = (f"{deg(angle):g}" for angle in plan.options.half_angle_range_rad)
+    known = plan.options.half_angle_standing
+    if known == "assumed":
+        known = "assumed: nobody has measured them on your film"
     words = (
         f"{first.search.deployments:,} deployments of {first.name} were simulated for the search: "
         "all over the region at first, then at the best poses there, then around the best of "
         "these, with the same contacts and placing errors at every pose, so that poses are "
-        f"compared pair by pair. Head-on half-angles are even from {low} to {high} deg (assumed: "
-        "nobody has measured them on your film), bases are even within "
+        f"compared pair by pair. Head-on half-angles are even from {low} to {high} deg ({known}), "
+        "bases are even within "
         f"{plan.placing_mm:g} mm of their place and {plan.placing_deg:g} deg of their heading "
         "(assumed).",
         "The best of many estimates looks better than it is. So the scores that are reported come "

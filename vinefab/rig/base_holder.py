@@ -482,6 +482,11 @@ def _pointer(reach_mm: float, sizes: _Sizes) -> tuple[float, float]:
     return -reach_mm - CLAMP_MM, sizes.half_mm - 6.0
 
 
+def _notch(reach_mm: float, sizes: _Sizes) -> Polygon:
+    x_mm, y_mm = _pointer(reach_mm, sizes)
+    return Polygon([(x_mm, y_mm - 1.5), (x_mm + 3.0, y_mm), (x_mm, y_mm + 1.5)])
+
+
 def _marks(headings: list[float], job: _Job) -> BaseGeometry:
     """Return the grooves of the scale: a line and a number for each heading."""
     _, sizes, reach_mm, _ = job
@@ -520,8 +525,7 @@ def _block_part(place: _Place, sizes: _Sizes, reach_mm: float) -> RigPart:
     nuts = [
         _hexagon(middle, y).difference(hole) for y, hole in zip(_ears(sizes), holes, strict=True)
     ]
-    x_mm, y_mm = _pointer(reach_mm, sizes)
-    notch = Polygon([(x_mm, y_mm - 1.5), (x_mm + 3.0, y_mm), (x_mm, y_mm + 1.5)])
+    notch = _notch(reach_mm, sizes)
     pins = [Point(pin).buffer(0.5 * _PIN_MM, quad_segs=6) for pin in _pin_places(reach_mm, sizes)]
     pin_mm = sizes.dial_mm - 0.2
     body = _along(profile, CLAMP_MM)
@@ -551,9 +555,11 @@ def _cap_part(place: _Place, sizes: _Sizes, reach_mm: float) -> RigPart:
     middle = -reach_mm - 0.5 * CLAMP_MM
     holes = [Point(middle, y).buffer(0.5 * _SCREW_MM, quad_segs=6) for y in _ears(sizes)]
     rear = (-half, 0.0, -reach_mm - CLAMP_MM)
-    body = _along(profile, CLAMP_MM) - _upright(holes, (-1.0, top_mm + 1.0), rear)
-    cut_mm3 = sum(hole.area for hole in holes) * min(_CAP_EAR_MM, top_mm)
-    volume_mm3 = float(shapely.area(profile).sum()) * CLAMP_MM - cut_mm3
+    notch, ear_mm = _notch(reach_mm, sizes), min(_CAP_EAR_MM, top_mm)
+    cuts = [*holes, _stretched(notch)]
+    body = _along(profile, CLAMP_MM) - _upright(cuts, (-1.0, top_mm + 1.0), rear)
+    cut_mm2 = sum(cut.area for cut in (*holes, notch))
+    volume_mm3 = float(shapely.area(profile).sum()) * CLAMP_MM - cut_mm2 * ear_mm
     low_mm = sizes.axis_mm + 0.5 * SPLIT_MM
     return _part("base_cap", body, _standing(rear, low_mm), volume_mm3, place)
 

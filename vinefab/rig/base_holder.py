@@ -76,7 +76,7 @@ def base_tube(design: Design | None, collar_mm: float | None) -> BaseTube:
         standing = "given" if collar_mm else "assumed: give --design or --collar-mm"
         return BaseTube(diameter_mm=diameter_mm, standing=standing, axis_mm=0.5 * diameter_mm)
     build, trunk_mm = design.build, inflated_diameter_mm(design.build.widths_mm[0])
-    diameter_mm, standing = trunk_mm, "the design's inflated trunk (computed); it has no collar"
+    diameter_mm, standing = trunk_mm, "computed: as wide as the design's inflated trunk"
     if build.collar is not None:
         diameter_mm, standing = build.collar.clamp_diameter_mm, "the design's collar"
     if collar_mm is not None:
@@ -269,7 +269,7 @@ def _notes(
     sideways = start.spread_x_mm > 0.0 or start.spread_y_mm > 0.0
     needed_mm = reach_mm + CLAMP_MM
     conditions = {
-        f"its tube, {tube.diameter_mm:g} mm outside ({tube.standing}), stands {reach_mm:.1f} mm "
+        f"its tube, {tube.diameter_mm:.4g} mm outside ({tube.standing}), stands {reach_mm:.1f} mm "
         f"out of block and cap; two M3 screws, at least {screw_mm:.0f} mm long, clamp it": True,
         f"its pins stand in one of the holes for headings, every {step_deg:g} degrees": (
             start.spread_heading_rad > 0.0

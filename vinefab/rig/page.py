@@ -273,6 +273,7 @@ MOST_BEDS = 24
 def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> Section:
     """Return the section about a rig."""
     sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
+    marked = rig.options.marker_kind != "none"
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
         ("base_holder.png", "The base holder: dial, block, and cap, lifted here.", False),
@@ -288,7 +289,8 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
         paragraphs=(
             f"Printing on {rig.printer.name} takes about {printing.total.words()}: {BASIS}.",
             "plan.svg and plan.pdf are the rig's plan at true scale with markers and a ruler: lay "
-            "the rig onto it, or draw the map on paper. markers.svg and .pdf are paper markers.",
+            "the rig onto it, or draw the map on paper."
+            + (" markers.svg and .pdf are paper markers." if marked else ""),
             *(f"Note: {note}." for note in rig.notes),
         ),
         pictures=tuple(

@@ -65,8 +65,7 @@ def bore_of(points, faces, start, heading_rad, axis_mm):
     return -(normal * across[:, 0]).sum(axis=1)[curved]
 
 
-@pytest.mark.parametrize("heading_deg", [90.0, 70.0])
-@pytest.mark.parametrize("scale", [1.0, 1.25])
+@pytest.mark.parametrize(("scale", "heading_deg"), [(1.0, 90.0), (1.25, 70.0)])
 def test_the_bore_has_the_collars_diameter_at_the_trunks_height(
     make_map, make_printer, scale, heading_deg
 ):

@@ -9,12 +9,14 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
     HalfAngleIn,
     JsonOut,
     Quiet,
+    contacts_arguments,
     ensure_kind,
     growth_choice,
     growth_from,
@@ -51,7 +53,7 @@ def aim_command(
         str,
         typer.Option(
             help="Where the base may stand: border (of the free space, growing in, and the map's "
-            "starts), anywhere, starts, or a box X0,Y0,X1,Y1 in mm."
+            "starts), anywhere, starts, or a start in words: 'left side', 'area 0,0 50,480'."
         ),
     ] = "border",
     robots: Annotated[
@@ -82,6 +84,7 @@ def aim_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="A page (HTML), or its picture (SVG, PNG).")
     ] = None,
@@ -96,7 +99,9 @@ def aim_command(
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--out", out, (".html", ".svg", ".png"), force=force)
     output.ensure_json()
-    given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     names = [design] if against is None else [design, against]
     read = [read_design(name) for name in names]
     growth_choice(names, read, given)
@@ -121,7 +126,7 @@ def aim_command(
     arguments += ["--placing-mm", f"{placing_mm:g}", "--placing-deg", f"{placing_deg:g}"]
     arguments += ["--deployments", str(deployments)]
     arguments += ["--against", against] if against is not None else ["--alone"] if alone else []
-    arguments += growth_arguments(choice.options)
+    arguments += [*contacts_arguments(contacts), *growth_arguments(choice.options)]
     origin = origin_of(
         shlex.join(arguments), designs, None, [MapFamily(label=world.name, worlds=(world,))]
     )

@@ -143,7 +143,7 @@ class StartPlace:
             clearance_mm=self.least_clearance_mm,
         )
         try:
-            pieces = start_pieces(start, _free_near(world, start))
+            pieces = pieces_on(world, start)
         except BadInputError as error:
             allowed = self._other_inset(world) or error.allowed
             raise BadInputError("start", self.text, f"{allowed} (map {world.name!r})") from error
@@ -433,7 +433,7 @@ def _check_start(world: Map, start: Start) -> None:
         allowed = f"a place in free space; it is {solid} of map {world.name!r}"
         raise BadInputError("start", where, allowed)
     if start.area is not None:
-        start_pieces(start, _free_near(world, start))
+        pieces_on(world, start)
 
 
 def start_pieces(
@@ -487,10 +487,26 @@ def area_notes(worlds: Sequence[Map]) -> list[str]:
     ]
 
 
+def start_range(start: Start) -> BaseGeometry | None:
+    """Return all positions of a start: its area, the box or line of its spreads; None for one."""
+    if start.area is not None:
+        return start.area
+    x, y = start.pose.x_mm, start.pose.y_mm
+    dx, dy = start.spread_x_mm, start.spread_y_mm
+    if dx > 0.0 and dy > 0.0:
+        return _box(x - dx, y - dy, x + dx, y + dy)
+    return LineString([(x - dx, y - dy), (x + dx, y + dy)]) if dx + dy > 0.0 else None
+
+
+def pieces_on(world: Map, start: Start) -> list[LineString | Polygon]:
+    """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
+    return start_pieces(start, _free_near(world, start))
+
+
 def _free_share(world: Map, start: Start) -> float:
     """Return how much of a start's line or area poses are drawn from, 0 to 1."""
     measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
-    pieces = start_pieces(start, _free_near(world, start))
+    pieces = pieces_on(world, start)
     return min(1.0, float(measure(pieces).sum() / measure(start.area)))
 
 

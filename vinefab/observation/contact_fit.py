@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import json_text
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -20,7 +21,7 @@ from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
-from vinefab.model.files.contacts_toml import contacts_text
+from vinefab.model.files.contacts_toml import CONTACTS_SCHEMA, contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
     FEW_PHOTOS,
@@ -93,6 +94,10 @@ class ContactFit:
         """Return the file that predictions read."""
         return contacts_text(self.contacts, self._method())
 
+    def json_text(self) -> str:
+        """Return the same as JSON."""
+        return json_text(CONTACTS_SCHEMA, {**self.contacts.content, "method": self._method()})
+
     def _method(self) -> dict[str, object]:
         method: dict[str, object] = {"photos": list(self.photos)}
         if (fit := self.threshold) is not None:
@@ -145,7 +150,7 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
     error_deg
         Standard error of the angles of contacts, where an observation does not give it.
     """
-    number("angle error", error_deg, 0.1, 30.0, "deg")
+    number("--angle-error-deg", error_deg, 0.1, 30.0, "deg")
     return fit_photos(read_observations(paths), error_deg)
 
 

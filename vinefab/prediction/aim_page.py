@@ -16,12 +16,13 @@ from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.pages.charts import frame
 from vinefab.pages.colours import ALERT, HEAT_COLOURS, INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import draw_deployment, draw_map, draw_pose, draw_targets
+from vinefab.pages.drawing import draw_deployment, draw_legend, draw_map, draw_pose, draw_targets
 from vinefab.pages.figure import blank, house_style, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Headline, Picture, Report, Section, Table, page_html
 from vinefab.prediction.aiming import (
     FRESH_DRAWS,
     PROFILE_DRAWS,
+    SHOWN_DEPLOYMENTS,
     AimedRobot,
     AimResult,
     paired_gain,
@@ -71,7 +72,9 @@ def draw_landscape(axes: Axes, found: AimResult, robot: AimedRobot) -> None:
     known = landscape.known
     places, scores = landscape.places_mm[known], landscape.best_scores[known]
     order = np.argsort(scores, kind="stable")  # the best on top
-    side_pt = float(np.clip(landscape.spacing_mm * 72.0 * PLAN_IN / max(world.size_mm), 3.0, 14.0))
+    most_pt = 14.0 if found.plan.where == "anywhere" else 7.0
+    side_pt = landscape.spacing_mm * 72.0 * PLAN_IN / max(world.size_mm)
+    side_pt = float(np.clip(side_pt, 3.0, most_pt))
     draw_map(axes, world)
     axes.scatter(
         places[order, 0],
@@ -212,6 +215,13 @@ def draw_union_curve(axes: Axes, robots: Sequence[AimedRobot]) -> None:
 # --- One picture ----------------------------------------------------------------------------------
 
 
+ROW_TITLES = (
+    "",
+    f"{SHOWN_DEPLOYMENTS} deployments from there, one in full (simulated)",
+    "robots that together cover most, at one draw (simulated)",
+)
+
+
 def aim_sheet(found: AimResult) -> Figure:
     """Return the maps, the best deployments and the headings of all designs in one picture."""
     robots = found.robots
@@ -228,14 +238,15 @@ def aim_sheet(found: AimResult) -> Figure:
         ]
         if has_team:
             rows.append(_draw_own_team)
+        shown = None
         for column, robot in enumerate(robots):
             for row, draw in enumerate(rows):
                 axes = figure.add_subplot(grid[row, column])
                 _as_plan(axes, found.world)
                 draw(axes, found, robot)
-                if row == 0:
-                    axes.set_title(_title(robot), fontsize=8)
-                    shown = axes
+                title = _title(robot) if row == 0 else ROW_TITLES[row]
+                axes.set_title(title, fontsize=8)
+                shown = axes if row == 0 else shown
         bar = figure.colorbar(
             ScalarMappable(norm=score_scale(found), cmap=_HEAT), ax=shown, shrink=0.8
         )
@@ -424,6 +435,7 @@ def _best_section(found: AimResult) -> Section:
         with house_style():
             figure, axes = plan_axes(found.world.bounds.bounds, PLAN_IN)
             draw_best_deployments(axes, found, robot)
+            draw_legend(axes)
         caption = (
             f"{robot.name} from {pose_text(robot.best.pose)}: {len(robot.shown)} deployments with "
             "contacts and placing errors, one of them in full (simulated)."
@@ -501,8 +513,8 @@ def _method_section(found: AimResult) -> Section:
         f"{first.search.deployments:,} deployments of {first.name} were simulated for the search: "
         "all over the region at first, then at the best poses there, then around the best of "
         "these, with the same contacts and placing errors at every pose, so that poses are "
-        f"compared pair by pair. Head-on half-angles are even from {low} to {high} deg (assumed: "
-        "nobody has measured them on your film), bases are even within "
+        f"compared pair by pair. Head-on half-angles are even from {low} to {high} deg "
+        f"({plan.options.contact_angles_standing}), bases are even within "
         f"{plan.placing_mm:g} mm of their place and {plan.placing_deg:g} deg of their heading "
         "(assumed).",
         "The best of many estimates looks better than it is. So the scores that are reported come "

@@ -15,7 +15,6 @@ from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.growth.options import (
-    CONTACT_ANGLES_DEG,
     HALF_ANGLE_DEG,
     GrowthChoice,
     GrowthOptions,
@@ -112,7 +111,8 @@ def aim_growth(designs: Sequence[Design], given: Mapping[str, object] | None) ->
     choice = GrowthChoice.of(designs, given)
     if given and HALF_ANGLE_DEG in given:
         return choice
-    ends = (rad(CONTACT_ANGLES_DEG[0]), rad(CONTACT_ANGLES_DEG[-1]))
+    angles_deg = choice.options.contact_angles_deg
+    ends = (rad(angles_deg[0]), rad(angles_deg[-1]))
     return replace(choice, options=replace(choice.options, head_on_half_angle_rad=ends))
 
 
@@ -461,7 +461,11 @@ def aim_text(found: AimResult, origin: Origin) -> str:
     """Return the result as JSON."""
     plan = found.plan
     content = {
-        "standing": {"scores": "simulated", "placing": "assumed", "contacts": "assumed"},
+        "standing": {
+            "scores": "simulated",
+            "placing": "assumed",
+            "contacts": plan.options.contact_angles_standing,
+        },
         "task": found.task.name,
         "task_parameters": _parameters(found.task),
         "map": found.world.name,

@@ -76,7 +76,7 @@ def base_tube(design: Design | None, collar_mm: float | None) -> BaseTube:
         standing = "given" if collar_mm else "assumed: give --design or --collar-mm"
         return BaseTube(diameter_mm=diameter_mm, standing=standing, axis_mm=0.5 * diameter_mm)
     build, trunk_mm = design.build, inflated_diameter_mm(design.build.widths_mm[0])
-    diameter_mm, standing = trunk_mm, "the design's inflated trunk (computed); it has no collar"
+    diameter_mm, standing = trunk_mm, "computed: as wide as the design's inflated trunk"
     if build.collar is not None:
         diameter_mm, standing = build.collar.clamp_diameter_mm, "the design's collar"
     if collar_mm is not None:
@@ -269,7 +269,7 @@ def _notes(
     sideways = start.spread_x_mm > 0.0 or start.spread_y_mm > 0.0
     needed_mm = reach_mm + CLAMP_MM
     conditions = {
-        f"its tube, {tube.diameter_mm:g} mm outside ({tube.standing}), stands {reach_mm:.1f} mm "
+        f"its tube, {tube.diameter_mm:.4g} mm outside ({tube.standing}), stands {reach_mm:.1f} mm "
         f"out of block and cap; two M3 screws, at least {screw_mm:.0f} mm long, clamp it": True,
         f"its pins stand in one of the holes for headings, every {step_deg:g} degrees": (
             start.spread_heading_rad > 0.0
@@ -482,6 +482,11 @@ def _pointer(reach_mm: float, sizes: _Sizes) -> tuple[float, float]:
     return -reach_mm - CLAMP_MM, sizes.half_mm - 6.0
 
 
+def _notch(reach_mm: float, sizes: _Sizes) -> Polygon:
+    x_mm, y_mm = _pointer(reach_mm, sizes)
+    return Polygon([(x_mm, y_mm - 1.5), (x_mm + 3.0, y_mm), (x_mm, y_mm + 1.5)])
+
+
 def _marks(headings: list[float], job: _Job) -> BaseGeometry:
     """Return the grooves of the scale: a line and a number for each heading."""
     _, sizes, reach_mm, _ = job
@@ -520,8 +525,7 @@ def _block_part(place: _Place, sizes: _Sizes, reach_mm: float) -> RigPart:
     nuts = [
         _hexagon(middle, y).difference(hole) for y, hole in zip(_ears(sizes), holes, strict=True)
     ]
-    x_mm, y_mm = _pointer(reach_mm, sizes)
-    notch = Polygon([(x_mm, y_mm - 1.5), (x_mm + 3.0, y_mm), (x_mm, y_mm + 1.5)])
+    notch = _notch(reach_mm, sizes)
     pins = [Point(pin).buffer(0.5 * _PIN_MM, quad_segs=6) for pin in _pin_places(reach_mm, sizes)]
     pin_mm = sizes.dial_mm - 0.2
     body = _along(profile, CLAMP_MM)
@@ -551,9 +555,11 @@ def _cap_part(place: _Place, sizes: _Sizes, reach_mm: float) -> RigPart:
     middle = -reach_mm - 0.5 * CLAMP_MM
     holes = [Point(middle, y).buffer(0.5 * _SCREW_MM, quad_segs=6) for y in _ears(sizes)]
     rear = (-half, 0.0, -reach_mm - CLAMP_MM)
-    body = _along(profile, CLAMP_MM) - _upright(holes, (-1.0, top_mm + 1.0), rear)
-    cut_mm3 = sum(hole.area for hole in holes) * min(_CAP_EAR_MM, top_mm)
-    volume_mm3 = float(shapely.area(profile).sum()) * CLAMP_MM - cut_mm3
+    notch, ear_mm = _notch(reach_mm, sizes), min(_CAP_EAR_MM, top_mm)
+    cuts = [*holes, _stretched(notch)]
+    body = _along(profile, CLAMP_MM) - _upright(cuts, (-1.0, top_mm + 1.0), rear)
+    cut_mm2 = sum(cut.area for cut in (*holes, notch))
+    volume_mm3 = float(shapely.area(profile).sum()) * CLAMP_MM - cut_mm2 * ear_mm
     low_mm = sizes.axis_mm + 0.5 * SPLIT_MM
     return _part("base_cap", body, _standing(rear, low_mm), volume_mm3, place)
 

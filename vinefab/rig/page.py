@@ -19,10 +19,10 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.drawing import fill_geometry
+from vinefab.pages.drawing import draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.pages.map_view import UNSEEN
+from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.printing import BASIS, Bed, Printing
@@ -107,10 +107,22 @@ def _board(rig: Rig) -> list[Prism]:
     """Return the board that loose obstacles stand on; tiles bring their own plate."""
     if rig.style == "plate":
         return []
-    scale, plate_mm = rig.options.scale, rig.options.plate_mm
-    pieces = polygon_parts(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, polygon_parts(Polygon()), plate_mm, 0.0)
-    return [Prism(vertices_mm=vertices - (0.0, 0.0, plate_mm), faces=faces, colour=_BOARD)]
+    plate_mm = rig.options.plate_mm
+    board = _slab(rig, shapely.union(rig.plate, rig.pads), (-plate_mm, 0.0), _BOARD)
+    cells = _slab(rig, rig.cells, (-_HAIR_MM, 5.0 * _HAIR_MM), _MARKER)
+    return [*board, *cells]
+
+
+def _slab(
+    rig: Rig, shape: BaseGeometry, heights_mm: tuple[float, float], colour: Colour
+) -> list[Prism]:
+    """Return a shape of the map as a slab of the rig; none of an empty one."""
+    scale, (low_mm, high_mm) = rig.options.scale, heights_mm
+    pieces = polygon_parts(shapely.transform(shape, lambda points: scale * points), Polygon())
+    if not len(pieces):
+        return []
+    vertices, faces = stacked(pieces, polygon_parts(Polygon()), high_mm - low_mm, 0.0)
+    return [Prism(vertices_mm=vertices + np.array([0.0, 0.0, low_mm]), faces=faces, colour=colour)]
 
 
 def _spot(part: RigPart, points_mm: Floats) -> tuple[float, float, float]:
@@ -181,6 +193,10 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
         for number, outline in outlines.items():
             size = 14 if len(outlines) < 30 else max(3.0, 90.0 / len(outlines) ** 0.5)
             _draw_part(axes, number, on_rig(outline), size)
+        for mark in start_marks(world, world.bounds.bounds):
+            whole = None if mark.whole is None else on_rig(mark.whole)
+            free, fan = tuple(map(on_rig, mark.free)), mark.fan and on_rig(mark.fan)
+            draw_start_range(axes, StartMark(whole=whole, free=free, fan=fan))
         for start in world.starts:
             point = on_rig(shapely.Point(start.pose.x_mm, start.pose.y_mm))
             axes.plot(
@@ -261,6 +277,7 @@ MOST_BEDS = 24
 def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> Section:
     """Return the section about a rig."""
     sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
+    marked = rig.options.marker_kind != "none"
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
         ("base_holder.png", "The base holder: dial, block, and cap, lifted here.", False),
@@ -276,7 +293,8 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
         paragraphs=(
             f"Printing on {rig.printer.name} takes about {printing.total.words()}: {BASIS}.",
             "plan.svg and plan.pdf are the rig's plan at true scale with markers and a ruler: lay "
-            "the rig onto it, or draw the map on paper. markers.svg and .pdf are paper markers.",
+            "the rig onto it, or draw the map on paper."
+            + (" markers.svg and .pdf are paper markers." if marked else ""),
             *(f"Note: {note}." for note in rig.notes),
         ),
         pictures=tuple(

@@ -180,7 +180,7 @@ def _comments(source: str) -> dict[str, str]:
             words = beside.group(1) if beside else " ".join(above)
             several = re.match(r"(\w+(?:, \w+)+): (.*)", words)
             names, meaning = several.groups() if several else (field.group(1), words)
-            if meaning or field.group(1) not in found:
+            if meaning:
                 found |= dict.fromkeys(names.split(", "), meaning.removesuffix("."))
             above = []
         else:

@@ -23,7 +23,7 @@ class Printer:
     """A printer's limits."""
 
     name: str  # file name of its profile
-    # build volume
+    # bed_width_mm, bed_depth_mm, height_mm: of the build volume
     bed_width_mm: float
     bed_depth_mm: float
     height_mm: float

@@ -331,5 +331,3 @@ def _way_to(traced: TracedTree) -> list[float]:
         if parent >= 0:
             way[index] = way[parent] + float(traced.tree.length_mm[parent])
     return way
-
-

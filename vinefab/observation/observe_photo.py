@@ -98,9 +98,7 @@ class Observation:
     @property
     def not_as_predicted(self) -> list[str]:
         """Branches that were seen without being predicted, or predicted without being seen."""
-        return [
-            b.id for b in self.compared.branches if b.deployed_observed != b.deployed_predicted
-        ]
+        return [b.id for b in self.compared.branches if b.deployed_observed != b.deployed_predicted]
 
     @property
     def summary(self) -> dict[str, object]:

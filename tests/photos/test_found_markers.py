@@ -16,7 +16,7 @@ def test_corners_are_found_to_a_fraction_of_a_pixel(markers, floor, camera):
     assert sorted(found) == [0, 1, 2, 3]
     for marker in markers:
         off = found[marker.number] - projected(camera.homography(), marker.corners_mm)
-        assert np.abs(off).max() < 0.45
+        assert np.abs(off).max() < 0.08
 
 
 def test_missing_markers_are_named(markers, floor, camera):

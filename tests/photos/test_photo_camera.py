@@ -72,7 +72,7 @@ def test_an_unknown_focal_length_is_said_with_its_greatest_parallax(camera):
 @pytest.mark.parametrize("exif", [None, 1400.0])
 def test_the_error_of_the_focal_length_is_as_large_as_said(camera, exif):
     tilted = dataclasses.replace(camera, tilt_deg=15.0)
-    points = np.concatenate([CORNERS + (x, y) for x in (0, 30) for y in (0, 30)])
+    points = np.concatenate([CORNERS + np.array([x, y]) for x in (0, 30) for y in (0, 30)])
     truth = seen(tilted, points).points_px
     rng, apart = np.random.default_rng(1), []
     for _ in range(40):

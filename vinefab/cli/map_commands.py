@@ -16,6 +16,7 @@ from vinefab.cli.common_options import (
     StartIn,
     ensure_apart,
     ensure_kind,
+    numbers_from,
     started_maps,
     starts_from,
 )
@@ -24,6 +25,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
+from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES, PhotoOptions, points_from
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
@@ -56,14 +58,14 @@ def import_command(
         float | None,
         typer.Option(
             help="Millimetres of the map per unit of the source, instead of the unit that the "
-            "file names; ROS: per metre, default 1000; nothing named: mm."
+            "file names; ROS: per metre, default 1000; photo: per pixel; nothing named: mm."
         ),
     ] = None,
     simplify_mm: Annotated[
         float | None,
         typer.Option(
             help="Largest deviation of a wall; default: curves within 1/10000 of the drawing's "
-            "larger side and every corner kept; ROS: one cell."
+            "larger side and every corner kept; ROS and photos: one cell."
         ),
     ] = None,
     join_mm: Annotated[
@@ -76,6 +78,13 @@ def import_command(
     layer: Annotated[
         list[str] | None,
         typer.Option(help="Read only this layer (DXF) or group (SVG: id or label); repeatable."),
+    ] = None,
+    drawn: Annotated[
+        str | None,
+        typer.Option(
+            help="What the areas of a drawing are: obstacles (in bounds), or free: their union is "
+            "the free space and its holes are obstacles; default: guessed, and said."
+        ),
     ] = None,
     bounds: Annotated[
         str | None,
@@ -101,13 +110,55 @@ def import_command(
     ] = None,
     least_obstacle_mm2: Annotated[
         float | None,
-        typer.Option(help="ROS: leave out obstacles smaller than this, as noise; default: none."),
+        typer.Option(
+            help="ROS and photos: leave out obstacles smaller than this, as noise; default: none, "
+            "of a photo 1/20000 of its area."
+        ),
     ] = None,
     start: StartIn = None,
+    points: Annotated[
+        str | None,
+        typer.Option(
+            help="Photo: places in it as 'X,Y;X,Y' in pixels: two with --distance-mm, or the four "
+            "corners of a rectangle with --rectangle-mm, lower left first, counter-clockwise."
+        ),
+    ] = None,
+    distance_mm: Annotated[
+        float | None, typer.Option(help="Photo: between the two --points.")
+    ] = None,
+    rectangle_mm: Annotated[
+        str | None, typer.Option(help="Photo: WIDTH,HEIGHT of the rectangle of four --points.")
+    ] = None,
+    marker_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Photo: side of its ArUco markers (4x4_50); one or more, lying anywhere."
+        ),
+    ] = None,
+    height_mm: Annotated[
+        float, typer.Option(help="Photo: height of obstacles above the points or markers.")
+    ] = 0.0,
+    obstacles: Annotated[
+        str,
+        typer.Option(help="Photo: obstacles are dark, light or a colour R,G,B[,TOLERANCE]."),
+    ] = "dark",
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Photo: brightness between floor and obstacles, 0 to 255; default: found."
+        ),
+    ] = None,
+    crop: Annotated[
+        str | None, typer.Option(help="Photo: import only LEFT,LOW,RIGHT,TOP, mm of the map.")
+    ] = None,
+    preview: Annotated[
+        Path | None,
+        typer.Option(help="Photo: a picture of it, rectified, with the walls drawn over (PNG)."),
+    ] = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Import a map from a file of another program.
+    """Import a map from a file of another program, or from a photo.
 
     Everything that was repaired or left out is counted and printed. Without --start, robots start
     at the roomiest place.
@@ -116,6 +167,19 @@ def import_command(
     """
     ensure_apart("--out", out, source, "the one to import")
     ensure_writable(out, force=force)
+    if preview:
+        ensure_kind("--preview", preview, (".png",), force=force)
+        ensure_apart("--preview", preview, source, "the one to import")
+    photo = PhotoOptions(
+        points_px=points_from("--points", points) if points else (),
+        distance_mm=distance_mm,
+        rectangle_mm=cast("Any", rectangle_mm and numbers_from("--rectangle-mm", rectangle_mm, 2)),
+        marker_mm=marker_mm,
+        height_mm=height_mm,
+        obstacles=obstacles,
+        threshold=threshold,
+        crop_mm=cast("Any", crop and numbers_from("--crop", crop, 4)),
+    )
     starts = starts_from(start)
     options = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
@@ -125,13 +189,37 @@ def import_command(
         start=next((one.pose for one in starts if isinstance(one, Start)), None),
         join_mm=join_mm,
         layers=tuple(layer or ()),
+        drawn=cast("Any", drawn),
         bounds=cast("Any", bounds),
         margin_mm=margin_mm,
         wall_mm=wall_mm,
         open_lines=cast("Any", open_lines),
+        photo=photo,
     )
-    (world,) = started_maps([import_map(source, options)], start)
-    _save(world, out, CommandOutput(quiet=quiet, force=force))
+    output = CommandOutput(quiet=quiet, force=force)
+    if preview is None:
+        (world,) = started_maps([import_map(source, options)], start)
+        _save(world, out, output)
+        return
+    if source.suffix.lower() not in PHOTO_SUFFIXES:
+        allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
+        raise BadInputError("--preview", str(preview), allowed, source)
+    (world,), picture = _previewed(source, options, start)
+    _save(world, out, output)
+    write_bytes(preview, picture, force=force)
+    output.say(f"wrote {preview}")
+
+
+def _previewed(
+    source: Path, options: ImportOptions, start: list[str] | None
+) -> tuple[tuple[Map, ...], bytes]:
+    """Return the map in a photo, and the photo with the map's walls drawn over it."""
+    from vinefab.maps.importers.photo_map import read_photo_map  # noqa: PLC0415  loads scipy.optimize
+    from vinefab.pages.figure import png_bytes  # noqa: PLC0415  loads matplotlib
+    from vinefab.pages.photo_preview import photo_preview  # noqa: PLC0415
+
+    imported = read_photo_map(source, options)
+    return started_maps([imported.world], start), png_bytes(photo_preview(imported))
 
 
 def start_command(

@@ -16,6 +16,7 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import write_folder
 from vinefab.fabrication.checking import check_lines
+from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
@@ -57,6 +58,22 @@ def rig_command(
     peg_mm: Annotated[float, typer.Option(help="Diameter of pegs, or of pins.")] = 5.0,
     kerf_mm: Annotated[float, typer.Option(help="Width that the laser removes.")] = 0.2,
     sheet_mm: Annotated[str, typer.Option(help="WIDTH,DEPTH of the laser's sheets.")] = "1000,600",
+    markers: Annotated[
+        str | None,
+        typer.Option(
+            help="Corner markers for photos: print (tiles), paper (glued), engrave (into the "
+            "board) or none; default: engrave where there is a board, else print."
+        ),
+    ] = None,
+    marker_mm: Annotated[float, typer.Option(help="Side of a corner marker.")] = DEFAULT_MARKER_MM,
+    base_start: Annotated[
+        int | None,
+        typer.Option(help="Which start gets a holder for the robot's base; 0: none."),
+    ] = None,
+    collar_mm: Annotated[
+        float | None,
+        typer.Option(help="Diameter of the base's tube; default: the design's collar or trunk."),
+    ] = None,
     most_parts: Annotated[int, typer.Option(help="Refuse a rig of more parts.")] = 100,
     allow_empty: Annotated[
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
@@ -89,6 +106,10 @@ def rig_command(
         sheet_width_mm=sheet_width_mm,
         sheet_depth_mm=sheet_depth_mm,
         most_parts=most_parts,
+        markers=markers,
+        marker_mm=marker_mm,
+        base_start=base_start,
+        collar_mm=collar_mm,
     )
     if fit_mm is not None:
         options = options.fitted(world, fit_mm)

@@ -1,6 +1,6 @@
 """Corner markers found in a photo, with OpenCV (extra ``vision``)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
+from scipy.optimize import least_squares
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS, CornerMarker
 from vinefab.photos.photo import Photo
-from vinefab.photos.photo_camera import ControlPoints
+from vinefab.photos.photo_camera import ControlPoints, fitted_homography, inverse, projected
 
 FEWEST_MARKERS = 2
 """Of the four: the corners of two lie far enough apart to hold the plane between all four."""
@@ -151,3 +152,53 @@ def marker_points(
         points_mm=np.concatenate([marker.corners_mm for marker in seen]),
         z_mm=heights.pop(),
     )
+
+
+def square_points(found: Mapping[int, Floats], side_mm: float) -> ControlPoints:
+    """Return the corners of markers of one size that lie anywhere on a plane, as control points.
+
+    The map's axes are those of the marker with the lowest number; the lower left corner of the box
+    around all is the origin. Where the others lie and the perspective are fitted together.
+
+    Parameters
+    ----------
+    found
+        From `find_markers`; at least one.
+    """
+    seen = np.array([found[number] for number in sorted(found)])
+    placed = side_mm * _placed_squares(seen).reshape(-1, 2)
+    return ControlPoints(points_px=seen.reshape(-1, 2), points_mm=placed - placed.min(axis=0))
+
+
+_SQUARE = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
+
+
+def _placed_squares(seen: Floats) -> Floats:
+    """Return the corners of squares of side one, shape (n, 4, 2); the first is upright."""
+    first = fitted_homography(ControlPoints(points_px=seen[0], points_mm=_SQUARE))
+    if len(seen) == 1:
+        return _SQUARE[None]
+    rough = projected(inverse(first), seen[1:].reshape(-1, 2)).reshape(-1, 4, 2)
+    middles = rough.mean(axis=1)
+    along = rough[:, 1] - rough[:, 0] + rough[:, 2] - rough[:, 3]
+    turns = np.arctan2(along[:, 1], along[:, 0])
+    begin = np.concatenate([(first / first[2, 2]).ravel()[:8], middles.ravel(), turns])
+
+    def off(values: Floats) -> Floats:
+        matrix = np.append(values[:8], 1.0).reshape(3, 3)
+        return (
+            projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)
+        ).ravel()
+
+    fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
+    return _squares(fit.x[8:])
+
+
+def _squares(values: Floats) -> Floats:
+    """Return the first square and those whose middles, then turns, are given."""
+    count = len(values) // 3
+    middles, turns = values[: 2 * count].reshape(-1, 2), values[2 * count :]
+    cosine, sine = np.cos(turns), np.sin(turns)
+    rotations = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1)
+    others = (_SQUARE - 0.5) @ rotations + middles[:, None]
+    return np.concatenate([_SQUARE[None], others])

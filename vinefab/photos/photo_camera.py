@@ -138,7 +138,7 @@ def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
         homography = _similarity(control)
         perspective = False
     else:
-        homography = _fitted_homography(control)
+        homography = fitted_homography(control)
         perspective = True
     _ensure_seen_from_above(homography, control)
     residual = projected(inverse(homography), control.points_px) - control.points_mm
@@ -180,7 +180,7 @@ def _similarity(control: ControlPoints) -> Floats:
     )
 
 
-def _fitted_homography(control: ControlPoints) -> Floats:
+def fitted_homography(control: ControlPoints) -> Floats:
     """Return the homography with the least sum of squared distances in the photo."""
     to_unit_mm, to_unit_px = _normalizing(control.points_mm), _normalizing(control.points_px)
     ours = projected(to_unit_mm, control.points_mm)
@@ -344,7 +344,7 @@ def _unknown_slope(photo: Photo, control: ControlPoints, homography: Floats) -> 
     middle = np.array([[photo.width_px, photo.height_px]]) / 2.0
     below = projected(inverse(homography), middle)
     apart = np.hypot(*(control.points_mm - below).T).max()
-    near = projected(homography, below + [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    near = projected(homography, below + np.eye(3, 2, -1))
     scale = np.linalg.norm(np.diff(near[:2], axis=0)) + np.linalg.norm(near[2] - near[0])
     diagonal_px = np.hypot(photo.width_px, photo.height_px)
     height_mm = WIDEST_35MM_MM / _FILM_DIAGONAL_MM * diagonal_px / (scale / 2.0)

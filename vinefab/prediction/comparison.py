@@ -154,7 +154,7 @@ class DesignComparison:
         contacts = self.contacts[self.names.index(name)]
         low, high = (measure.number(value) for value in contacts.ends(measure))
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
-        over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing}"
+        over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
         return f"  ({low} to {high} over {over})"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:

@@ -26,7 +26,6 @@ from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
-from vinefab.physics.tube import inflated_diameter_mm
 
 MOST_FRAMES = 1000
 
@@ -171,7 +170,7 @@ def without_room(
     return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)
 
 
-def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
+def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) -> list[str]:
     """Return in how many deployments the trunk never left its start; nothing if it always did.
 
     Parameters
@@ -183,7 +182,7 @@ def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
     stayed = count - sum(left)
     if not stayed:
         return []
-    diameter_mm = inflated_diameter_mm(design.build.widths_mm[0])
+    diameter_mm = 2.0 * options.radius_mm(design.build.widths_mm[0])
     where = "" if count == 1 else f" in {stayed} of {count} deployments"
     return [
         f"the trunk never leaves its start{where}: no room for its inflated body of "
@@ -276,7 +275,7 @@ class DeployedDesign:
             f"growth: {growth_text(self.options, [self.design])}",
             *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
-            *stayed_text([bool(self.deployment.deployed[0])], self.design),
+            *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
             *places_text("no room to start for branch", self.without_room),
             *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
             *self._tight_exits(),

@@ -70,13 +70,14 @@ class ContactRange:
 
     @property
     def over(self) -> str:
-        """The range in words: ``half-angles of 1 to 15 deg (assumed)``."""
+        """The range in a few words: ``head-on half-angles of 1 to 15 deg (assumed)``."""
         return contact_angles_words(self.angles_deg, self.standing)
 
 
 def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
-    """Return a range of head-on half-angles in words, with where it comes from."""
-    return f"head-on half-angles of {angles_deg[0]:g} to {angles_deg[-1]:g} deg ({standing})"
+    """Return a range of head-on half-angles in a few words, with its standing."""
+    short = standing.partition(":")[0]
+    return f"head-on half-angles of {angles_deg[0]:g} to {angles_deg[-1]:g} deg ({short})"
 
 
 def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
@@ -135,7 +136,8 @@ class PressureReach:
     grown_percent: float  # mean length grown
     stopped_percent: float  # share of the branches that ran out of pressure
     full_percent: float  # share of the deployments in which no branch did
-    needed_kpa: float  # pressure with which 95 % of the deployments grow to every tip
+    # pressure with which 95 % of the deployments grow to every tip; None if no trunk ever left
+    needed_kpa: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,8 +172,9 @@ def pressure_range(
         ("loosely", 0.0, LOOSE_PRESSURE),
         ("tightly", FITTED.storage_kpa.value, TIGHT_PRESSURE),
     ):
-        needed_kpa = measured.values[measure.key]
-        usual_kpa = float(np.nanpercentile(needed_kpa, 95.0)) if len(needed_kpa) else np.nan
+        values = measured.values[measure.key]
+        known_kpa = values[np.isfinite(values)]
+        usual_kpa = float(np.percentile(known_kpa, 95.0)) if len(known_kpa) else None
         for diameter_mm in _DIAMETERS_MM:
             pressed = replace(
                 options,
@@ -187,7 +190,9 @@ def pressure_range(
                     grown_percent=grown,
                     stopped_percent=stopped,
                     full_percent=full,
-                    needed_kpa=usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
+                    needed_kpa=None
+                    if usual_kpa is None
+                    else usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
                 )
             )
     return PressureRange(
@@ -252,8 +257,9 @@ def contact_words(found: ContactRange) -> str:
         return CONTACT_WORDS
     return (
         "Whether a tip that meets a wall slides on or stops there was measured on photos of grown "
-        f"robots: {found.over}. Every number here holds for one half-angle within which a tip "
-        "stops, and the same poses. What the photos leave open is the width of a prediction."
+        f"robots ({found.standing}). Every number here holds for one half-angle "
+        "within which a tip stops, and the same poses. What the photos leave open is the width of "
+        "a prediction."
     )
 
 
@@ -306,7 +312,7 @@ def _pressure_table(found: PressureRange) -> Table:
             f"{reach.grown_percent:.1f} %",
             f"{reach.stopped_percent:.1f} %",
             f"{reach.full_percent:.1f} %",
-            f"{reach.needed_kpa:.1f} kPa",
+            "nothing grew" if reach.needed_kpa is None else f"{reach.needed_kpa:.1f} kPa",
         )
         for reach in found.reaches
     )
@@ -344,7 +350,7 @@ def width_content(contacts: ContactRange, pressure: PressureRange | None) -> dic
                     "grown_percent": round(reach.grown_percent, 1),
                     "stopped_percent": round(reach.stopped_percent, 1),
                     "full_percent": round(reach.full_percent, 1),
-                    "needed_kpa": round(reach.needed_kpa, 1),
+                    "needed_kpa": None if reach.needed_kpa is None else round(reach.needed_kpa, 1),
                 }
                 for reach in pressure.reaches
             ],

@@ -16,6 +16,7 @@ from vinefab.model.map import Map
 from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
+from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
@@ -25,6 +26,7 @@ from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
+from vinefab.rig.true_scale import true_scale_files
 
 RIG_MARK = "rig.json"
 """The file by which the folder of a rig is known again."""
@@ -102,7 +104,8 @@ def make_rig(
     report_progress = progress or _no_progress
     report_progress(0.0, "building solids")
     rig, pieces = _built(world, printer, options)
-    cut = laser_cut_files(rig, world, pieces, lid=request.lid)
+    rig, fixtures = with_fixtures(rig, world, request.design)
+    cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
     layered = rig.style == "sheet"
     comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
@@ -124,11 +127,13 @@ def make_rig(
         report=report,
         jobs=cut.jobs,
         copies=cut.copies,
+        fixtures=fixtures,
     )
     section: Section | None = None
     if report.blocking:
         files = {}
     else:
+        files |= true_scale_files(rig, world, fixtures)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
             drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(

@@ -40,6 +40,8 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
+    # height at which the filament is changed for another colour; 0: one colour
+    colour_change_mm: float = 0.0
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)
@@ -93,6 +95,9 @@ class Rig:
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
+    # what a board has beside it for its corner markers, and their black cells, in map coordinates
+    pads: BaseGeometry = field(default_factory=Polygon)
+    cells: BaseGeometry = field(default_factory=Polygon)
     # what stands on it, obstacles and border, in map coordinates
     walls: BaseGeometry = field(default_factory=Polygon)
     # what was added there, in map coordinates

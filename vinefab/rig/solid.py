@@ -43,7 +43,12 @@ def stacked(
         # From the middle of the plate: bodies that overlap join more surely than ones that touch.
         body += _extruded(solids, 0.5 * plate_mm + height_mm).translate((0, 0, 0.5 * plate_mm))
     for pocket in pockets:
-        body -= pocket if isinstance(pocket, Manifold) else _prism(pocket)
+        body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
+    return mesh_of(body)
+
+
+def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
+    """Return corners, as single precision holds them, and triangles of a solid."""
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -63,7 +68,8 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()
 
 
-def _prism(pocket: Pocket) -> Manifold:
+def prism(pocket: Pocket) -> Manifold:
+    """Return a prism as a solid."""
     body = _extruded(pocket.pieces, pocket.high_mm - pocket.low_mm)
     return body.translate((0.0, 0.0, pocket.low_mm))
 

@@ -8,6 +8,7 @@ import tomli_w
 from pydantic import Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.jsontext import GENERATOR
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
@@ -57,7 +58,7 @@ def contacts_given(given: object) -> MeasuredContacts:
 
 def read_contacts(path_or_name: str | PathLike[str]) -> MeasuredContacts:
     """Return the measured contacts of a file, or of a name in the user's own folder."""
-    path = locate("contacts", path_or_name)
+    path = locate("contacts file", path_or_name)
     form = validated(ContactsForm, read_toml(path), path)
     with located(path):
         return _contacts(form)
@@ -72,7 +73,7 @@ def contacts_text(contacts: MeasuredContacts, method: Mapping[str, object]) -> s
         How they were found, for readers; vinefab does not read it.
     """
     content = {"schema": CONTACTS_SCHEMA, **contacts.content, "method": dict(method)}
-    return tomli_w.dumps(content)
+    return f"# {GENERATOR}: what photos of grown robots measured\n{tomli_w.dumps(content)}"
 
 
 def _contacts(form: NumbersForm) -> MeasuredContacts:

@@ -106,6 +106,16 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
     assert "growth.body_width_ratio" in text
 
 
+def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, measured):
+    more = ("--map", grid, "--deployments", 1000, "--alone", "--json", "-")
+    code, words, _ = vinefab("aim", plain, *more, "--contacts", measured)
+    assert code == 0
+    found = json.loads(words)
+    assert found["standing"]["contacts"] == f"measured: {WORDS}"
+    assert f"--contacts {measured}" in found["reproduce"]["command"]
+    assert "head_on_half_angle_deg=3.0,6.0" in found["reproduce"]["command"]
+
+
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
     more = ("--contacts", measured, "--head-on-half-angle-deg", 10)
     _, words, _ = vinefab("grow", plain, "--map", grid, *more)
@@ -224,3 +234,80 @@ def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain,
     width_mm = read_design(plain).build.widths_mm[0]
     wide = f"no room for its inflated body of {2 * 2 * width_mm / math.pi:.0f} mm"
     assert wide in vinefab("grow", plain, "--map", grid, "--growth", "body_width_ratio=2")[1]
+
+
+# --- vinefab observe ... --fit
+
+
+@pytest.fixture
+def observed(tmp_path):
+    """Observations of two photos, as `vinefab observe --json` writes them."""
+    files = []
+    for number, angles in enumerate(((2.0, 4.0, 20.0), (3.0, 15.0, 30.0))):
+        contacts = [
+            {
+                "x_mm": 1.0,
+                "y_mm": 2.0,
+                "wall": f"obstacle {place}",
+                "angle_from_normal_deg": angle,
+                "angle_error_deg": 1.0,
+                "outcome": "stopped" if angle < 10.0 else "slid",
+                "distance_mm": None if place == 2 else 13.0,
+            }
+            for place, angle in enumerate(angles)
+        ]
+        trunk = {"id": "1", "level": 1, "points_mm": [[0.0, 0.0], [0.0, 9.5]], "contacts": contacts}
+        content = {
+            "schema": "vinefab/observation-1",
+            "photo": f"photo_{number}.jpg",
+            "map": "elsewhere.geojson",
+            "design": "gone.toml",
+            "pose": {"x_mm": 0.0, "y_mm": 0.0, "heading_deg": 90.0},
+            "film": {"how": "by colour", "width_mm": None},
+            "branches": [{**trunk, "width_mm": {"measured": 26.0, "nominal": 25.0}}],
+        }
+        files.append(tmp_path / f"seen_{number}.json")
+        files[-1].write_text(json.dumps(content))
+    return files
+
+
+def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, observed, tmp_path):
+    file = tmp_path / "mine.toml"
+    code, words, _ = vinefab("observe", *observed, "--fit", file)
+    assert code == 0
+    assert "head-on half-angle" in words
+    assert "6 contacts on 2 photos, 3 stopped, 3 slid" in words
+    assert "2 photos with contacts: too few" in words
+    assert "centre lines keep from walls, against lay-flat width / pi: 1.04" in words
+    assert "its map is not read" in words
+    assert "not compared: only one of the two ways" in words
+    again = file.read_bytes()
+    assert vinefab("observe", *observed, "--fit", file)[0] == 0  # its own file, not a foreign one
+    assert file.read_bytes() == again
+    assert (
+        "(measured: 6 contacts on 2 photos"
+        in vinefab("grow", plain, "--map", grid, "--contacts", file)[1]
+    )
+
+
+def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
+    one, other = observed
+    foreign = tmp_path / "notes.toml"
+    foreign.write_text("mine")
+    for arguments, words in (
+        ((one, other), "one photo; several observations (JSON) together with --fit"),
+        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "not beside --fit"),
+        ((one, "--fit", tmp_path / "a.json"), "ending in .toml"),
+        ((one, one, "--fit", tmp_path / "a.toml"), "each observation once"),
+        ((tmp_path / "no.json", "--fit", tmp_path / "a.toml"), "there is no such file"),
+        ((one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1), "--angle-error-deg is -1"),
+        ((one, "--fit", foreign), "not written by vinefab"),
+        ((one,), "--map is missing"),
+        ((one, "--angle-error-deg", 3), "only together with --fit"),
+    ):
+        code, _, complaint = vinefab("observe", *arguments)
+        assert code == 2
+        assert words in complaint
+        assert len(complaint.splitlines()) == 1
+    assert foreign.read_text() == "mine"
+    assert not (tmp_path / "a.toml").exists()

@@ -186,6 +186,8 @@ def render(scene: Scene):
         | (flat[:, 1] > scene.y[-1])
     )
     colour[outside] = np.array(look.board) / 255.0 * 0.5
+    if look.markers:
+        _markers(scene, flat, colour)
     _things(scene, flat, lean, colour)
     image = colour.reshape(look.pixels[1], look.pixels[0], 3)
     u, v = np.meshgrid(np.linspace(-1, 1, look.pixels[0]), np.linspace(-1, 1, look.pixels[1]))
@@ -226,13 +228,11 @@ def _floor(scene, rng):
     soft = ndimage.gaussian_filter(shadow.astype(float), 1.5)
     light *= 1.0 - (1.0 - look.shade) * soft
     floor = light[..., None] * _linear(look.board)
-    if look.markers:
-        _markers(scene, floor)
     return floor
 
 
-def _markers(scene, floor):
-    x, y = np.meshgrid(scene.x, scene.y)
+def _markers(scene, at, colour):
+    x, y = at.T
     for marker, rows in zip(corner_markers(scene.world), MARKER_CELLS, strict=True):
         a, b = marker.corners_mm[0], marker.corners_mm[2]
         side = b[0] - a[0]
@@ -243,7 +243,7 @@ def _markers(scene, floor):
         white = np.zeros((6, 6), bool)
         white[1:5, 1:5] = [[c == "#" for c in line] for line in rows]
         value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], True)
-        floor[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
+        colour[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
 
 
 def _things(scene, flat, lean, colour):

@@ -34,8 +34,8 @@ def drawn(rng, half_angle_deg, count, error_deg=2.0, tip_deg=0.0, photo_deg=0.0,
 
 def contact(angle_deg, *, stopped, outcome="", **more):
     outcome = outcome or ("stopped" if stopped else "slid")
-    where = {"x_mm": 1.0, "y_mm": 1.0, "distance_mm": RATIO * RADIUS_MM}
-    return {**where, "angle_from_normal_deg": angle_deg, "outcome": outcome, "wall": 0, **more}
+    where = {"x_mm": 1.0, "y_mm": 1.0, "distance_mm": RATIO * RADIUS_MM, "wall": f"at {angle_deg}"}
+    return {**where, "angle_from_normal_deg": angle_deg, "outcome": outcome, **more}
 
 
 def observation(photo, contacts, chains=None, **more):

@@ -79,7 +79,8 @@ def test_all_poses_meet_the_same_contacts_and_placing_errors():
     assert np.hypot(*draws.offset_mm.T).max() <= 5.0
     assert np.abs(draws.turn_rad).max() <= math.radians(3.0)
     low, high = np.degrees([draws.half_angle_rad.min(), draws.half_angle_rad.max()])
-    assert 1.0 <= low < 1.6 < 14.4 < high <= 15.0
+    assert 1.0 <= low < 1.6
+    assert 14.4 < high <= 15.0
     # A longer row of draws begins with the shorter one: rounds of a search go on where they were.
     assert ERRORS.even(8).offset_mm == pytest.approx(draws.part(0, 8).offset_mm)
 
@@ -166,7 +167,12 @@ def test_border_poses_stand_beside_the_outer_walls_and_look_in():
 
 @pytest.mark.parametrize(
     ("where", "named"),
-    [("left", "border, anywhere, starts"), ("400,0,500,90", "anywhere"), ("1,2,3", "X0,Y0,X1,Y1")],
+    [
+        ("leftt", "border, anywhere, starts"),
+        ("area 95,70 110,75", "clear"),
+        ("120,90,0", "inside an obstacle"),
+        ("2,2,0", "room for the trunk"),
+    ],
 )
 def test_a_region_without_room_is_refused_in_one_line(where, named):
     with pytest.raises(BadInputError, match=r"--where") as refused:
@@ -190,3 +196,15 @@ def test_starts_that_are_lines_areas_or_places_are_searched():
     assert line[:, 0] == pytest.approx([52.5, 57.5, 62.5, 67.5])
     area = region_of(spread_x_mm=10.0, spread_y_mm=5.0).places_mm(5.0)
     assert len(area) == 8
+
+
+def test_starts_in_words_are_searched_and_keep_their_headings():
+    region = BaseRegion.of(trial_on(ROOM), "left side, heading 10+-20")
+    places = region.places_mm(10.0)
+    assert (places[:, 0] == 15.0).all()
+    assert np.degrees(region.headings_rad[[0, -1]]) == pytest.approx([-10.0, 30.0])
+    turned = np.array([(15.0, 50.0, math.radians(angle)) for angle in (-12.0, -9.0, 29.0, 389.0)])
+    assert region.allow(turned).tolist() == [False, True, True, True]
+    found = search_poses(trial_on(ROOM), Reach(area="fast"), region, ERRORS, 1500)
+    assert found.pose[0] == pytest.approx(15.0)
+    assert math.radians(-10.1) < found.pose[2] < math.radians(30.1)

@@ -1,4 +1,4 @@
-"""Sets of robots that cover most: greedy choice against all sets, and what one deployment covers."""
+"""Sets of robots that cover most: the greedy choice against all sets, and what one covers."""
 
 from itertools import combinations
 

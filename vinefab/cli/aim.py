@@ -9,27 +9,31 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
     HalfAngleIn,
     JsonOut,
     Quiet,
+    contacts_arguments,
     ensure_kind,
     growth_choice,
     growth_from,
     parameters_from,
 )
-from vinefab.core.errors import BadInputError
+from vinefab.core.atomic import write_bytes
+from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
+from vinefab.prediction.aim_page import aim_document
 from vinefab.prediction.aiming import (
     AimPlan,
     aim_growth,
     aim_lines,
     aim_robots,
     aim_text,
-    plain_vine_of,
+    held_against,
 )
 from vinefab.prediction.family_deployments import MapFamily
 from vinefab.prediction.pose_search import PLACING_DEG, PLACING_MM
@@ -49,7 +53,7 @@ def aim_command(
         str,
         typer.Option(
             help="Where the base may stand: border (of the free space, growing in, and the map's "
-            "starts), anywhere, starts, or a box X0,Y0,X1,Y1 in mm."
+            "starts), anywhere, starts, or a start in words: 'left side', 'area 0,0 50,480'."
         ),
     ] = "border",
     robots: Annotated[
@@ -80,6 +84,7 @@ def aim_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="A page (HTML), or its picture (SVG, PNG).")
     ] = None,
@@ -94,15 +99,13 @@ def aim_command(
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--out", out, (".html", ".svg", ".png"), force=force)
     output.ensure_json()
-    if alone and against is not None:
-        raise BadInputError("--alone", "together with --against", "one of them")
-    given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
-    names, designs = [design], [read_design(design)]
-    if against is not None:
-        names, designs = [design, against], [*designs, read_design(against)]
-    elif not alone and designs[0].levels:
-        designs.append(plain_vine_of(designs[0]))
-    growth_choice(names, designs[: len(names)], given)
+    given = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
+    names = [design] if against is None else [design, against]
+    read = [read_design(name) for name in names]
+    growth_choice(names, read, given)
+    designs = held_against(*read, alone=alone)
     choice = aim_growth(designs, given)
     plan = AimPlan(
         where=where,
@@ -123,10 +126,14 @@ def aim_command(
     arguments += ["--placing-mm", f"{placing_mm:g}", "--placing-deg", f"{placing_deg:g}"]
     arguments += ["--deployments", str(deployments)]
     arguments += ["--against", against] if against is not None else ["--alone"] if alone else []
-    arguments += growth_arguments(choice.options)
+    arguments += [*contacts_arguments(contacts), *growth_arguments(choice.options)]
     origin = origin_of(
         shlex.join(arguments), designs, None, [MapFamily(label=world.name, worlds=(world,))]
     )
+    page = aim_document(found, origin, out.suffix, choice.notes) if out is not None else b""
     output.give_json(aim_text(found, origin))
+    if out is not None:
+        write_bytes(out, page, force=force)
+        output.say(f"wrote {out}")
     for line in [*choice.notes, *aim_lines(found)]:
         output.say(line)

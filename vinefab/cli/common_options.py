@@ -4,7 +4,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,8 @@ from vinefab.core.units import rad
 from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import locate
-from vinefab.model.map import Pose
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import StartPlace, start_from, with_starts
 
 if TYPE_CHECKING:
     from vinefab.growth.options import GrowthChoice
@@ -83,6 +84,17 @@ ContactsIn = Annotated[
 PoseIn = Annotated[
     str | None,
     typer.Option("--pose", help="Start as X,Y,DEG in mm and degrees; default: the map's start."),
+]
+
+StartIn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="START",
+        help="Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side', "
+        "'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md); may be "
+        "repeated.",
+    ),
 ]
 
 
@@ -189,6 +201,17 @@ def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
         raise error.at(option) from error
 
 
+def starts_from(texts: list[str] | None) -> list[Start | StartPlace]:
+    """Return what was given with ``--start``."""
+    return [start_from(text, "--start") for text in texts or []]
+
+
+def started_maps(worlds: Iterable[Map], texts: list[str] | None) -> tuple[Map, ...]:
+    """Return maps with the starts given with ``--start``; without any, with their own."""
+    starts = starts_from(texts)
+    return tuple(with_starts(world, starts, "--start") if starts else world for world in worlds)
+
+
 def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
     """Return numbers from a text like ``400,300``."""
     try:
@@ -201,14 +224,18 @@ def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
 
 
 def map_arguments(
-    maps: list[Path] | None, environment: str | None, count: int, parameter: list[str] | None
+    maps: list[Path] | None,
+    environment: str | None,
+    count: int,
+    parameter: list[str] | None,
+    start: list[str] | None = None,
 ) -> list[str]:
     """Return the arguments that select the same maps again."""
     arguments = [word for path in maps or [] for word in ("--maps", str(path))]
     if environment:
         arguments += ["--environment", environment, "--count", str(count)]
         arguments += [word for text in parameter or [] for word in ("--set", text)]
-    return arguments
+    return arguments + [word for text in start or [] for word in ("--start", text)]
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:

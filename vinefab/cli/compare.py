@@ -1,6 +1,7 @@
 """``vinefab compare``: designs side by side."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,11 +20,13 @@ from vinefab.cli.common_options import (
     MapsOptional,
     Quiet,
     SetIn,
+    StartIn,
     contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
+    started_maps,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.growth.options import growth_arguments
@@ -46,6 +49,7 @@ def compare_command(
         list[str], typer.Argument(metavar="DESIGN...", help="Design files or shipped names.")
     ],
     maps: MapsOptional = None,
+    start: StartIn = None,
     environment: EnvironmentIn = None,
     count: Count = 100,
     parameter: SetIn = None,
@@ -78,7 +82,10 @@ def compare_command(
         robots = [read_design(design) for design in designs]
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
-        families = map_families([read_map(path) for path in maps or []], unseen)
+        if unseen is not None:
+            unseen = replace(unseen, worlds=started_maps(unseen.worlds, start))
+        given = started_maps([read_map(path) for path in maps or []], start)
+        families = map_families(given, unseen)
         choice = growth_choice(designs, robots, given_growth)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(robots, families, plan, show)
@@ -86,7 +93,7 @@ def compare_command(
             "vinefab",
             "compare",
             *designs,
-            *map_arguments(maps, environment, count, parameter),
+            *map_arguments(maps, environment, count, parameter, start),
         ]
         arguments += [
             "--measure",

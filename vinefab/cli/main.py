@@ -95,6 +95,11 @@ COMMANDS = {
         "profiles", "profiles_command", "List machines, materials and recipes, or explain one."
     ),
     "rig": CommandEntry("rig", "rig_command", "Write printable obstacles for a test rig."),
+    "observe": CommandEntry(
+        "observe",
+        "observe_command",
+        "Trace a grown robot on a photo and put it beside the prediction.",
+    ),
     "report": CommandEntry(
         "report", "report_command", "Write predictions for a design as one HTML page."
     ),

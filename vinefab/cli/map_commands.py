@@ -13,21 +13,23 @@ from vinefab.cli.common_options import (
     Force,
     JsonOut,
     Quiet,
+    StartIn,
     ensure_apart,
     ensure_kind,
     numbers_from,
-    pose_from,
+    started_maps,
+    starts_from,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
 from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES, PhotoOptions, points_from
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Start
+from vinefab.model.start_place import WAYS, area_notes, start_words
 from vinefab.prediction.map_info import info_lines, info_text, map_info
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
@@ -35,7 +37,7 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives th
 
 
 def map_group() -> typer.Typer:
-    """Return ``map`` with one subcommand per environment, ``import`` and ``info``."""
+    """Return ``map`` with one subcommand per environment, ``import``, ``start`` and ``info``."""
     ENVIRONMENTS.load_plugins()
     words = ["Generate or import a map.", "Example: vinefab map grid --seed 3 --out grid.geojson"]
     words += [f"Not loaded: {name} ({why})." for name, why in ENVIRONMENTS.broken.items()]
@@ -43,6 +45,7 @@ def map_group() -> typer.Typer:
     for name, environment in ENVIRONMENTS.items():
         maps.command(name, help=_help(name, environment))(_generator(environment))
     maps.command("import")(import_command)
+    maps.command("start")(start_command)
     maps.command("info")(info_command)
     return maps
 
@@ -112,9 +115,7 @@ def import_command(
             "of a photo 1/20000 of its area."
         ),
     ] = None,
-    start: Annotated[
-        str | None, typer.Option(help="Start as X,Y,DEG in the map; default: the roomiest place.")
-    ] = None,
+    start: StartIn = None,
     points: Annotated[
         str | None,
         typer.Option(
@@ -159,7 +160,8 @@ def import_command(
 ) -> None:
     """Import a map from a file of another program, or from a photo.
 
-    Everything that was repaired or left out is counted and printed.
+    Everything that was repaired or left out is counted and printed. Without --start, robots start
+    at the roomiest place.
 
     Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
     """
@@ -178,12 +180,13 @@ def import_command(
         threshold=threshold,
         crop_mm=cast("Any", crop and numbers_from("--crop", crop, 4)),
     )
+    starts = starts_from(start)
     options = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
         simplify_mm=simplify_mm,
         unknown=unknown,
         least_obstacle_mm2=least_obstacle_mm2,
-        start=pose_from(start, "--start"),
+        start=next((one.pose for one in starts if isinstance(one, Start)), None),
         join_mm=join_mm,
         layers=tuple(layer or ()),
         drawn=cast("Any", drawn),
@@ -195,26 +198,51 @@ def import_command(
     )
     output = CommandOutput(quiet=quiet, force=force)
     if preview is None:
-        _save(import_map(source, options), out, output)
+        (world,) = started_maps([import_map(source, options)], start)
+        _save(world, out, output)
         return
     if source.suffix.lower() not in PHOTO_SUFFIXES:
         allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
         raise BadInputError("--preview", str(preview), allowed, source)
-    _save_with_preview(source, options, out, preview, output)
+    (world,), picture = _previewed(source, options, start)
+    _save(world, out, output)
+    write_bytes(preview, picture, force=force)
+    output.say(f"wrote {preview}")
 
 
-def _save_with_preview(
-    source: Path, options: ImportOptions, out: Path, preview: Path, output: CommandOutput
-) -> None:
+def _previewed(
+    source: Path, options: ImportOptions, start: list[str] | None
+) -> tuple[tuple[Map, ...], bytes]:
+    """Return the map in a photo, and the photo with the map's walls drawn over it."""
     from vinefab.maps.importers.photo_map import read_photo_map  # noqa: PLC0415  loads scipy.optimize
     from vinefab.pages.figure import png_bytes  # noqa: PLC0415  loads matplotlib
     from vinefab.pages.photo_preview import photo_preview  # noqa: PLC0415
 
     imported = read_photo_map(source, options)
-    picture = png_bytes(photo_preview(imported))
-    _save(imported.world, out, output)
-    write_bytes(preview, picture, force=output.force)
-    output.say(f"wrote {preview}")
+    return started_maps([imported.world], start), png_bytes(photo_preview(imported))
+
+
+def start_command(
+    *,
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map file.")],
+    out: OutFile,
+    start: StartIn = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
+
+    Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
+
+    Example: vinefab map start grid.geojson --start "left side, heading 0+-20" --out left.geojson
+
+    Example: vinefab map start grid.geojson --start "area 0,0 50,480, clear 20" --out area.geojson
+    """
+    if not start:
+        raise BadInputError("--start", None, WAYS)
+    ensure_writable(out, force=force)
+    (world,) = started_maps([read_map(map_file)], start)
+    _save(world, out, CommandOutput(quiet=quiet, force=force))
 
 
 def info_command(
@@ -223,6 +251,7 @@ def info_command(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Lay-flat width of a body to check.")
     ] = None,
+    start: StartIn = None,
     passages: Annotated[int, typer.Option(help="How many of the narrowest passages to find.")] = 5,
     json_out: JsonOut = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="A picture (SVG, or PNG).")] = None,
@@ -235,7 +264,8 @@ def info_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
-    info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
+    (world,) = started_maps([read_map(map_file)], start)
+    info = map_info(world, width_mm=width_mm, passages=passages)
     output.give_json(info_text(info))
     if svg:
         write_bytes(svg, info.picture(svg.suffix), force=force)
@@ -252,9 +282,10 @@ def _save(world: Map, out: Path, output: CommandOutput) -> None:
         f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
         f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
     )
-    for start in world.starts[:1]:
-        pose = start.pose
-        output.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{deg(pose.heading_rad):.1f}")
+    for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:
+        output.say(f"start: {start_words(start)}")
+    for note in area_notes([world]):
+        output.say(f"note: {note}")
     for key, value in world.facts.items():
         output.say(f"  {key}: {value}")
     output.say(f"wrote {out}")
@@ -268,7 +299,8 @@ def _generator(environment: Environment) -> Callable[..., None]:
         out, output = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
         ensure_writable(out, force=output.force)
         options = environment.options(**{name: given[name] for name in known})
-        _save(environment.make(given["seed"], options), out, output)
+        made = environment.make(given["seed"], options)
+        _save(started_maps([made], given["start"])[0], out, output)
 
     described = _described(environment.options)
     parameters = [_parameter("out", OutFile), _parameter("seed", Seed, default=0)]
@@ -278,6 +310,7 @@ def _generator(environment: Environment) -> Callable[..., None]:
             _parameter(name, Annotated[type(field.default), option], default=field.default)
         )
     parameters += [
+        _parameter("start", StartIn, default=None),
         _parameter("quiet", Quiet, default=False),
         _parameter("force", Force, default=False),
     ]

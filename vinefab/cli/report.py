@@ -1,6 +1,7 @@
 """``vinefab report``: predictions as one page."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,11 +22,13 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
     SetIn,
+    StartIn,
     contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
+    started_maps,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.growth.options import growth_arguments
@@ -44,6 +47,7 @@ def report_command(
     design: DesignIn,
     out: Annotated[Path, typer.Option("--out", help="The page to write (HTML).")],
     maps: MapsOptional = None,
+    start: StartIn = None,
     environment: EnvironmentIn = None,
     count: Count = 100,
     parameter: SetIn = None,
@@ -70,15 +74,17 @@ def report_command(
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)
-        given = [read_map(path) for path in maps or []]
+        given = started_maps([read_map(path) for path in maps or []], start)
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        if unseen is not None:
+            unseen = replace(unseen, worlds=started_maps(unseen.worlds, start))
         families = map_families(given, unseen)
         options = growth_choice([design], [robot], given_growth).options
         plan = PredictionPlan(poses=poses, seed=seed, options=options)
         found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
         arguments = ["vinefab", "report", design, "--recipe", recipe]
-        arguments += map_arguments(maps, environment, count, parameter)
+        arguments += map_arguments(maps, environment, count, parameter, start)
         arguments += ["--poses", str(poses), "--seed", str(seed)]
         arguments += [*contacts_arguments(contacts), *growth_arguments(options), "--out", str(out)]
         origin = origin_of(shlex.join(arguments), [robot], profile, families)

@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
+from vinefab.cli.common_options import (
+    EXIT_FINDINGS,
+    CommandOutput,
+    Force,
+    Quiet,
+    StartIn,
+    numbers_from,
+    started_maps,
+)
 from vinefab.core.atomic import write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.model.corner_marker import DEFAULT_MARKER_MM
@@ -20,6 +28,7 @@ def rig_command(
     *,
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The map file.")],
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")],
+    start: StartIn = None,
     printer: Annotated[str, typer.Option(help="A printer file, or a shipped one's name.")] = (
         DEFAULT_PRINTER
     ),
@@ -81,7 +90,7 @@ def rig_command(
     """
     output = CommandOutput(quiet=quiet, force=force)
     output.ensure_folder(out, RIG_MARK)
-    world = read_map(map_file)
+    (world,) = started_maps([read_map(map_file)], start)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(
         style=style,

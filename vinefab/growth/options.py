@@ -206,6 +206,12 @@ class GrowthOptions:
         return found if any(np.allclose(ends, use, rtol=0.0, atol=1e-9) for use in uses) else None
 
     @property
+    def half_angle_standing(self) -> str:
+        """Where the half-angle comes from: ``assumed``, or ``measured`` and how."""
+        found = self.measured_half_angle
+        return "assumed" if found is None else _measured_standing(found)
+
+    @property
     def contact_angles_deg(self) -> tuple[float, ...]:
         """Head-on half-angles that predictions are shown for: over the measured interval."""
         found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
@@ -213,13 +219,13 @@ class GrowthOptions:
             return CONTACT_ANGLES_DEG
         low, high = half_angle_ends_deg(found)
         steps = np.linspace(low, high, len(CONTACT_ANGLES_DEG)).tolist()
-        return tuple(dict.fromkeys((low, *(round(step, 3) for step in steps[1:-1]), high)))
+        return tuple(dict.fromkeys((low, *(round(step, 2) for step in steps[1:-1]), high)))
 
     @property
     def contact_angles_standing(self) -> str:
         """Where `contact_angles_deg` come from: ``assumed``, or ``measured`` and how."""
         found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
-        return "assumed" if found is None else half_angle_standing(found)
+        return "assumed" if found is None else _measured_standing(found)
 
     @property
     def half_angle_deg(self) -> float | list[float]:
@@ -319,7 +325,7 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     """Return by which rules designs grow, as it stands beside every score."""
     parts = [
         f"{options.body} body",
-        f"head-on half-angle {options.half_angle_text} ({_half_angle_source(options)})",
+        f"head-on half-angle {options.half_angle_text} ({options.half_angle_standing})",
         *_width_text(options),
         _pressure_text(options, {design.build.pressure_kpa for design in designs}),
     ]
@@ -356,7 +362,7 @@ def half_angle_ends_deg(found: MeasuredNumber) -> tuple[float, float]:
     return found.low, found.high
 
 
-def half_angle_standing(found: MeasuredNumber) -> str:
+def _measured_standing(found: MeasuredNumber) -> str:
     """Return what of a range of half-angles was measured, and from what."""
     words = f"measured: {found.text('deg')}"
     low, high = half_angle_ends_deg(found)
@@ -374,11 +380,6 @@ def _measured_values(contacts: MeasuredContacts) -> dict[str, Any]:
     if contacts.body_width_ratio is not None and contacts.body_width_ratio.value is not None:
         values["body_width_ratio"] = contacts.body_width_ratio.value
     return values
-
-
-def _half_angle_source(options: GrowthOptions) -> str:
-    found = options.measured_half_angle
-    return "assumed" if found is None else half_angle_standing(found)
 
 
 def _width_text(options: GrowthOptions) -> list[str]:

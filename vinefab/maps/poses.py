@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.start_place import start_pieces
+from vinefab.model.start_place import area_notes, start_pieces
 
 _STREAM = 1201
 _TRIES = 1000
@@ -74,21 +74,24 @@ def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> l
     """
     alike = [world for world in maps if not any(start.has_spread for start in world.starts)]
     given = max((len(world.starts) for world in alike), default=count)
+    notes = area_notes(maps)
     if given >= count:
-        return []
+        return notes
     which = (
         "this start has" if len(maps) == 1 else f"starts of {len(alike)} of {len(maps)} maps have"
     )
     if repeats:
         return [
+            *notes,
             f"{which} no spread: its {count} deployments per map differ in the head-on half-angle "
-            "alone, so they are samples over contacts, not over starts"
+            "alone, so they are samples over contacts, not over starts",
         ]
     deployments = "1 deployment" if given == 1 else f"at most {given} deployments"
     return [
+        *notes,
         f"{which} no spread: {deployments} per map; give spread_heading_deg, spread_x_mm and "
         "spread_y_mm beside heading_deg in the map file, or in the start of a run file's [maps], "
-        "to draw more (see docs/maps.md)"
+        "or --start, to draw more (see docs/maps.md)",
     ]
 
 

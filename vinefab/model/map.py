@@ -264,6 +264,33 @@ class Map:
 
         return write_text(path_given("path", path), map_text(self), force=force)
 
+    def with_start(self, *starts: "Start | str") -> "Map":
+        """Return the map with other starts in place of its own.
+
+        Parameters
+        ----------
+        *starts
+            A `Start`, or words as of ``--start``: ``"250,15,90+-10"``, ``"left side"``, ``"line
+            20,20 20,480, heading 0+-20"``, ``"area 0,0 50,480"`` (docs/maps.md has all of them).
+
+        Raises
+        ------
+        BadInputError
+            If the words are no start, or nothing of a start is in free space.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> start = maps.pegs(seed=1).with_start("left side, heading 0+-20").starts[0]
+        >>> start.area, start.pose.heading_deg
+        (<LINESTRING (15 0, 15 440)>, 0.0)
+        """
+        # Starts in words are built on this module.
+        from vinefab.model.start_place import start_from, with_starts  # noqa: PLC0415
+
+        given = [one if isinstance(one, Start) else start_from(one) for one in starts]
+        return with_starts(self, given)
+
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
         drawn: str | None = front_door().svg_of(self)

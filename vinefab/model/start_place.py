@@ -15,15 +15,17 @@ Commas count as spaces.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 import shapely
+import shapely.affinity
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.errors import BadInputError, nearest, shortened
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.model.map import START_CLEARANCE_MM, Map, Pose, Start
@@ -44,12 +46,14 @@ _PARTS = re.compile(
     r"|(?P<word>[^\W\d]+)|(?P<rest>\S))"
 )
 _MOST_LETTERS = 10_000
+_MOST_SHOWN = 120
 _SLACK_MM = 1e-6
 """A line just as far from a wall as asked for is far enough."""
 
 _SEGMENTS_PER_QUARTER = 32
 _DECIMALS = 6
 _TRIED_INSETS = 200
+_ALL = 0.995
 _CLEARANCE_STEPS = 12
 
 
@@ -120,13 +124,8 @@ class StartPlace:
             parts.append(f"clear {self.clearance_mm:.12g}")
         return ", ".join(parts)
 
-    def on(self, world: Map, free: BaseGeometry | None = None) -> Start:
+    def on(self, world: Map) -> Start:
         """Return the start on a map, its pose at a free place near the middle.
-
-        Parameters
-        ----------
-        free
-            The map's free space, if it is known already.
 
         Raises
         ------
@@ -143,11 +142,10 @@ class StartPlace:
             area=area,
             clearance_mm=self.least_clearance_mm,
         )
-        free = world.free_space if free is None else free
         try:
-            pieces = start_pieces(start, free)
+            pieces = pieces_on(world, start)
         except BadInputError as error:
-            allowed = self._other_inset(box, free) or error.allowed
+            allowed = self._other_inset(world) or error.allowed
             raise BadInputError("start", self.text, f"{allowed} (map {world.name!r})") from error
         x_mm, y_mm = _middle_mm(area, pieces)
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
@@ -156,10 +154,11 @@ class StartPlace:
     def _inset_mm(self) -> float:
         return self.least_clearance_mm if self.inset_mm is None else self.inset_mm
 
-    def _other_inset(self, box: tuple[float, ...], free: BaseGeometry) -> str:
+    def _other_inset(self, world: Map) -> str:
         """Return what to allow where a side has no free place: the first inset that has some."""
         if self.side is None:
             return ""
+        box, free = world.bounds.bounds, world.free_space
         across_mm = box[2] - box[0] if self.side in ("left", "right") else box[3] - box[1]
         room = _far_from_walls(free, self.least_clearance_mm)
         for inset_mm in np.linspace(self._inset_mm, across_mm, _TRIED_INSETS).tolist():
@@ -341,6 +340,60 @@ def _shape_text(area: LineString | Polygon) -> str:
     return " ".join((name, *(f"{x:.12g},{y:.12g}" for x, y in points.tolist())))
 
 
+# --- As plain values ------------------------------------------------------------------------------
+
+
+def start_record(start: Start | StartPlace) -> dict[str, Any]:
+    """Return a start as plain values with all its bits; without an area, no key speaks of one."""
+    record: dict[str, Any] = asdict(start)
+    area = record.pop("area")
+    if area is not None:
+        record["area"] = shapely.to_wkb(start.area, hex=True)
+    elif isinstance(start, Start):
+        del record["clearance_mm"]
+    return record
+
+
+def start_of_record(record: Mapping[str, Any]) -> Start | StartPlace:
+    """Return the start of `start_record`."""
+    values = dict(record)
+    if values.get("area") is not None:
+        values["area"] = shapely.from_wkb(values["area"])
+    if "pose" in values:
+        return Start(**{**values, "pose": Pose(**values["pose"])})
+    return StartPlace(**values)
+
+
+def start_text(start: Start | StartPlace) -> str:
+    """Return a start as a run file gives it."""
+    if isinstance(start, StartPlace):
+        return start.text
+    pose = start.pose
+    numbers = {
+        "x_mm": pose.x_mm,
+        "y_mm": pose.y_mm,
+        "heading_deg": pose.heading_deg,
+        "spread_x_mm": start.spread_x_mm,
+        "spread_y_mm": start.spread_y_mm,
+        "spread_heading_deg": deg(start.spread_heading_rad),
+    }
+    words = [f"{name} = {value:g}" for name, value in numbers.items()]
+    if start.area is not None:
+        words += [_shape_text(start.area), f"clearance_mm = {start.clearance_mm:g}"]
+    return ", ".join(words)
+
+
+def start_words(start: Start) -> str:
+    """Return a start for a user: its pose, and the area and headings that poses are drawn from."""
+    pose = start.pose
+    words = f"{pose.x_mm:.1f},{pose.y_mm:.1f},{pose.heading_deg:.1f}"
+    if start.area is None:
+        return words
+    spread = f"+-{deg(start.spread_heading_rad):g}" if start.spread_heading_rad else ""
+    drawn = f"{_shape_text(start.area)}, heading {pose.heading_deg:g}{spread}"
+    return f"{shortened(drawn, _MOST_SHOWN)} (one growth: {words})"
+
+
 # --- On a map -------------------------------------------------------------------------------------
 
 
@@ -357,21 +410,18 @@ def with_starts(world: Map, given: Iterable[Start | StartPlace], key: str = "sta
     BadInputError
         If a start is outside the bounds or inside an obstacle.
     """
-    free: BaseGeometry | None = None
     starts: list[Start] = []
     for one in given:
-        if isinstance(one, StartPlace) or one.area is not None:
-            free = world.free_space if free is None else free
         try:
-            start = one.on(world, free) if isinstance(one, StartPlace) else one
-            check_start(world, start, free)
+            start = one.on(world) if isinstance(one, StartPlace) else one
+            _check_start(world, start)
         except BadInputError as error:
             raise BadInputError(key, error.value, error.allowed) from error
         starts.append(start)
     return replace(world, starts=tuple(starts))
 
 
-def check_start(world: Map, start: Start, free: BaseGeometry | None = None) -> None:
+def _check_start(world: Map, start: Start) -> None:
     """Raise BadInputError unless a start's pose, and something of its area, is free on a map."""
     spot, solid = shapely.Point(start.pose.x_mm, start.pose.y_mm), ""
     if not world.bounds.covers(spot):
@@ -383,7 +433,7 @@ def check_start(world: Map, start: Start, free: BaseGeometry | None = None) -> N
         allowed = f"a place in free space; it is {solid} of map {world.name!r}"
         raise BadInputError("start", where, allowed)
     if start.area is not None:
-        start_pieces(start, world.free_space if free is None else free)
+        pieces_on(world, start)
 
 
 def start_pieces(
@@ -418,13 +468,70 @@ def start_pieces(
     raise BadInputError("start", _shape_text(area), allowed)
 
 
-def free_share(start: Start, free: BaseGeometry) -> float:
+def area_notes(worlds: Sequence[Map]) -> list[str]:
+    """Return from how much of the lines and areas of starts poses are drawn, if not from all."""
+    drawn = [(world, start) for world in worlds for start in world.starts if start.area is not None]
+    shares = [_free_share(world, start) for world, start in drawn]
+    if not shares or min(shares) > _ALL:
+        return []
+    clearances_mm = {start.clearance_mm for _, start in drawn}
+    away = f", at least {min(clearances_mm):g} mm from walls" if max(clearances_mm) > 0.0 else ""
+    kind = "line" if all(isinstance(start.area, LineString) for _, start in drawn) else "area"
+    if len(shares) == 1:
+        share = 100.0 * shares[0]
+        return [f"poses are drawn from the {share:.0f} % of the start's {kind} that is free{away}"]
+    low, high = 100.0 * min(shares), 100.0 * max(shares)
+    return [
+        f"poses are drawn from the {low:.0f} to {high:.0f} % of {len(shares)} starts' {kind}s that "
+        f"are free{away}"
+    ]
+
+
+def start_range(start: Start) -> BaseGeometry | None:
+    """Return all positions of a start: its area, the box or line of its spreads; None for one."""
+    if start.area is not None:
+        return start.area
+    x, y = start.pose.x_mm, start.pose.y_mm
+    dx, dy = start.spread_x_mm, start.spread_y_mm
+    if dx > 0.0 and dy > 0.0:
+        return _box(x - dx, y - dy, x + dx, y + dy)
+    return LineString([(x - dx, y - dy), (x + dx, y + dy)]) if dx + dy > 0.0 else None
+
+
+def pieces_on(world: Map, start: Start) -> list[LineString | Polygon]:
+    """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
+    return start_pieces(start, _free_near(world, start))
+
+
+def _free_share(world: Map, start: Start) -> float:
     """Return how much of a start's line or area poses are drawn from, 0 to 1."""
-    if start.area is None:
-        return 1.0
     measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
-    share = float(measure(start_pieces(start, free)).sum() / measure(start.area))
-    return min(1.0, share)
+    pieces = pieces_on(world, start)
+    return min(1.0, float(measure(pieces).sum() / measure(start.area)))
+
+
+def _free_near(world: Map, start: Start) -> BaseGeometry:
+    """Return the free space around a start's area, as far as its clearance may ask for."""
+    x_min, y_min, x_max, y_max = (start.area or world.bounds).bounds
+    reach_mm = start.clearance_mm + 1.0
+    around = shapely.box(x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+    solid = np.array(world.obstacles, dtype=np.object_)
+    near = solid[shapely.intersects(shapely.box(*shapely.bounds(solid).T), around)]
+    return shapely.difference(shapely.intersection(world.bounds, around), shapely.union_all(near))
+
+
+def share_around(start: Start, share: float) -> LineString | Polygon | None:
+    """Return a start's area drawn together around its pose, within the area; None for nothing."""
+    if start.area is None or share <= 0.0:
+        return None
+    base = (start.pose.x_mm, start.pose.y_mm)
+    smaller = shapely.affinity.scale(start.area, share, share, origin=base)
+    if isinstance(start.area, Polygon) and share < 1.0:
+        parts = shapely.get_parts(shapely.intersection(smaller, start.area)).tolist()
+        pieces = [part for part in parts if isinstance(part, Polygon)]
+        spot = shapely.Point(base)
+        return min(pieces, key=lambda piece: piece.distance(spot), default=smaller)
+    return smaller
 
 
 def _near(area: BaseGeometry, free: BaseGeometry, reach_mm: float) -> BaseGeometry:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import json_text
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -20,7 +21,7 @@ from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
-from vinefab.model.files.contacts_toml import contacts_text
+from vinefab.model.files.contacts_toml import CONTACTS_SCHEMA, contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
     FEW_PHOTOS,
@@ -36,8 +37,11 @@ ANGLE_ERROR_DEG = 2.0
 SHAPE_ANGLES_DEG = tuple(np.arange(0.0, 45.01, 0.5).tolist())
 """Half-angles at which robots are grown again."""
 
-TRACING_ERROR_MM = 1.0
-"""Error of a traced centre line [assumed]: shapes that differ by less are alike."""
+SHAPE_ERRORS_MM = tuple(np.geomspace(1.0, 64.0, 13).tolist())
+"""Errors of shapes that are tried: at least what tracing leaves [assumed]."""
+
+TAILS = 3.0
+"""Degrees of freedom of the distribution of shape errors [assumed]: outliers are expected."""
 
 COMPARED = 64
 """Places along a branch at which two shapes are compared."""
@@ -51,12 +55,12 @@ class ShapeFit:
     """Half-angles at which robots that are grown again look like those on the photos."""
 
     value_deg: float
-    # 95 % interval by profile likelihood, one value for each branch
+    # 95 % interval by profile likelihood, as if branches were independent
     low_deg: float
     high_deg: float
     photos: int
     branches: int
-    error_mm: float  # root mean square distance of the shapes at the best half-angle
+    error_mm: float  # median over branches of the distance at the best half-angle
 
     @property
     def says_nothing(self) -> bool:
@@ -89,6 +93,10 @@ class ContactFit:
     def text(self) -> str:
         """Return the file that predictions read."""
         return contacts_text(self.contacts, self._method())
+
+    def json_text(self) -> str:
+        """Return the same as JSON."""
+        return json_text(CONTACTS_SCHEMA, {**self.contacts.content, "method": self._method()})
 
     def _method(self) -> dict[str, object]:
         method: dict[str, object] = {"photos": list(self.photos)}
@@ -142,7 +150,7 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
     error_deg
         Standard error of the angles of contacts, where an observation does not give it.
     """
-    number("angle error", error_deg, 0.1, 30.0, "deg")
+    number("--angle-error-deg", error_deg, 0.1, 30.0, "deg")
     return fit_photos(read_observations(paths), error_deg)
 
 
@@ -258,9 +266,8 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     if not known:
         return None
     squared = np.concatenate(known)
-    mean_mm2 = squared.mean(axis=0)
-    fall = len(squared) * np.log(mean_mm2 + TRACING_ERROR_MM**2)
-    fall -= fall.min()
+    likely = np.max([_log_likely(squared, error_mm) for error_mm in SHAPE_ERRORS_MM], axis=0)
+    fall = 2.0 * (likely.max() - likely)
     angles = np.array(SHAPE_ANGLES_DEG)
     inside, top = angles[fall <= TWO_SIDED], angles[fall <= 0.1]
     return ShapeFit(
@@ -269,8 +276,18 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
         high_deg=float(inside[-1]),
         photos=len(known),
         branches=len(squared),
-        error_mm=float(math.sqrt(mean_mm2.min())),
+        error_mm=float(np.median(np.sqrt(squared[:, likely.argmax()]))),
     )
+
+
+def _log_likely(squared_mm2: Floats, error_mm: float) -> Floats:
+    """Return the log likelihood of branches' distances at each half-angle, shape (angles,).
+
+    A t distribution of two coordinates: a branch that went another way for a reason of its own is
+    an outlier, and does not decide alone.
+    """
+    far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
+    return np.asarray(-np.sum(0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm), axis=0))
 
 
 def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:

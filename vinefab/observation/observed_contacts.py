@@ -7,20 +7,18 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import shapely
 from pydantic import BaseModel, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import read_text
 from vinefab.model.files.toml import validated
 from vinefab.model.map import Map, Pose
-from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
+from vinefab.physics.tube import inflated_diameter_mm
 
 LARGEST_OBSERVATION_BYTES = 1 << 26
 MOST_CONTACTS = 10_000
@@ -43,18 +41,24 @@ Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
 class SeenContactForm(ReadForm):
     """A place where a tip met a wall."""
 
-    x_mm: Coordinate
-    y_mm: Coordinate
+    wall: str | int | None = None
     angle_from_normal_deg: Annotated[float, Field(ge=0, le=180)] | None = None
     outcome: Literal["slid", "stopped", "unclear"]
     angle_error_deg: Annotated[float, Field(ge=0, le=90)] | None = None
     distance_mm: Annotated[float, Field(ge=0, le=1e7)] | None = None
 
 
+class BranchWidthForm(ReadForm):
+    """How broad a branch should look from above."""
+
+    nominal: Annotated[float, Field(gt=0, le=1e5)]
+
+
 class TracedBranchForm(ReadForm):
     """A branch as planned, seen and predicted."""
 
     id: str
+    width_mm: BranchWidthForm | None = None
     level: Annotated[int, Field(ge=1, le=1000)]
     points_mm: Annotated[list[tuple[Coordinate, Coordinate]], Field(max_length=MOST_TRACED)] = []
     stop_observed: str | None = None
@@ -117,7 +121,7 @@ class ObservedPhoto:
     pose: Pose
     design: Design | None
     world: Map | None
-    # distance of each contact's centre line from the nearest wall against the nominal radius
+    # distance of centre lines from each wall that they touch, against the nominal radius
     width_ratios: tuple[float, ...]
     # breadth of the film against the trunk's nominal diameter: value, low, high
     breadth_ratio: tuple[float, float, float] | None
@@ -159,7 +163,7 @@ def _observation(text: str, path: Path) -> ObservedPhoto:
         pose=Pose(x_mm=form.pose.x_mm, y_mm=form.pose.y_mm, heading_rad=rad(form.pose.heading_deg)),
         design=design,
         world=world,
-        width_ratios=_width_ratios(form, design, world),
+        width_ratios=_width_ratios(form, design),
         breadth_ratio=_breadth_ratio(form, design),
         notes=notes,
     )
@@ -228,32 +232,33 @@ def _beside(name: str, path: Path) -> str:
     return name
 
 
-def _width_ratios(
-    form: ObservationForm, design: Design | None, world: Map | None
-) -> tuple[float, ...]:
-    if design is None:
-        return ()
-    free = None if world is None else Terrain.of(world).free_space()
-    widths_mm, ratios = design.build.widths_mm, list[float]()
+def _width_ratios(form: ObservationForm, design: Design | None) -> tuple[float, ...]:
+    """Return distances from walls against nominal radii, one for each branch and wall."""
+    ratios: dict[tuple[str, object], float] = {}
     for branch in form.branches:
-        if branch.level > len(widths_mm):
-            continue
+        nominal_mm = _nominal_mm(branch, design)
         for contact in branch.contacts:
-            distance_mm = contact.distance_mm
-            if distance_mm is None and free is not None:
-                point = shapely.Point(contact.x_mm, contact.y_mm)
-                distance_mm = float(shapely.distance(free.boundary, point))
-            if distance_mm is not None and contact.outcome != "unclear":
-                ratios.append(distance_mm / inflated_radius_mm(widths_mm[branch.level - 1]))
-    return tuple(ratios)
+            if nominal_mm and contact.distance_mm is not None and contact.outcome != "unclear":
+                ratios[branch.id, contact.wall] = 2.0 * contact.distance_mm / nominal_mm
+    return tuple(ratios.values())
+
+
+def _nominal_mm(branch: TracedBranchForm, design: Design | None) -> float | None:
+    """Return the nominal inflated diameter of a branch, by the observation or by the design."""
+    if branch.width_mm is not None:
+        return branch.width_mm.nominal
+    if design is None or branch.level > len(design.build.widths_mm):
+        return None
+    return inflated_diameter_mm(design.build.widths_mm[branch.level - 1])
 
 
 def _breadth_ratio(
     form: ObservationForm, design: Design | None
 ) -> tuple[float, float, float] | None:
     found = None if form.film is None else form.film.width_mm
-    if found is None or design is None:
+    trunk = next((branch for branch in form.branches if branch.level == 1), None)
+    nominal_mm = None if trunk is None else _nominal_mm(trunk, design)
+    if found is None or nominal_mm is None:
         return None
-    nominal_mm = inflated_diameter_mm(design.build.widths_mm[0])
     value, low, high = np.array([found.measured, found.low, found.high]) / nominal_mm
     return float(value), float(low), float(high)

@@ -28,7 +28,7 @@ def photo_preview(imported: PhotoMap) -> Figure:
         for start in world.starts[:1]:
             axes.plot(start.pose.x_mm, start.pose.y_mm, "o", color=_WALLS, mec="white", zorder=5)
         bar = _round_length((box[2] - box[0]) / 5.0)
-        x, y = box[0] + 0.04 * (box[2] - box[0]), box[1] + 0.04 * (box[3] - box[1])
+        x, y = (box[0] + box[2] - bar) / 2.0, box[1] + 0.04 * (box[3] - box[1])
         axes.plot([x, x + bar], [y, y], color="white", lw=6, solid_capstyle="butt", zorder=6)
         axes.plot([x, x + bar], [y, y], color=INK, lw=3, solid_capstyle="butt", zorder=7)
         axes.set_title(

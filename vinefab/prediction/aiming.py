@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.growth.options import (
-    CONTACT_ANGLES_DEG,
     HALF_ANGLE_DEG,
     GrowthChoice,
     GrowthOptions,
@@ -111,7 +111,8 @@ def aim_growth(designs: Sequence[Design], given: Mapping[str, object] | None) ->
     choice = GrowthChoice.of(designs, given)
     if given and HALF_ANGLE_DEG in given:
         return choice
-    ends = (rad(CONTACT_ANGLES_DEG[0]), rad(CONTACT_ANGLES_DEG[-1]))
+    angles_deg = choice.options.contact_angles_deg
+    ends = (rad(angles_deg[0]), rad(angles_deg[-1]))
     return replace(choice, options=replace(choice.options, head_on_half_angle_rad=ends))
 
 
@@ -131,6 +132,17 @@ def plain_vine_of(design: Design) -> Design:
         ),
         origin=origin,
     )
+
+
+def held_against(
+    design: Design, against: Design | None = None, *, alone: bool = False
+) -> list[Design]:
+    """Return a design and what it is held against: the plain vine of its length unless said."""
+    if alone and against is not None:
+        raise BadInputError("--alone", "together with --against", "one of them")
+    if against is not None:
+        return [design, against]
+    return [design] if alone or not design.levels else [design, plain_vine_of(design)]
 
 
 # --- Results ------------------------------------------------------------------------------------
@@ -425,7 +437,7 @@ def _team_lines(robot: AimedRobot) -> list[str]:
         return []
     team = robot.team
     lines = [
-        f"{len(team.poses)} robots {robot.name} that together cover most of: {team.words} "
+        f"{len(team.poses)} robots {robot.name} that together cover most of: {team.cover.words} "
         f"(mean over fresh deployments, simulated; chosen among {team.candidates:,} poses)"
     ]
     for row, (count, mean, low, high, _) in zip(team.poses, union_curve(team), strict=True):
@@ -449,7 +461,11 @@ def aim_text(found: AimResult, origin: Origin) -> str:
     """Return the result as JSON."""
     plan = found.plan
     content = {
-        "standing": {"scores": "simulated", "placing": "assumed", "contacts": "assumed"},
+        "standing": {
+            "scores": "simulated",
+            "placing": "assumed",
+            "contacts": plan.options.contact_angles_standing,
+        },
         "task": found.task.name,
         "task_parameters": _parameters(found.task),
         "map": found.world.name,
@@ -522,7 +538,7 @@ def _landscape_content(found: PoseLandscape) -> dict[str, object]:
 
 def _team_content(team: RobotSet) -> dict[str, object]:
     return {
-        "covered": team.words,
+        "covered": team.cover.words,
         "candidates": team.candidates,
         "poses": [_pose_content(pose_of(row)) for row in team.poses],
         "robots": [

@@ -23,8 +23,9 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Pose
-from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import StartPlace, start_from, start_pieces, with_starts
+from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.task import Task, outcomes
 
@@ -142,9 +143,7 @@ class PoseTrial:
     @property
     def radius_mm(self) -> float:
         """Radius of the trunk as it grows; 0 for bare centrelines."""
-        if self.options.body == "centerline":
-            return 0.0
-        return inflated_radius_mm(self.design.build.widths_mm[0])
+        return self.options.radius_mm(self.design.build.widths_mm[0])
 
     @property
     def room(self) -> BaseGeometry:
@@ -248,6 +247,7 @@ class BaseRegion:
     starts: BaseGeometry
     areas: BaseGeometry
     step_mm: float  # a heading points into the room if a step of this length does
+    turns_rad: tuple[float, float] | None  # middle and half-width of the headings; None: all
     words: str  # what it is, for people
 
     @classmethod
@@ -257,28 +257,31 @@ class BaseRegion:
         Parameters
         ----------
         where
-            One of `WHERE`, or an area as ``X0,Y0,X1,Y1``, the corners of a box in mm.
+            One of `WHERE`, or a start in words, see `vinefab.model.start_place`.
 
         Raises
         ------
         BadInputError
             If there is no such place with room for the trunk.
         """
-        room, world = trial.room, trial.prepared.world
+        room, world, turns = trial.room, trial.prepared.world, None
         border: BaseGeometry = shapely.GeometryCollection()
         starts, areas = border, border
         if where == "border":
             border = _border(trial)
-            starts, areas = _start_places(world, room)
+            starts, areas = _start_places(trial, world)
             words = "along the border of the free space, and where the map's starts are"
         elif where == "anywhere":
             areas, words = room, "wherever the trunk has room"
         elif where == "starts":
-            starts, areas = _start_places(world, room)
+            starts, areas = _start_places(trial, world)
             words = "where the map's starts are"
         else:
-            areas = _parts(shapely.intersection(room, _box_from(where)), "Polygon")
-            words = f"in the box {where} mm"
+            there = with_starts(world, [_start_in_words(where)], "--where")
+            starts, areas = _start_places(trial, there)
+            words, start = f"at {where}", there.starts[0]
+            if start.spread_heading_rad > 0.0:
+                turns = (start.pose.heading_rad, start.spread_heading_rad)
         if border.is_empty and starts.is_empty and areas.is_empty:
             allowed = f"a part of map {world.name} with room for the trunk, such as anywhere"
             raise BadInputError("--where", where, allowed)
@@ -288,8 +291,17 @@ class BaseRegion:
             starts=starts,
             areas=areas,
             step_mm=max(0.5 * trial.radius_mm, LEAST_STEP_MM),
+            turns_rad=turns,
             words=words,
         )
+
+    @property
+    def headings_rad(self) -> Floats:
+        """Headings that are tried first, shape (h,)."""
+        if self.turns_rad is None:
+            return 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
+        middle, half = self.turns_rad
+        return np.asarray(middle + half * np.linspace(-1.0, 1.0, HEADINGS))
 
     def spacing_mm(self, count: int) -> float:
         """Return how far apart about so many places of it lie."""
@@ -306,6 +318,10 @@ class BaseRegion:
     def allow(self, poses: Floats) -> NDArray[np.bool_]:
         """Tell which poses of places in it may be: all, but on the border those that point in."""
         allowed = np.ones(len(poses), dtype=np.bool_)
+        if self.turns_rad is not None:
+            middle, half = self.turns_rad
+            off = np.angle(np.exp(1j * (poses[:, 2] - middle)))
+            allowed = np.abs(off) <= half + 1e-9
         if self.border.is_empty:
             return allowed
         points = shapely.points(poses[:, :2])
@@ -390,31 +406,31 @@ def _border(trial: PoseTrial) -> BaseGeometry:
     return shapely.GeometryCollection(list(shapely.get_parts(merged)))
 
 
-def _start_places(world: Map, room: BaseGeometry) -> tuple[BaseGeometry, BaseGeometry]:
-    """Return where the map's starts are: lines and points, and areas, where there is room."""
-    lines, areas = list[BaseGeometry](), list[BaseGeometry]()
+def _start_places(trial: PoseTrial, world: Map) -> tuple[BaseGeometry, BaseGeometry]:
+    """Return where a map's starts are: lines and points, and areas, where there is room."""
+    shapes = list[BaseGeometry]()
     for start in world.starts:
         x, y, across, up = start.pose.x_mm, start.pose.y_mm, start.spread_x_mm, start.spread_y_mm
-        if across and up:
-            areas.append(shapely.box(x - across, y - up, x + across, y + up))
+        if start.area is not None:
+            free = trial.prepared.terrain.free_space()
+            shapes += start_pieces(start, free, trial.radius_mm)
+        elif across and up:
+            shapes.append(shapely.box(x - across, y - up, x + across, y + up))
         elif across or up:
-            lines.append(shapely.LineString([(x - across, y - up), (x + across, y + up)]))
+            shapes.append(shapely.LineString([(x - across, y - up), (x + across, y + up)]))
         else:
-            lines.append(shapely.Point(x, y))
-    flat = [shapely.intersection(room, line) for line in lines]
-    places = _parts(shapely.GeometryCollection(flat), "Point", "LineString")
-    return places, _parts(shapely.intersection(room, shapely.union_all(areas)), "Polygon")
+            shapes.append(shapely.Point(x, y))
+    flat = [part for shape in shapes for part in shapely.get_parts(trial.room & shape)]
+    both = shapely.GeometryCollection(flat)
+    areas = shapely.union_all(shapely.get_parts(_parts(both, "Polygon")))
+    return _parts(both, "Point", "LineString"), _parts(areas, "Polygon")
 
 
-def _box_from(text: str) -> BaseGeometry:
+def _start_in_words(text: str) -> Start | StartPlace:
     try:
-        corners = [float(part) for part in text.split(",")]
-    except ValueError:
-        corners = []
-    if len(corners) != 4 or not all(map(math.isfinite, corners)):
-        raise BadInputError("--where", text, f"{', '.join(WHERE)}, or a box X0,Y0,X1,Y1 in mm")
-    x0, y0, x1, y1 = corners
-    return shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+        return start_from(text, "--where")
+    except BadInputError as error:
+        raise BadInputError("--where", text, f"{', '.join(WHERE)}, or {error.allowed}") from error
 
 
 # --- The search ---------------------------------------------------------------------------------
@@ -574,7 +590,7 @@ def _landscape(
     count: DeploymentCounter,
 ) -> PoseLandscape:
     """Return the mean scores all over a region."""
-    headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
+    headings = region.headings_rad
     # On the border half of the headings point outward.
     per_place = HEADINGS * FEWEST_DRAWS * (1.0 if region.border.is_empty else 0.5)
     finest_mm = max(0.5 * float(np.abs(draws.offset_mm).max()), LEAST_STEP_MM)
@@ -611,7 +627,8 @@ def _refined(
     tried: Callable[[_Field, int], _Field],
 ) -> _Field:
     """Return the best poses after steps around them that become smaller round by round."""
-    step = np.array([landscape.spacing_mm, landscape.spacing_mm, math.pi / HEADINGS]) / 2.0
+    turn = abs(float(landscape.headings_rad[1] - landscape.headings_rad[0]))
+    step = np.array([landscape.spacing_mm, landscape.spacing_mm, turn]) / 2.0
     parents = max(1, int(deployments / (ROUNDS * len(AROUND) * max(found.draws, 1))))
     for _ in range(ROUNDS):
         best = found.apart(parents, float(step[0]), float(step[2]))

@@ -257,7 +257,7 @@ def contact_words(found: ContactRange) -> str:
         return CONTACT_WORDS
     return (
         "Whether a tip that meets a wall slides on or stops there was measured on photos of grown "
-        f"robots: {found.over}, {found.standing}. Every number here holds for one half-angle "
+        f"robots ({found.standing}). Every number here holds for one half-angle "
         "within which a tip stops, and the same poses. What the photos leave open is the width of "
         "a prediction."
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vinefab.core.statistics import mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
+from vinefab.model.deployment import Deployment
 from vinefab.prediction.pose_search import (
     DeploymentCounter,
     PoseDraws,
@@ -101,7 +102,7 @@ def _tighten(bounds: Floats, share: float, gains: Floats) -> None:
 
 MOST_ROBOTS = 50
 
-SET_DRAWS = 8
+SET_DRAWS = 32
 """Draws of contacts and placing errors at which candidates are compared."""
 
 FRESH_SET_DRAWS = 200
@@ -110,7 +111,7 @@ FRESH_SET_DRAWS = 200
 MOST_BITS = 400_000_000
 """Candidates times draws times elements: 50 MB."""
 
-MOST_CANDIDATES = 3000
+MOST_CANDIDATES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,8 +122,9 @@ class RobotSet:
     choice: GreedyChoice  # at the draws of the search
     fresh: Floats  # share that the first 1, 2, ... cover at fresh draws, shape (m, f)
     covered: NDArray[np.bool_]  # what each covers at the first fresh draw, shape (m, e)
+    shown: tuple[Deployment, ...]  # each at that draw
     candidates: int
-    words: str  # what is covered
+    cover: Cover  # what can be covered
 
     @property
     def means(self) -> list[float]:
@@ -201,14 +203,15 @@ class TeamSearch:
                 bits[rows] = self._covered_bits(poses[rows], _shifted(draws, shift))
         choice = chosen_greedily(CoveredSets(bits=bits, weight=weight), count)
         chosen = poses[list(choice.chosen)]
-        fresh, covered = self._fresh_shares(chosen, rng)
+        fresh, covered, shown = self._fresh_shares(chosen, rng)
         return RobotSet(
             poses=chosen,
             choice=choice,
             fresh=fresh,
             covered=covered,
+            shown=shown,
             candidates=len(poses),
-            words=self.cover.words,
+            cover=self.cover,
         )
 
     def _covered_bits(self, poses: Floats, draws: PoseDraws) -> Bits:
@@ -219,19 +222,20 @@ class TeamSearch:
 
     def _fresh_shares(
         self, poses: Floats, rng: np.random.Generator
-    ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the share that the first robots cover at each fresh draw, and what each covers."""
+    ) -> tuple[Floats, NDArray[np.bool_], tuple[Deployment, ...]]:
+        """Return the share that the first robots cover at each fresh draw, and the first draw."""
         weight, contacts = self.cover.weight, self.errors.drawn(FRESH_SET_DRAWS, rng)
         union = np.zeros((FRESH_SET_DRAWS, len(weight)), dtype=np.bool_)
-        shares, firsts = list[Floats](), list[NDArray[np.bool_]]()
+        shares, firsts, shown = list[Floats](), list[NDArray[np.bool_]](), list[Deployment]()
         for pose in poses:
             draws = self.errors.drawn(FRESH_SET_DRAWS, rng).with_contacts_of(contacts)
             (bits,) = self._covered_bits(pose[None], draws)
             found = np.unpackbits(bits, axis=-1, count=len(weight)).astype(np.bool_)
             firsts.append(found[0])
+            shown += self.trial.deployments(pose, draws.part(0, 1))
             union |= found
             shares.append(union @ weight)
-        return np.array(shares), np.array(firsts)
+        return np.array(shares), np.array(firsts), tuple(shown)
 
 
 def team_deployments(count: int) -> int:

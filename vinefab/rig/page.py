@@ -19,10 +19,10 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.drawing import fill_geometry
+from vinefab.pages.drawing import draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.pages.map_view import UNSEEN
+from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.printing import BASIS, Bed, Printing
@@ -193,6 +193,10 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
         for number, outline in outlines.items():
             size = 14 if len(outlines) < 30 else max(3.0, 90.0 / len(outlines) ** 0.5)
             _draw_part(axes, number, on_rig(outline), size)
+        for mark in start_marks(world, world.bounds.bounds):
+            whole = None if mark.whole is None else on_rig(mark.whole)
+            free, fan = tuple(map(on_rig, mark.free)), mark.fan and on_rig(mark.fan)
+            draw_start_range(axes, StartMark(whole=whole, free=free, fan=fan))
         for start in world.starts:
             point = on_rig(shapely.Point(start.pose.x_mm, start.pose.y_mm))
             axes.plot(

@@ -86,7 +86,7 @@ def test_of_several_layers_one_must_be_chosen(tmp_path):
     assert len(import_map(path, ImportOptions(layers=("rooms",))).obstacles) == 0
     both = import_map(path, ImportOptions(layers=("rooms", "rocks")))
     assert len(both.obstacles) == 1
-    with pytest.raises(UnknownNameError, match=r"site.gpkg.*did you mean 'rocks'"):
+    with pytest.raises(UnknownNameError, match=r"site\.gpkg.*did you mean 'rocks'"):
         import_map(path, ImportOptions(layers=("rock",)))
 
 

@@ -13,6 +13,7 @@ import shapely
 from PIL import Image
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.maps.importers import importers
 from vinefab.maps.importers.importers import IMPORTERS, import_map, import_suffixes
 from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
@@ -186,3 +187,50 @@ def test_no_file_cut_short_is_a_crash(tmp_path: Path, name: str) -> None:
 def test_an_unknown_suffix_is_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInputError, match=r"plan\.txt.*ending in .*\.yaml.*\.svg"):
         import_map(Path("plan.txt"), ImportOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("plan.pdf", "Inkscape.*pdftocairo"),
+        ("plan.AI", "Inkscape"),
+        ("plan.dwg", "save it as DXF"),
+        ("arena.stl", "cut it at one height"),
+        ("cave.kml", "in degrees: project it"),
+        ("cave.dbf", "give the .shp"),
+        ("cave.th2", "export map"),
+        ("plan.tiff", "save it as PNG"),
+        ("plan.svgz", "unpack it"),
+        ("world.pgm", "world.yaml with the lines image: world.pgm, resolution"),
+        ("plan.xlsx", "save the sheet as CSV"),
+    ],
+)
+def test_a_kind_of_file_that_is_near_gets_a_hint(name: str, words: str) -> None:
+    with pytest.raises(BadInputError, match=words) as caught:
+        import_map(Path(name), ImportOptions())
+    assert "\n" not in str(caught.value)
+
+
+def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
+    (tmp_path / "world.yaml").write_bytes(ros_sample())
+    with pytest.raises(BadInputError, match=r"give world\.yaml, which lies beside it"):
+        import_map(tmp_path / "world.pgm", ImportOptions())
+
+
+@pytest.mark.parametrize(
+    ("document", "kind"),
+    [
+        ('{"type": "Topology", "arcs": []}', "TopoJSON"),
+        ('{"geometryType": "esriGeometryPolygon", "features": []}', "Esri JSON"),
+    ],
+)
+def test_other_json_is_named(tmp_path: Path, document: str, kind: str) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(document)
+    with pytest.raises(BadInputError, match=f"{kind}.*ogr2ogr"):
+        import_map(path, ImportOptions())
+
+
+def test_no_hint_is_about_a_kind_that_is_read() -> None:
+    near = {end for ends in importers._ADVICE for end in ends.split()}
+    assert not near & {suffix.removeprefix(".") for suffix in import_suffixes()}

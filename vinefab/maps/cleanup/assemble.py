@@ -189,9 +189,9 @@ def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
 
 def _may_be_free(parts: list[SolidRegion], options: AssembleOptions) -> bool:
     """Return whether reading areas as obstacles must fail, and as free space may not."""
-    if options.bounds not in (None, "outline") or options.wall_mm is not None:
+    if options.drawn is not None or options.wall_mm is not None:
         return False
-    if any(part.role is not None for part in parts):
+    if options.bounds is not None or any(part.role is not None for part in parts):
         return False
     return not contained(parts, options.join_mm)
 

@@ -50,6 +50,8 @@ def _scaled_start(start: Start, factor: float) -> Start:
         pose=replace(pose, x_mm=pose.x_mm * factor, y_mm=pose.y_mm * factor),
         spread_x_mm=start.spread_x_mm * factor,
         spread_y_mm=start.spread_y_mm * factor,
+        area=start.area and shapely.transform(start.area, lambda points: points * factor),
+        clearance_mm=start.clearance_mm * (1.0 if start.area is None else factor),
     )
 
 
@@ -93,9 +95,21 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
 
 def _document(path: Path) -> dict[str, Any]:
     document = geojson_document(path)
+    kind = _other_kind(document)
+    if kind:
+        raise BadInputError("type", kind, "GeoJSON; ogr2ogr plan.geojson FILE converts it", path)
     if not isinstance(document, dict) or "type" not in document:
         raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
     return document
+
+
+def _other_kind(document: object) -> str | None:
+    """Return the name of a known kind of JSON that is no GeoJSON."""
+    if not isinstance(document, dict):
+        return None
+    if document.get("type") == "Topology":
+        return "TopoJSON"
+    return "Esri JSON" if {"geometryType", "features"} <= set(document) else None
 
 
 def _refuse_degrees(document: dict[str, Any]) -> None:

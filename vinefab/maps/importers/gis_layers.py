@@ -127,7 +127,7 @@ def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDraw
         items=tuple(found.items),
         mm_per_unit=mm_per_unit,
         curved=False,
-        layered=True,
+        layered=len(found.systems) > 1,
         facts={
             "units": unit,
             "reference_system": system[:60] or "none",

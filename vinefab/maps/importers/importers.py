@@ -98,6 +98,54 @@ IMPORTERS: Registry[MapImporter] = Registry(
 )
 
 
+_SVG = "open it in Inkscape, or the program that drew it, and save as SVG or DXF"
+_CUT = (
+    "a solid is no plan: cut it at one height and save the section as DXF or SVG (FreeCAD: Part "
+    "section; OpenSCAD: projection(cut = true))"
+)
+_DEGREES = (
+    "it is in degrees: project it in QGIS, or ogr2ogr -t_srs EPSG:32632 (your zone) plan.gpkg FILE"
+)
+_GIS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
+_PIXELS = "save it as PNG or JPEG"
+_UNPACK = "unpack it, and give the drawing in it"
+_CLOUD = "a cloud of points is no plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
+_ADVICE = {
+    "pdf": f"{_SVG} (or: pdftocairo -svg FILE plan.svg)",
+    "ai eps ps cdr odg vsd vsdx drawio sketch fig afdesign": _SVG,
+    "dwg dws dwt": "save it as DXF in a CAD program (LibreCAD, QCAD; or dwg2dxf of LibreDWG)",
+    "dgn vwx skb rvt rfa ifc pln": "export a plan at one height as DXF",
+    "stl obj 3mf amf step stp iges igs brep fcstd sldprt skp f3d blend scad glb gltf": _CUT,
+    "ply las laz pcd e57 bt ot": _CLOUD,
+    "kml kmz gpx": _DEGREES,
+    "shx dbf prj cpg": "give the .shp that lies beside it",
+    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _GIS,
+    "qgz qgs": "a project: export its layer (Export, Save Features As, GeoPackage)",
+    "th th2 thconfig lox": "export it in Therion: export map -format esri (or dxf), import that",
+    "svx 3d": "export the passages in Survex's aven as Shapefile, DXF or SVG",
+    "tif tiff bmp gif webp heic xcf psd": _PIXELS,
+    "svgz gz zip shz 7z tar tgz": _UNPACK,
+    "txt dat xyz asc": "polygons as text go in a .csv: polygon,x_mm,y_mm, a point per line",
+    "xlsx xls ods": "save the sheet as CSV: polygon,x_mm,y_mm, a point per line",
+}
+"""What to do with kinds of files that are near, by the ends of their names."""
+
+
+def _advice(source: Path) -> str:
+    """Return what to do with a file that no importer reads, as the end of a sentence."""
+    suffix = source.suffix.lower().removeprefix(".")
+    if suffix in ("pgm", "pnm"):
+        beside = source.with_suffix(".yaml")
+        if beside.is_file():
+            return f"; of a ROS map give {beside.name}, which lies beside it"
+        return (
+            f"; a ROS map is given by its .yaml: {beside.name} with the lines image: "
+            f"{source.name}, resolution: 0.05 (m per cell), origin: [0, 0, 0], negate: 0, "
+            "occupied_thresh: 0.65, free_thresh: 0.196"
+        )
+    return next((f"; {words}" for ends, words in _ADVICE.items() if suffix in ends.split()), "")
+
+
 def import_suffixes() -> dict[str, MapImporter]:
     """Return the importers by the suffixes of their files."""
     return {suffix: importer for importer in IMPORTERS.values() for suffix in importer.suffixes}
@@ -122,7 +170,9 @@ def import_map(source: Path, options: ImportOptions) -> Map:
     known = import_suffixes()
     suffix = source.suffix.lower()
     if suffix not in known:
-        raise BadInputError("source", str(source), f"a file ending in {', '.join(known)}")
+        raise BadInputError(
+            "source", str(source), f"a file ending in {', '.join(known)}{_advice(source)}"
+        )
     if options.photo is not None and suffix not in PHOTO_SUFFIXES:
         options.photo.refuse(source)
     # Sizes near the limits of floats are refused, or found equal, by what is done with them.

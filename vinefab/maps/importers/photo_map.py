@@ -43,6 +43,10 @@ _POINT_NOISE_PX = 1.0
 """How far points that a person picks may be off (assumed)."""
 
 _LEAST_CONTRAST = 20.0
+_EDGE_CELLS = 9
+_EDGE_SHARE = 0.5
+"""A step of less than half of the contrast is a shadow's edge, not an obstacle's."""
+
 _TRIALS = 40
 
 
@@ -52,7 +56,7 @@ class PhotoMap:
 
     world: Map
     view: PlanView  # the photo, rectified to the height of the obstacles
-    markers_mm: Floats  # corners of the markers, shape (n, 4, 2)
+    markers_mm: Floats  # corners of the markers where the view shows them, shape (n, 4, 2)
 
 
 def import_photo(path: Path, options: ImportOptions) -> Map:
@@ -83,7 +87,7 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
         )
         free = shown & (~solid | _within(scene.quiet_squares(), views[0]))
         world = _world(path, scene, views[0], free, options, tones)
-    return PhotoMap(world=world, view=views[-1], markers_mm=scene.markers_mm)
+    return PhotoMap(world=world, view=views[-1], markers_mm=scene.markers_at(chosen.height_mm))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +97,8 @@ class _Scene:
     photo: Photo
     camera: PhotoCamera
     area_mm: AreaMm
-    mm_per_pixel: float
+    mm_per_cell: float
+    mm_per_pixel: float  # of the photo, where it is finest; no less than a cell
     markers_mm: Floats
     facts: dict[str, object]
 
@@ -116,18 +121,22 @@ class _Scene:
                 "(35 mm), or taken so obliquely that its perspective does",
             )
         area = _area_mm(photo, camera, control, chosen)
-        finest = 1.0 / most_pixels_per_mm(camera.homography, area)
+        # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
+        share = 1.0 if len(control.points_px) == 2 else 0.5
+        pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
         left, low, right, top = area
-        step = max(finest, float(np.sqrt((right - left) * (top - low) / _MOST_CELLS)))
+        coarsest = float(np.sqrt((right - left) * (top - low) / _MOST_CELLS))
+        step = float(f"{max(share * pixel, coarsest):.4g}")
+        pixel = max(step, float(f"{pixel:.4g}"))
         facts: dict[str, object] = {
             "markers": sorted(found),
             "points_off_mm": round(camera.residual_mm, 4),
-            "mm_per_pixel": step,
+            "mm_per_cell": step,
             **_placing(photo, chosen, found, mm_per_pixel, area),
             **_parallax(camera, area, chosen),
         }
         squares = control.points_mm.reshape(-1, 4, 2) if found else np.empty((0, 4, 2))
-        return cls(photo, camera, area, step, squares, facts)
+        return cls(photo, camera, area, step, pixel, squares, facts)
 
     def view(self, height_mm: float) -> PlanView:
         """Return the plan at a height."""
@@ -136,12 +145,17 @@ class _Scene:
             self.camera,
             self.area_mm,
             plane_mm=height_mm,
-            mm_per_pixel=self.mm_per_pixel,
+            mm_per_pixel=self.mm_per_cell,
         )
 
     def shown(self, view: PlanView, height_mm: float) -> Mask:
         """Return which cells of a plan the photo shows."""
         return shown_in(self.photo, self.camera, view, height_mm)
+
+    def markers_at(self, height_mm: float) -> Floats:
+        """Return where a plan at a height shows the markers."""
+        corners = self.camera.to_photo(self.markers_mm.reshape(-1, 2))
+        return self.camera.to_map(corners, height_mm).reshape(-1, 4, 2)
 
     def quiet_squares(self) -> list[Floats]:
         """Return the markers with the white around them."""
@@ -225,10 +239,11 @@ def _placing(
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
     places_px = camera.to_photo(places)
+    points = np.array(chosen.points_px, dtype=np.float64).reshape(-1, 2)
     rng, worst = child(0), []
     for _ in range(_TRIALS):
         moved = {key: value + rng.normal(0.0, noise_px, (4, 2)) for key, value in found.items()}
-        picked = np.array(chosen.points_px) + rng.normal(0.0, noise_px, (len(chosen.points_px), 2))
+        picked = points + rng.normal(0.0, noise_px, points.shape)
         trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
         again = fit_camera(photo, _control(photo, trial, moved, None)).to_map(places_px)
         worst.append(float(np.hypot(*_aligned(again, places).T).max()))
@@ -268,6 +283,9 @@ class _Tones:
 
     chosen: PhotoOptions
     threshold: float | None  # brightness; None where a colour tells
+    contrast: float = (
+        np.inf
+    )  # between floor and obstacles; infinite where a person set the threshold
 
     @classmethod
     def of(cls, view: PlanView, chosen: PhotoOptions, shown: Mask) -> "_Tones":
@@ -275,7 +293,8 @@ class _Tones:
             return cls(chosen, None)
         if chosen.threshold is not None:
             return cls(chosen, chosen.threshold)
-        return cls(chosen, _between_tones(_brightness(view)[shown]))
+        low, high = _two_tones(_brightness(view)[shown])
+        return cls(chosen, (low + high) / 2.0, high - low)
 
     def solid(self, view: PlanView) -> Mask:
         """Return which cells of a plan are obstacles."""
@@ -287,8 +306,18 @@ class _Tones:
             off = pixels - np.array(colour, dtype=np.float32)
             return np.asarray(np.linalg.norm(off, axis=2) <= tolerance)
         bright = _brightness(view)
-        dark = self.chosen.obstacles == "dark"
-        return np.asarray(bright < self.threshold if dark else bright > self.threshold)
+        between = self._between(bright)
+        return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
+
+    def _between(self, bright: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the brightness half-way across an edge where one is near, else the threshold.
+
+        In a shadow, and where the light is weaker, an edge lies at another brightness.
+        """
+        high = ndimage.maximum_filter(bright, _EDGE_CELLS)
+        low = ndimage.minimum_filter(bright, _EDGE_CELLS)
+        edge = high - low > _EDGE_SHARE * self.contrast
+        return np.where(edge, (high + low) / 2.0, np.float32(self.threshold or 0.0))
 
 
 def _brightness(view: PlanView) -> NDArray[np.float32]:
@@ -296,8 +325,8 @@ def _brightness(view: PlanView) -> NDArray[np.float32]:
     return np.asarray(ndimage.gaussian_filter(grey, _SMOOTHING_PX))
 
 
-def _between_tones(bright: NDArray[np.float32]) -> float:
-    """Return the brightness half-way between the two tones that Otsu's method finds."""
+def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the means of the dark and of the light cells, told apart by Otsu's method."""
     counts = np.bincount(bright.astype(np.uint8), minlength=256).astype(np.float64)
     below, total = np.cumsum(counts), counts.sum()
     sums = np.cumsum(counts * np.arange(256.0))
@@ -311,7 +340,7 @@ def _between_tones(bright: NDArray[np.float32]) -> float:
             None,
             "--threshold 0 to 255 (no two tones are seen in the photo), or --obstacles R,G,B",
         )
-    return float(low[best] + high[best]) / 2.0
+    return float(low[best]), float(high[best])
 
 
 def _within(polygons_mm: list[Floats], view: PlanView) -> Mask:
@@ -346,8 +375,11 @@ def _world(
         x_mm=view.left_mm,
         y_mm=view.top_mm - rows * view.mm_per_pixel,
     )
+    simplify_mm = scene.mm_per_pixel if options.simplify_mm is None else options.simplify_mm
     chosen = RasterOptions(
-        simplify_mm=options.simplify_mm, least_obstacle_mm2=least_mm2, start=options.start
+        simplify_mm=simplify_mm,
+        least_obstacle_mm2=least_mm2,
+        start=options.start,
     )
     world = raster_map(path.stem, free[::-1], placement, chosen, facts)
     return replace(world, environment="photo")

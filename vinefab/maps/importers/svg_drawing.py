@@ -315,7 +315,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
         items=tuple(items),
         mm_per_unit=mm_per_unit,
         down=True,
-        layered=True,
+        layered=len(walk.drawn_in) > 1,
         origin=(float(box[0]), float(box[1] + box[3])),
         facts={
             "units": units,
@@ -337,6 +337,7 @@ class _Walk:
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
+    drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of what was read
     by_id: dict[str, Node] = field(default_factory=dict)
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)
@@ -433,7 +434,8 @@ class _Walk:
             self.ignored["hidden"] += 1
             return
         self.read[node.tag] += 1
-        for run in _outlines(node):
+        self.drawn_in.add(place.layers)
+        for run in svg_outlines(node):
             pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
             # A fill closes an open path with a straight line.
@@ -475,7 +477,7 @@ class _Walk:
         return len(np.unique(points, axis=0)) == 4
 
 
-def _outlines(node: Node) -> list[Subpath]:
+def svg_outlines(node: Node) -> list[Subpath]:
     """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":

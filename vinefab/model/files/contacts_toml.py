@@ -8,6 +8,7 @@ import tomli_w
 from pydantic import Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.jsontext import GENERATOR
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
@@ -72,7 +73,7 @@ def contacts_text(contacts: MeasuredContacts, method: Mapping[str, object]) -> s
         How they were found, for readers; vinefab does not read it.
     """
     content = {"schema": CONTACTS_SCHEMA, **contacts.content, "method": dict(method)}
-    return tomli_w.dumps(content)
+    return f"# {GENERATOR}: what photos of grown robots measured\n{tomli_w.dumps(content)}"
 
 
 def _contacts(form: NumbersForm) -> MeasuredContacts:

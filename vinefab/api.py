@@ -84,6 +84,13 @@ class WrittenFolder:
         """Return the path: the folder can be passed where one is expected."""
         return str(self.path)
 
+    def _repr_html_(self) -> str:
+        """Show the files and the findings in a notebook."""
+        from vinefab.noun_methods import html_of, html_table
+
+        files = html_table(f"written: {self.path}", ("file",), [(name,) for name in self.files])
+        return files + html_of(self.report)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenReport:
@@ -105,6 +112,14 @@ class WrittenReport:
 
     def __repr__(self) -> str:
         return "\n".join([f"<WrittenReport {self.path}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the lines to take away in a notebook."""
+        from vinefab.noun_methods import html_table
+
+        return html_table(
+            f"written: {self.path}", ("what to take away",), [(s,) for s in self.summary]
+        )
 
 
 def designs() -> tuple[str, ...]:

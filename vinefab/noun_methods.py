@@ -6,19 +6,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted, visible
 from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
+from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
+from vinefab.model.score import Score
+
+if TYPE_CHECKING:
+    from vinefab.search.record.result import RunResult
+
+MOST_ROWS = 50
+"""Evaluations of a score that a notebook shows."""
 
 START_SIZE = 0.055
 """Length of the arrow of a start in a picture, as a share of its longer side."""
@@ -146,3 +157,75 @@ def _deployment_document(deployment: Deployment) -> str:
     title = " ".join(filter(None, names))
     legend = [*robot_legend(deployment), START, *(_range_entry(world) if world else ())]
     return plan_document(parts, box_mm, title=title, legend=legend)
+
+
+def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table for notebooks: plain HTML, every cell as text."""
+    cells = "".join(f"<th>{escape(word)}</th>" for word in head)
+    lines = "".join(
+        "<tr>" + "".join(f"<td>{escape(visible(str(cell)))}</td>" for cell in row) + "</tr>"
+        for row in rows
+    )
+    above = f"<p><b>{escape(visible(title))}</b></p>"
+    return f"{above}<table><tr>{cells}</tr>{lines}</table>" if rows else above
+
+
+def html_of(noun: CheckReport | Score | RunResult) -> str:
+    """Return findings, a score or a run as HTML for notebooks."""
+    if isinstance(noun, CheckReport):
+        return _report_html(noun)
+    return _score_html(noun) if isinstance(noun, Score) else _run_html(noun)
+
+
+def _report_html(report: CheckReport) -> str:
+    from vinefab.fabrication.checking import verdict
+    from vinefab.fabrication.rules.catalog import RULES
+
+    rows = [
+        (
+            "waived" if found.waived else found.severity,
+            found.rule,
+            RULES[found.rule].title if found.rule in RULES else "",
+            ", ".join(found.branches),
+            found.message,
+            "" if found.measured is None else f"{found.measured:.4g} {found.unit}",
+            "" if found.limit is None else f"{found.limit:.4g} {found.unit}",
+        )
+        for found in report.findings
+    ]
+    head = ("", "rule", "what must hold", "branches", "finding", "is", "limit")
+    return html_table(verdict(report), head, rows)
+
+
+def _score_html(score: Score) -> str:
+    composite = ", ".join(f"{name} {value:.4g}" for name, value in score.composite.items())
+    rows = [
+        (one.map_name, *_pose_cells(one.pose), f"{one.score:.4f}")
+        for one in score.evaluations[:MOST_ROWS]
+    ]
+    if len(score.evaluations) > MOST_ROWS:
+        rows.append((f"and {len(score.evaluations) - MOST_ROWS} more", "", "", ""))
+    head = ("map", "start (mm)", "heading (deg)", "score")
+    return html_table(f"{score.task}: {composite} (simulated)", head, rows)
+
+
+def _pose_cells(pose: Pose) -> tuple[str, str]:
+    return f"{pose.x_mm:.2f}, {pose.y_mm:.2f}", f"{pose.heading_deg:.1f}"
+
+
+def _run_html(result: RunResult) -> str:
+    title = (
+        f"{result.best.name}: best of {counted(result.evaluations, 'design')} in "
+        f"{counted(len(result.history), 'generation')}, stopped by {result.stopped}"
+    )
+    rows = [
+        (
+            place,
+            counted(one.design.branch_count, "branch"),
+            f"{one.score.composite['mean']:.4f}",
+            "yes" if one.penalty == 0.0 else "no",
+        )
+        for place, one in enumerate(result.finalists, 1)
+    ]
+    head = ("finalist", "design", f"mean {result.score.task} (simulated)", "keeps what was checked")
+    return html_table(title, head, rows) + (svg_of(result.best) or "")

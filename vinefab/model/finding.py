@@ -4,6 +4,8 @@ import reprlib
 from dataclasses import dataclass
 from enum import StrEnum
 
+from vinefab.core.front_door import front_door
+
 
 class Severity(StrEnum):
     """How much a finding matters: an error blocks the export unless waived."""
@@ -153,6 +155,11 @@ class CheckReport:
         counts = ", ".join(self._counted(severity) for severity in Severity)
         rules = f"{len(self.run)} rules applied, {len(self.skipped)} skipped"
         return f"<{' '.join(('CheckReport', names)).rstrip()}: {counts}; {rules}>"
+
+    def _repr_html_(self) -> str:
+        """Show the findings in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
     def _counted(self, severity: Severity) -> str:
         count = self.count(severity)

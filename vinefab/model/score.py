@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vinefab.core.front_door import front_door
 from vinefab.core.validation import Floats
 from vinefab.model.map import Pose
 
@@ -65,6 +66,11 @@ class Score:
     def __repr__(self) -> str:
         weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())
         return f"<Score {self.task}: {weighed}; {len(self.evaluations)} evaluations>"
+
+    def _repr_html_(self) -> str:
+        """Show the evaluations in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
     @property
     def scores(self) -> Floats:

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.hashing import fingerprint
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
@@ -148,6 +149,11 @@ class RunResult:
     extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
     # what is predicted of the winner elsewhere, in plain values (`prediction.run_winner`)
     prediction: Mapping[str, Any] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """Show finalists and winner in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
     @property
     def score(self) -> Score:

@@ -40,6 +40,7 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
+    hollow: bool = False  # whether anything in it is left empty
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from vinefab.core.errors import BadInputError
+from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
 from vinefab.rig.solid import STROKE_MM, Course, centred, grooves, strokes
@@ -55,6 +56,25 @@ def shell_wall_mm(printer: Printer, options: RigOptions) -> float:
         )
         raise BadInputError("rig.wall_mm", options.wall_mm, allowed)
     return options.wall_mm
+
+
+def shell_words(rig: Rig) -> str:
+    """Return what is hollow in a rig and how stiff that is; empty when all is solid."""
+    hollow = sum(part.hollow for part in rig.parts)
+    if not hollow:
+        return ""
+    wall_mm, height_mm = shell_wall_mm(rig.printer, rig.options), rig.options.height_mm
+    # A beam between two ribs, both ends held, the load in its middle.
+    give_mm = _PUSH_N * RIB_SPAN_MM**3 / (16.0 * _YOUNG_MPA * height_mm * wall_mm**3)
+    top = f"a top of {rig.options.top_mm:g} mm" if rig.options.top_mm else "no top"
+    return (
+        f"{hollow} of {len(rig.parts)} parts are shells with walls of {wall_mm:g} mm and {top}; "
+        f"{_PUSH_N:g} N between two ribs or corners {RIB_SPAN_MM:g} mm apart bend a wall by at "
+        f"most {give_mm:.1f} mm (computed as a beam, PLA of {_YOUNG_MPA / 1000:g} GPa assumed)"
+    )
+
+
+_PUSH_N, _YOUNG_MPA = 5.0, 3000.0
 
 
 def cavities_in(outline: Polygon, wall_mm: float) -> Polygons:

@@ -23,6 +23,7 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.laser_cut import LayerCopy
+from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
@@ -43,6 +44,7 @@ class RigRecord:
     report: CheckReport
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
     copies: tuple[LayerCopy, ...] = ()
+    why_style: str = ""  # which style was chosen and what the other would take
 
 
 def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
@@ -66,6 +68,12 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "printer": _fields(rig.printer),
         "options": _fields(rig.options),
         "style": rig.style,
+        "why_style": record.why_style,
+        "shells": {
+            "parts": sum(part.hollow for part in rig.parts),
+            "solid_parts": sum(not part.hollow for part in rig.parts),
+            "words": shell_words(rig),
+        },
         "parts": layered_parts(record)
         or [_part_content(index, part, record, digests) for index, part in enumerate(rig.parts)],
         "extras": [
@@ -183,6 +191,7 @@ def _part_content(
         "volume_mm3": _round(part.volume_mm3),
         "size_mm": [_round(size) for size in part.size_mm],
         "triangles": len(part.faces),
+        "hollow": part.hollow,
         "transform_to_map": part.to_map,
     }
 

@@ -118,14 +118,18 @@ def test_pictures_drawing_and_page_come_with_the_files():
     made = make_rig(world, PRINTER, RigOptions(scale=1.5))
     beds = json.loads(made.files["rig.json"])["beds"]
     pictures = {bed["file"].replace(".3mf", ".png") for bed in beds}
-    names = {"assembly.svg", "assembly.pdf", "assembled.png", "report.html", *pictures}
+    pictures |= {"assembled.png", "base_holder.png"}
+    drawings = {
+        f"{name}.{kind}" for name in ("assembly", "markers", "plan") for kind in ("svg", "pdf")
+    }
+    names = {"report.html", *pictures, *drawings}
     assert names < set(made.files)
     assert made.files["assembly.pdf"].startswith(b"%PDF")
     for name in names:
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()
     assert "Test rig" in page
-    assert page.count("data:image/png") == 1 + len(pictures)
+    assert page.count("data:image/png") == len(pictures)
     again = make_rig(world, PRINTER, RigOptions(scale=1.5))
     assert again.files == made.files
 

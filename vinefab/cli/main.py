@@ -57,6 +57,7 @@ COMMANDS = {
     "score": CommandEntry(
         "score_command", "score_command", "Score a design on a task over maps and poses."
     ),
+    "aim": CommandEntry("aim", "aim_command", "Search a map for the best place of a robot's base."),
     "optimize": CommandEntry(
         "optimize", "optimize_command", "Search for the best design of a run file."
     ),
@@ -94,6 +95,11 @@ COMMANDS = {
         "profiles", "profiles_command", "List machines, materials and recipes, or explain one."
     ),
     "rig": CommandEntry("rig", "rig_command", "Write printable obstacles for a test rig."),
+    "observe": CommandEntry(
+        "observe",
+        "observe_command",
+        "Trace a grown robot on a photo and put it beside the prediction.",
+    ),
     "report": CommandEntry(
         "report", "report_command", "Write predictions for a design as one HTML page."
     ),

@@ -14,7 +14,7 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.growth.batch import Launches, TerrainSet
-from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -25,7 +25,11 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     unseen_maps,
 )
-from vinefab.prediction.prediction_width import ContactValue, contact_value
+from vinefab.prediction.prediction_width import (
+    ContactValue,
+    contact_angles_words,
+    contact_value,
+)
 from vinefab.prediction.sensitivity import (
     HEADING_STEPS_DEG,
     SIDEWAYS_STEPS_MM,
@@ -69,10 +73,11 @@ class WinnerTrial:
         return score.scores
 
     def over_contacts(self, family: PreparedFamily) -> tuple[ContactValue, ...]:
-        """Return the mean score at every half-angle of `CONTACT_ANGLES_DEG`."""
+        """Return the mean score at every half-angle that predictions are shown for."""
         names = names_of(family)
         at_angles = [
-            replace(self.growth, head_on_half_angle_rad=rad(angle)) for angle in CONTACT_ANGLES_DEG
+            replace(self.growth, head_on_half_angle_rad=rad(angle))
+            for angle in self.growth.contact_angles_deg
         ]
         return tuple(contact_value(self.scores(family, growth), names) for growth in at_angles)
 
@@ -150,7 +155,8 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     unseen, note = unseen_family(settings, fresh)
     content = {
         "task": settings.task.name,
-        "head_on_half_angles_deg": list(CONTACT_ANGLES_DEG),
+        "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
+        **_angles_standing(settings.growth),
         "trained_half_angle_deg": settings.growth.half_angle_deg,
         "unseen": _family_content(trial, unseen),
         "training": _family_content(trial, fresh),
@@ -160,6 +166,18 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     pieces = _pieces_content(trial.design, settings)
     content = {**content, **({"pieces": pieces} if pieces else {})}
     return {**content, "origin": _origin(content)}
+
+
+def _angles_standing(growth: GrowthOptions) -> dict[str, str]:
+    """Return where the half-angles come from; nothing where they are assumed, as they were."""
+    standing = growth.contact_angles_standing
+    return {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
+
+
+def contacts_over(content: Mapping[str, Any]) -> str:
+    """Return over which half-angles a winner was tried, in words."""
+    standing = content.get("head_on_half_angles_standing", "assumed")
+    return contact_angles_words(content["head_on_half_angles_deg"], standing)
 
 
 def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
@@ -283,8 +301,7 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what a winner is expected to do elsewhere as lines for the user."""
     unseen, training = content["unseen"], content["training"]
     low, high = placed_off_range(content)
-    angles = content["head_on_half_angles_deg"]
-    over = f"over head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg (assumed)"
+    over = f"over {contacts_over(content)}"
     lines = [
         f"on {family['label']}, {family['deployments']} deployments (simulated): mean "
         f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"

@@ -16,6 +16,7 @@ from vinefab.model.map import Map
 from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
+from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
@@ -26,6 +27,7 @@ from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
+from vinefab.rig.true_scale import true_scale_files
 
 RIG_MARK = "rig.json"
 """The file by which the folder of a rig is known again."""
@@ -106,7 +108,8 @@ def make_rig(
     report_progress = progress or _no_progress
     report_progress(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
-    cut = laser_cut_files(rig, world, pieces, lid=request.lid)
+    rig, fixtures = with_fixtures(rig, world, request.design)
+    cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
     layered = rig.style == "sheet"
     comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
@@ -129,11 +132,13 @@ def make_rig(
         jobs=cut.jobs,
         copies=cut.copies,
         why_style=why_style,
+        fixtures=fixtures,
     )
     section: Section | None = None
     if report.blocking:
         files = {}
     else:
+        files |= true_scale_files(rig, world, fixtures)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
             drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
@@ -175,9 +180,16 @@ def _built(
     takes = {style: printing_of(rig).total for style, (rig, _) in made.items()}
     chosen = min(takes, key=lambda style: takes[style].time_s)
     other = "plate" if chosen == "board" else "board"
-    words = takes[other].words() if other in takes else f"refused: {refused[other]}"
-    why = f"style {chosen} is quicker to print; as {_STYLE_WORDS[other]} ({other}): {words}"
-    return *made[chosen], why if other in takes else f"style {chosen}; {other} was {words}"
+    why = f"style {chosen}: {_STYLE_WORDS[chosen]}; style {other} was refused"
+    if other in takes:
+        why = (
+            f"style {chosen}, {_STYLE_WORDS[chosen]}, is the quicker to print: "
+            f"{takes[chosen].words()}; style {other}, {_STYLE_WORDS[other]}: "
+            f"{takes[other].words()} (estimates, without markers and holder)"
+        )
+    else:
+        why += f": {refused[other]}"
+    return *made[chosen], why
 
 
 _STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}

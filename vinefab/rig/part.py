@@ -41,6 +41,8 @@ class RigPart:
     row: int = 0
     column: int = 0
     hollow: bool = False  # whether anything in it is left empty
+    # height at which the filament is changed for another colour; 0: one colour
+    colour_change_mm: float = 0.0
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)
@@ -94,6 +96,9 @@ class Rig:
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
+    # what a board has beside it for its corner markers, and their black cells, in map coordinates
+    pads: BaseGeometry = field(default_factory=Polygon)
+    cells: BaseGeometry = field(default_factory=Polygon)
     # what stands on it, obstacles and border, in map coordinates
     walls: BaseGeometry = field(default_factory=Polygon)
     # what was added there, in map coordinates

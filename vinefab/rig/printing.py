@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import Printer, RigOptions
@@ -122,10 +122,17 @@ def packed_on_beds(
 def beds_of(
     parts: Sequence[RigPart], printer: Printer, options: RigOptions
 ) -> tuple[tuple[PlacedPart, ...], ...]:
-    """Return the beds on which parts are printed, each part where it lies on its bed."""
+    """Return the beds on which parts are printed, each part where it lies on its bed.
+
+    Only parts whose colour changes at the same height share a bed: the printer stops there.
+    """
     margin_mm = options.bed_margin_mm
-    sizes = [(part.size_mm[0], part.size_mm[1]) for part in parts]
-    beds = packed_on_beds(sizes, usable_mm(printer, options), PART_GAP_MM)
+    beds = []
+    for change_mm in sorted({part.colour_change_mm for part in parts}):
+        indices = [at for at, part in enumerate(parts) if part.colour_change_mm == change_mm]
+        sizes = [(parts[at].size_mm[0], parts[at].size_mm[1]) for at in indices]
+        packed = packed_on_beds(sizes, usable_mm(printer, options), PART_GAP_MM)
+        beds += [[replace(at, index=indices[at.index]) for at in bed] for bed in packed]
     return tuple(
         tuple(
             PlacedPart(index=at.index, x_mm=at.x_mm + margin_mm, y_mm=at.y_mm + margin_mm)

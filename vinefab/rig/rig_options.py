@@ -8,6 +8,7 @@ from pydantic import Field
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import number, positive, whole
+from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.profile_toml import QuantityForm
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
@@ -88,6 +89,8 @@ STYLES = ("auto", "plate", "board", "sheet")
 
 JOINTS = ("dovetail", "none")
 
+MARKERS = ("print", "paper", "engrave", "none")
+
 GRID_MM = 1e-3
 """Plans are snapped to this grid: far below what a printer can do, far above what single
 precision (STL) resolves at the size of a bed, so that no two corners melt into one in the file."""
@@ -140,6 +143,17 @@ class RigOptions:
         out, and counted.
     most_parts
         A rig that needs more parts is refused.
+    markers
+        Corner markers by which a photo is rectified: ``print`` (tiles with raised black cells),
+        ``paper`` (tiles with a recess for a paper marker; on a board, its outline), ``engrave``
+        (into the board) or ``none``. When None: engraved where there is a board, else printed.
+    marker_mm
+        Side of a marker, its black frame included.
+    base_start
+        Number, from 1, of the start that gets a holder for the robot's base; 0: none. When None:
+        the first start, if a holder can stand there.
+    collar_mm
+        Outer diameter of the base's tube, which the tail is slipped over; the design's when None.
 
     Raises
     ------
@@ -166,6 +180,10 @@ class RigOptions:
     bed_margin_mm: float = 5.0
     sliver_mm: float = 0.05
     most_parts: int = 100
+    markers: str | None = None
+    marker_mm: float = DEFAULT_MARKER_MM
+    base_start: int | None = None
+    collar_mm: float | None = None
 
     def __post_init__(self) -> None:
         number("rig.plate_mm", self.plate_mm, 0.2, 100.0, "mm")
@@ -194,6 +212,24 @@ class RigOptions:
         number("rig.bed_margin_mm", self.bed_margin_mm, 0.0, 1000.0, "mm")
         number("rig.sliver_mm", self.sliver_mm, 0.0, 1.0, "mm")
         whole("rig.most_parts", self.most_parts, 1, MOST_PARTS)
+        self._check_fixtures()
+
+    def _check_fixtures(self) -> None:
+        number("rig.marker_mm", self.marker_mm, 12.0, 1000.0, "mm")
+        if self.markers is not None and self.markers not in MARKERS:
+            raise BadInputError("rig.markers", self.markers, f"one of {', '.join(MARKERS)}")
+        if self.markers == "engrave" and self.style == "plate":
+            allowed = "print, paper or none for style plate, which has no board"
+            raise BadInputError("rig.markers", self.markers, allowed)
+        if self.base_start is not None:
+            whole("rig.base_start", self.base_start, 0, 10_000)
+        if self.collar_mm is not None:
+            number("rig.collar_mm", self.collar_mm, 3.0, 300.0, "mm")
+
+    @property
+    def marker_kind(self) -> str:
+        """How the corner markers are made: what was asked for, or what suits the style."""
+        return self.markers or ("print" if self.style == "plate" else "engrave")
 
     def gap_mm(self, printer: Printer) -> float:
         """Return the gap around what is pushed into each other."""

@@ -61,9 +61,14 @@ def built_of(
     courses: Sequence[Course], pockets: Sequence[Pocket | Manifold] = ()
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of prisms joined into one solid, pockets taken out."""
-    body = Manifold.batch_boolean([_prism(course) for course in courses], OpType.Add)
+    body = Manifold.batch_boolean([prism(course) for course in courses], OpType.Add)
     for pocket in pockets:
-        body -= pocket if isinstance(pocket, Manifold) else _prism(pocket)
+        body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
+    return mesh_of(body)
+
+
+def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
+    """Return corners, as single precision holds them, and triangles of a solid."""
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -95,7 +100,8 @@ def plan_volume_mm3(courses: Sequence[Course]) -> float:
     return volume_mm3
 
 
-def _prism(slab: Pocket | Course) -> Manifold:
+def prism(slab: Pocket | Course) -> Manifold:
+    """Return a prism as a solid."""
     body = _extruded(slab.pieces, slab.high_mm - slab.low_mm)
     return body.translate((0.0, 0.0, slab.low_mm))
 

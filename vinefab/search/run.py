@@ -15,12 +15,12 @@ from vinefab.core.registry import with_parameters
 from vinefab.core.rng import child
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.maps.poses import with_start
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
+from vinefab.model.start_place import with_starts
 from vinefab.search.evaluator import Penalty
 from vinefab.search.loop import Search, why_stop
 from vinefab.search.manufacturability import (
@@ -90,7 +90,7 @@ def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
     """Return maps with the start that a run gives them, or with their own."""
     if maps.start is None:
         return tuple(worlds)
-    return tuple(with_start(world, maps.start) for world in worlds)
+    return tuple(with_starts(world, (maps.start,), "maps.start") for world in worlds)
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:

@@ -179,7 +179,11 @@ BAD_CONTENT = [
     ("no heading", collection(BOUNDS, start(5, 5, heading_deg=None)), r"heading_deg is missing"),
     ("heading", collection(BOUNDS, start(5, 5, heading_deg="up")), r"heading_deg is 'up'"),
     ("spread", collection(BOUNDS, start(5, 5, spread_x_mm=-1)), r"spread_x_mm is -1"),
-    ("start is no point", collection(feature("Polygon", [BOX], role="start")), r"heading_deg"),
+    (
+        "start is no shape",
+        collection(BOUNDS, feature("MultiPoint", [[5, 5]], role="start")),
+        r"features\[2\].geometry.type is 'MultiPoint'; allowed: Point, LineString, Polygon",
+    ),
     ("schema", collection(BOUNDS, vinefab={"schema": "vinefab/map-9"}), r"vinefab.schema is 'vin"),
     ("no schema", collection(BOUNDS, vinefab={}), r"vinefab.schema is missing"),
     ("member", collection(BOUNDS, vinefab=[1]), r"vinefab is \[1\]"),

@@ -499,7 +499,8 @@ def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
 def _drawing(document: "Document", layers: tuple[str, ...]) -> SourceDrawing:
     known = {layer.dxf.name for layer in document.layers}
     space = list(document.modelspace())
-    known |= {_layer(entity) for entity in space}
+    drawn_on = {_layer(entity) for entity in space}
+    known |= drawn_on
     by_key = {name.lower(): name for name in known}
     for name in layers:
         if name.lower() not in by_key:
@@ -511,6 +512,7 @@ def _drawing(document: "Document", layers: tuple[str, ...]) -> SourceDrawing:
     return SourceDrawing(
         items=tuple(items),
         mm_per_unit=mm_per_unit,
+        layered=len(drawn_on) > 1,
         facts={
             "dxf_version": document.acad_release,
             "units": unit,

@@ -275,7 +275,7 @@ _SILENT = {
 _MOST_COPIED = 50_000
 _DEEPEST_USE = 32
 _DEEPEST = 256
-_PROPERTIES = {"clip-path", "display", "fill", "stroke", "visibility"}
+_PROPERTIES = {"clip-path", "display", "fill", "fill-rule", "stroke", "visibility"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,6 +285,7 @@ class _Place:
     matrix: Floats
     layers: tuple[str, ...]
     filled: bool
+    even_odd: bool = False
     uses: int = 0
     depth: int = 0
 
@@ -314,6 +315,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
         items=tuple(items),
         mm_per_unit=mm_per_unit,
         down=True,
+        layered=len(walk.drawn_in) > 1,
         origin=(float(box[0]), float(box[1] + box[3])),
         facts={
             "units": units,
@@ -335,6 +337,7 @@ class _Walk:
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
+    drawn_in: set[tuple[str, ...]] = field(default_factory=set)  # groups of what was read
     by_id: dict[str, Node] = field(default_factory=dict)
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)
@@ -405,7 +408,9 @@ class _Walk:
             layers = (*layers, *names)
         fill = style.get("fill", "inherit").strip()
         filled = place.filled if fill == "inherit" else fill not in ("none", "transparent")
-        return _Place(matrix, layers, filled, place.uses, place.depth + 1)
+        rule = style.get("fill-rule", "inherit").strip()
+        even_odd = place.even_odd if rule == "inherit" else rule == "evenodd"
+        return _Place(matrix, layers, filled, even_odd, place.uses, place.depth + 1)
 
     def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         name = node.attributes.get("href", "")
@@ -429,7 +434,8 @@ class _Walk:
             self.ignored["hidden"] += 1
             return
         self.read[node.tag] += 1
-        for run in _outlines(node):
+        self.drawn_in.add(place.layers)
+        for run in svg_outlines(node):
             pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
             # A fill closes an open path with a straight line.
@@ -439,6 +445,8 @@ class _Walk:
                 where=node.where,
                 closed=run.closed or fills,
                 role="obstacle" if self.walls and fills else None,
+                paint=self.seen if fills else None,
+                even_odd=place.even_odd,
             )
             if fills and style.get("stroke", "none") == "none" and self._is_page(ring):
                 self.backgrounds.append(item)
@@ -469,7 +477,7 @@ class _Walk:
         return len(np.unique(points, axis=0)) == 4
 
 
-def _outlines(node: Node) -> list[Subpath]:
+def svg_outlines(node: Node) -> list[Subpath]:
     """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":

@@ -1,0 +1,305 @@
+"""Photos of a grown robot on a rig, rendered by a small ray caster, with the truth known.
+
+Tubes are cylinders that lie on the floor, obstacles are prisms; a pinhole camera looks at them from
+anywhere above. Light, shadows, gloss, grain, blur, noise and JPEG are rough but of a phone's size.
+"""
+
+import io
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from PIL import Image
+from scipy import ndimage
+
+from vinefab.model.corner_marker import MARKER_CELLS, MARKER_SIDE_CELLS, corner_markers
+from vinefab.physics.tube import inflated_radius_mm
+
+CELL_MM = 0.5
+RIM_MM = 60.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a photo is taken and what the things in it look like."""
+
+    tilt_deg: float = 0.0  # of the camera from straight down
+    turn_deg: float = 0.0  # from which side the camera looks
+    roll_deg: float = 0.0
+    distance_mm: float = 900.0
+    pixels: tuple = (1632, 1224)
+    film: tuple = (214, 88, 40)
+    board: tuple = (186, 188, 184)
+    block: tuple = (90, 110, 140)
+    height_mm: float = 30.0  # of the obstacles
+    light_deg: tuple = (50.0, 35.0)  # azimuth, height of the lamp above the floor
+    shade: float = 0.55  # how bright the floor is in the shadow
+    gloss: float = 0.35
+    noise: float = 3.0
+    blur_px: float = 0.7
+    jpeg: int = 88
+    seed: int = 1
+    markers: bool = True
+
+
+@dataclass
+class Camera:
+    place_mm: np.ndarray
+    axes: np.ndarray  # rows: right, down, forward
+    focal_px: float
+    pixels: tuple
+
+    @classmethod
+    def of(cls, look, middle_mm, span_mm):
+        tilt, turn = math.radians(look.tilt_deg), math.radians(look.turn_deg)
+        away = np.array([math.cos(turn), math.sin(turn)])
+        place = np.array(
+            [
+                *(middle_mm + look.distance_mm * math.sin(tilt) * away),
+                look.distance_mm * math.cos(tilt),
+            ]
+        )
+        forward = np.array([*middle_mm, 0.0]) - place
+        forward /= np.linalg.norm(forward)
+        up = np.array([*(-away), 0.0]) if look.tilt_deg else np.array([0.0, 1.0, 0.0])
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right)
+        down = np.cross(forward, right)
+        roll = math.radians(look.roll_deg)
+        right, down = (
+            math.cos(roll) * right + math.sin(roll) * down,
+            math.cos(roll) * down - math.sin(roll) * right,
+        )
+        width, height = look.pixels
+        focal = 0.9 * min(width, height) * look.distance_mm / span_mm
+        return cls(place, np.array([right, down, forward]), focal, look.pixels)
+
+    def rays(self):
+        width, height = self.pixels
+        u, v = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
+        local = np.stack([u / self.focal_px, v / self.focal_px, np.ones_like(u)], axis=-1)
+        return local.reshape(-1, 3) @ self.axes
+
+    def seen_at(self, points_mm):
+        local = (np.atleast_2d(points_mm) - self.place_mm) @ self.axes.T
+        return local[:, :2] / local[:, 2:] * self.focal_px + np.array(self.pixels) / 2
+
+
+@dataclass
+class Scene:
+    """A map with a robot on it, as fields over a fine raster."""
+
+    world: object
+    deployment: object
+    build: object
+    look: Look
+    low_mm: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        left, low, right, top = self.world.bounds.bounds
+        self.low_mm = np.array([left - RIM_MM, low - RIM_MM])
+        self.shape = (
+            int((top - low + 2 * RIM_MM) / CELL_MM),
+            int((right - left + 2 * RIM_MM) / CELL_MM),
+        )
+        rows, cols = self.shape
+        self.x = self.low_mm[0] + (np.arange(cols) + 0.5) * CELL_MM
+        self.y = self.low_mm[1] + (np.arange(rows) + 0.5) * CELL_MM
+        solid = shapely.unary_union(list(self.world.obstacles))
+        self.block = (
+            shapely.contains_xy(solid, *np.meshgrid(self.x, self.y))
+            if self.world.obstacles
+            else np.zeros(self.shape, bool)
+        )
+        self.tubes = [
+            self._tube(level) for level in range(1, int(self.deployment.tree.level.max()) + 1)
+        ]
+        self.height = np.where(self.block, self.look.height_mm, 0.0)
+        for radius, away, _ in self.tubes:
+            inside = away < radius
+            top = radius + np.sqrt(np.maximum(radius**2 - np.minimum(away, radius) ** 2, 0.0))
+            self.height = np.where(inside & ~self.block, np.maximum(self.height, top), self.height)
+
+    def _tube(self, level):
+        """Return a level's radius, the distance from its lines and the way to them."""
+        radius = inflated_radius_mm(self.build.widths_mm[level - 1])
+        away = np.full(self.shape, 1e6)
+        to = np.zeros((*self.shape, 2))
+        for branch in np.flatnonzero(
+            (self.deployment.tree.level == level) & self.deployment.deployed
+        ):
+            chain = self.deployment.chain_mm(branch)
+            for a, b in zip(chain, chain[1:]):
+                self._draw(a, b, radius + 2.0, away, to)
+        return radius, away, to
+
+    def _draw(self, a, b, rim, away, to):
+        lo, hi = np.minimum(a, b) - rim, np.maximum(a, b) + rim
+        c0, c1 = (
+            np.clip(
+                [(lo[0] - self.low_mm[0]) / CELL_MM, (hi[0] - self.low_mm[0]) / CELL_MM + 1],
+                0,
+                self.shape[1],
+            )
+        ).astype(int)
+        r0, r1 = (
+            np.clip(
+                [(lo[1] - self.low_mm[1]) / CELL_MM, (hi[1] - self.low_mm[1]) / CELL_MM + 1],
+                0,
+                self.shape[0],
+            )
+        ).astype(int)
+        x, y = np.meshgrid(self.x[c0:c1], self.y[r0:r1])
+        step = b - a
+        long = float(step @ step)
+        share = np.clip(((x - a[0]) * step[0] + (y - a[1]) * step[1]) / max(long, 1e-9), 0.0, 1.0)
+        dx, dy = x - a[0] - share * step[0], y - a[1] - share * step[1]
+        d = np.hypot(dx, dy)
+        window = away[r0:r1, c0:c1]
+        nearer = d < window
+        window[nearer] = d[nearer]
+        to[r0:r1, c0:c1][nearer] = np.stack([dx, dy], axis=-1)[nearer]
+
+    def cells(self, xy):
+        col = np.clip(((xy[:, 0] - self.low_mm[0]) / CELL_MM).astype(int), 0, self.shape[1] - 1)
+        row = np.clip(((xy[:, 1] - self.low_mm[1]) / CELL_MM).astype(int), 0, self.shape[0] - 1)
+        return row * self.shape[1] + col
+
+
+def render(scene: Scene):
+    """Return the photo as an array of uint8 RGB, and the camera."""
+    look, rng = scene.look, np.random.default_rng(scene.look.seed)
+    left, low, right, top = scene.world.bounds.bounds
+    middle = np.array([(left + right) / 2, (low + top) / 2])
+    span = max(right - left, top - low) + 2 * 50.0
+    camera = Camera.of(look, middle, span * (1.0 + 0.9 * math.sin(math.radians(look.tilt_deg))))
+    rays = camera.rays()
+    flat = camera.place_mm[:2] - rays[:, :2] * (camera.place_mm[2] / rays[:, 2:])
+    lean = rays[:, :2] / rays[:, 2:]  # way across for each mm of height
+    lit = _floor(scene, rng)
+    colour = lit.reshape(-1, 3)[scene.cells(flat)]
+    outside = (
+        (flat[:, 0] < scene.low_mm[0])
+        | (flat[:, 1] < scene.low_mm[1])
+        | (flat[:, 0] > scene.x[-1])
+        | (flat[:, 1] > scene.y[-1])
+    )
+    colour[outside] = np.array(look.board) / 255.0 * 0.5
+    if look.markers:
+        _markers(scene, flat, colour)
+    _things(scene, flat, lean, colour)
+    image = colour.reshape(look.pixels[1], look.pixels[0], 3)
+    u, v = np.meshgrid(np.linspace(-1, 1, look.pixels[0]), np.linspace(-1, 1, look.pixels[1]))
+    image = image * (1.0 - 0.18 * (u**2 + v**2) / 2)[..., None]
+    image = ndimage.gaussian_filter(image, (look.blur_px, look.blur_px, 0))
+    image = 255.0 * np.clip(image, 0, 1) ** (1 / 2.2)
+    image = np.clip(image + rng.normal(0.0, look.noise, image.shape), 0, 255).astype(np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=look.jpeg)
+    return np.array(Image.open(io.BytesIO(buffer.getvalue()))), camera, buffer.getvalue()
+
+
+def _linear(colour):
+    return (np.array(colour) / 255.0) ** 2.2
+
+
+def _lamp(look):
+    azimuth, up = (math.radians(a) for a in look.light_deg)
+    return np.array(
+        [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
+    )
+
+
+def _floor(scene, rng):
+    """Return the floor's colour on the raster: grain, uneven light, shadows and markers."""
+    look = scene.look
+    rows, cols = scene.shape
+    coarse = ndimage.zoom(rng.normal(0, 1, (6, 6)), (rows / 6, cols / 6), order=3)
+    grain = rng.normal(0, 0.03, scene.shape)
+    light = 1.0 + 0.08 * coarse[:rows, :cols] + grain
+    lamp = _lamp(look)
+    shadow = np.zeros(scene.shape, bool)
+    top = scene.height.max()
+    for z in np.arange(0.5, top, 0.5):
+        reach = z / lamp[2] * lamp[:2] / CELL_MM
+        moved = np.roll(scene.height, (-round(reach[1]), -round(reach[0])), axis=(0, 1))
+        shadow |= moved > z
+    soft = ndimage.gaussian_filter(shadow.astype(float), 1.5)
+    light *= 1.0 - (1.0 - look.shade) * soft
+    floor = light[..., None] * _linear(look.board)
+    return floor
+
+
+def _markers(scene, at, colour):
+    x, y = at.T
+    for marker, rows in zip(corner_markers(scene.world), MARKER_CELLS, strict=True):
+        a, b = marker.corners_mm[0], marker.corners_mm[2]
+        side = b[0] - a[0]
+        col = np.floor((x - a[0]) / side * MARKER_SIDE_CELLS).astype(int)
+        row = np.floor((a[1] - y) / side * MARKER_SIDE_CELLS).astype(int)
+        pad = (x > a[0] - 8) & (x < b[0] + 8) & (y < a[1] + 8) & (y > b[1] - 8)
+        inside = (col >= 0) & (col < 6) & (row >= 0) & (row < 6)
+        white = np.zeros((6, 6), bool)
+        white[1:5, 1:5] = [[c == "#" for c in line] for line in rows]
+        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], True)
+        colour[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
+
+
+def _things(scene, flat, lean, colour):
+    """Paint obstacles and tubes over the floor, where rays meet them first."""
+    look, lamp = scene.look, _lamp(scene.look)
+    top = max(scene.height.max(), 1.0)
+    around = ndimage.maximum_filter(
+        scene.height, size=int(2 * top * np.abs(lean).max() / CELL_MM) | 1
+    )
+    alive = np.flatnonzero(around.reshape(-1)[scene.cells(flat)] > 0)
+    block = scene.block.reshape(-1)
+    film = _linear(look.film)
+    before = np.full(len(flat), -1)
+    for z in np.arange(top, 0.0, -0.35):
+        at = flat[alive] + lean[alive] * z
+        cell = scene.cells(at)
+        hit = np.zeros(len(alive), bool)
+        solid = block[cell] & (z <= look.height_mm)
+        is_top = solid & (before[alive] == -1) & (z > look.height_mm - 0.5)
+        bright = np.where(is_top, 0.95, 0.5)
+        colour[alive[solid]] = bright[solid, None] * _linear(look.block)
+        hit |= solid
+        for radius, away, to in scene.tubes:
+            d = away.reshape(-1)[cell]
+            on = ~hit & (d**2 + (z - radius) ** 2 <= radius**2)
+            if on.any():
+                normal = (
+                    np.column_stack([to.reshape(-1, 2)[cell[on]], np.full(on.sum(), z - radius)])
+                    / radius
+                )
+                face = np.clip(normal @ lamp, 0, 1)
+                shine = look.gloss * np.clip(normal @ _half(lamp), 0, 1) ** 40
+                colour[alive[on]] = (0.45 + 0.6 * face)[:, None] * film + shine[:, None]
+            hit |= on
+        alive = alive[~hit]
+
+
+def _half(lamp):
+    way = lamp + np.array([0.0, 0.0, 1.0])
+    return way / np.linalg.norm(way)
+
+
+def plan_arrays(photo, camera, box_mm, mm_per_pixel, plane_mm):
+    """Return what a camera straight above would have seen of a plane, with the camera known."""
+    left, low, right, top = box_mm
+    cols, rows = round((right - left) / mm_per_pixel), round((top - low) / mm_per_pixel)
+    x = left + (np.arange(cols) + 0.5) * mm_per_pixel
+    y = top - (np.arange(rows) + 0.5) * mm_per_pixel
+    gx, gy = np.meshgrid(x, y)
+    seen = (
+        camera.seen_at(np.column_stack([gx.ravel(), gy.ravel(), np.full(gx.size, plane_mm)])) - 0.5
+    )
+    out = [
+        ndimage.map_coordinates(
+            photo[..., k].astype(float), [seen[:, 1], seen[:, 0]], order=1, mode="nearest"
+        )
+        for k in range(3)
+    ]
+    return np.stack(out, axis=-1).reshape(rows, cols, 3).round().astype(np.uint8)

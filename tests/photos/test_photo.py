@@ -1,0 +1,146 @@
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vinefab.core.errors import UnreadableFileError
+from vinefab.photos.photo import read_photo
+
+
+def saved(tmp_path, image, suffix=".png", **options):
+    path = tmp_path / f"photo{suffix}"
+    image.save(path, **options)
+    return path
+
+
+def ramp(mode, size=(40, 30)):
+    return Image.linear_gradient("L").resize(size).convert(mode)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA"])
+def test_every_mode_of_png_becomes_red_green_and_blue(tmp_path, mode):
+    image = ramp(mode)
+    photo = read_photo(saved(tmp_path, image))
+    assert (photo.pixels == np.asarray(image.convert("RGB"))).all()
+    assert (photo.width_px, photo.height_px) == (40, 30)
+    assert photo.focal_px is None
+
+
+def test_sixteen_bits_keep_their_brightness(tmp_path):
+    deep = np.linspace(0, 65535, 40 * 30).astype(np.uint16).reshape(30, 40)
+    photo = read_photo(saved(tmp_path, Image.fromarray(deep)))
+    assert np.abs(photo.pixels[..., 1] - deep / 257.0).max() <= 0.5
+
+
+def test_inks_become_colours(tmp_path):
+    image = Image.new("CMYK", (40, 30), (0, 255, 255, 0))
+    red, green, blue = read_photo(saved(tmp_path, image, ".jpg")).pixels[10, 10]
+    assert red > 200
+    assert max(green, blue) < 60
+
+
+def test_what_is_transparent_is_white(tmp_path):
+    photo = read_photo(saved(tmp_path, Image.new("RGBA", (4, 4), (0, 0, 0, 0))))
+    assert (photo.pixels == 255).all()
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_photo_is_turned_upright(tmp_path, orientation):
+    upright = np.zeros((32, 48, 3), np.uint8)
+    upright[:16, :16] = 255
+    undo = {2: 0, 3: 3, 4: 1, 5: 5, 6: 2, 7: 6, 8: 4}
+    image = Image.fromarray(upright)
+    if orientation > 1:
+        image = image.transpose(Image.Transpose(undo[orientation]))
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    photo = read_photo(saved(tmp_path, image, ".jpg", exif=exif, quality=95))
+    assert np.abs(photo.pixels.astype(int) - upright).mean() < 3
+
+
+def exif_of(focal_35mm, size):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0xA405: focal_35mm, 0xA002: size[0], 0xA003: size[1]})
+    return exif
+
+
+def test_the_focal_length_comes_from_the_exif_data(tmp_path):
+    image = ramp("RGB", (400, 300))
+    photo = read_photo(saved(tmp_path, image, ".jpg", exif=exif_of(26, (4000, 3000))))
+    assert photo.focal_px == pytest.approx(26 / 43.2666 * 500, rel=1e-4)
+
+
+@pytest.mark.parametrize(("focal", "taken"), [(0, (400, 300)), (9000, (400, 300)), (26, (16, 9))])
+def test_a_focal_length_not_to_be_believed_is_not_used(tmp_path, focal, taken):
+    path = saved(tmp_path, ramp("RGB", (400, 300)), ".jpg", exif=exif_of(focal, taken))
+    assert read_photo(path).focal_px is None
+
+
+def test_damaged_exif_data_do_not_spoil_a_photo(tmp_path):
+    exif = b"Exif\0\0II*\0\x08\0\0\0\xff\xff" + bytes(range(1, 200))
+    path = saved(tmp_path, ramp("RGB"), ".jpg", exif=exif)
+    assert read_photo(path).width_px == 40
+
+
+def png_chunk(kind, data):
+    body = kind + data
+    return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+
+def png_header(width, height):
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + png_chunk(b"IHDR", header)
+
+
+def jpeg():
+    file = io.BytesIO()
+    ramp("RGB", (400, 300)).save(file, "JPEG")
+    return file.getvalue()
+
+
+def png_animation():
+    file = io.BytesIO()
+    frames = [Image.new("RGB", (8, 8), colour) for colour in ("red", "blue")]
+    frames[0].save(file, "PNG", save_all=True, append_images=frames[1:])
+    return file.getvalue()
+
+
+def gif():
+    file = io.BytesIO()
+    ramp("P").save(file, "GIF")
+    return file.getvalue()
+
+
+BOMB = png_header(40_000, 40_000) + png_chunk(b"IDAT", zlib.compress(bytes(1 << 20)))
+HOSTILE = {
+    "empty": (b"", "is not a PNG or JPEG picture"),
+    "text": (b"width,height\n3,4\n", "is not a PNG or JPEG picture"),
+    "gif": (gif(), "is not a PNG or JPEG picture"),
+    "heic": (b"\0\0\0\x18ftypheic" + bytes(64), "is a HEIC photo or a film; save it as JPEG"),
+    "truncated": (jpeg()[:2000], "is damaged"),
+    "no pixels": (png_header(0, 0) + png_chunk(b"IEND", b""), "photo"),
+    "header only": (png_header(40, 30), "or is damaged"),
+    "large": (
+        png_header(12_000, 9_000) + BOMB[33:],
+        "has 12000 x 9000 pixels; allowed: 100 megapixels",
+    ),
+    "bomb": (BOMB, "megapixels"),
+    "wide": (png_header(2_147_483_647, 2_147_483_647), "photo"),
+    "animation": (png_animation(), "is an animation of 2 pictures"),
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_what_is_no_photo_is_refused_in_one_line(tmp_path, case):
+    data, words = HOSTILE[case]
+    path = tmp_path / "photo.png"
+    path.write_bytes(data)
+    with pytest.raises(UnreadableFileError, match=words) as caught:
+        read_photo(path)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    assert len(message) < 300

@@ -1,0 +1,354 @@
+"""The film of a robot on a rectified photo: found by colour, or outlined by hand.
+
+Colours are compared by hue and saturation in OKLab, as a / L and b / L: both stay the same when
+the light on a surface changes, so that shadows of the floor remain floor. Film of the floor's hue
+is told by lightness, which shadows may imitate; that is said.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely import Point
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.model.map import Map, Pose
+from vinefab.photos.photo_camera import PhotoCamera
+from vinefab.photos.plan_view import PlanView
+
+Colour = tuple[int, int, int]
+
+LEAST_HUE_STEP = 0.05
+"""Film and floor differ in hue if they are so far apart (grain and JPEG make about 0.01)."""
+
+LEAST_LIGHT_SHARE = 0.12
+"""Film of the floor's hue is lighter or darker than the floor by at least this share."""
+
+LEAST_FILM_SHARE = 0.0005
+"""Least share of the free space that film covers, or none was found."""
+
+HIDDEN_CELL_MM = 1.0
+
+HIGHLIGHT_MM2 = 60.0
+"""Largest hole in film that is taken for gloss."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Film:
+    """Where film is seen on a plan.
+
+    Parameters
+    ----------
+    share
+        How much of each pixel is film, 0 to 1, shape (rows, columns).
+    view
+        The plan that it was found on.
+    plane_mm
+        Height above the floor that the plan is true for.
+    camera
+        Where the photo was taken from; None: things at other heights are not moved.
+    solid
+        Whether each pixel lies in an obstacle or outside the bounds, on the floor.
+    obstacle_mm
+        Height of the obstacles, which hide what lies behind them; 0 if unknown.
+    colour
+        Red, green and blue of the film.
+    how
+        How it was found.
+    cautions
+        What makes it uncertain, a sentence each.
+    """
+
+    share: Floats
+    view: PlanView
+    plane_mm: float
+    camera: PhotoCamera | None
+    solid: NDArray[np.bool_]
+    obstacle_mm: float
+    colour: Colour | None
+    how: str
+    cautions: tuple[str, ...] = ()
+    _hidden: dict[float, NDArray[np.bool_]] = field(default_factory=dict)  # by height
+
+    def moved(self, points_mm: Floats, from_mm: float, to_mm: float) -> Floats:
+        """Return where points at one height appear on a plane at another, shape (n, 2)."""
+        if self.camera is None or len(points_mm) == 0:
+            return np.asarray(points_mm, dtype=np.float64)
+        away = np.linalg.inv(self.camera.at(to_mm)) @ self.camera.at(from_mm)
+        x, y = points_mm[:, 0], points_mm[:, 1]
+        across, up, depth = (row[0] * x + row[1] * y + row[2] for row in away)
+        return np.column_stack([across / depth, up / depth])
+
+    def at(self, points_mm: Floats, z_mm: float) -> Floats:
+        """Return how much film is seen at points at a height above the floor, shape (n,)."""
+        seen = self.view.to_pixels(self.moved(points_mm, z_mm, self.plane_mm)) - 0.5
+        places = [seen[:, 1], seen[:, 0]]
+        return np.asarray(ndimage.map_coordinates(self.share, places, order=1, mode="nearest"))
+
+    def is_solid(self, points_mm: Floats) -> NDArray[np.bool_]:
+        """Tell which points of the floor lie in obstacles or outside the bounds, shape (n,)."""
+        cells = np.floor(self.view.to_pixels(points_mm)).astype(np.int64)
+        rows, columns = self.solid.shape
+        row, column = cells[:, 1].clip(0, rows - 1), cells[:, 0].clip(0, columns - 1)
+        return np.asarray(self.solid[row, column])
+
+    def hidden(self, points_mm: Floats, z_mm: float) -> NDArray[np.bool_]:
+        """Tell which points at a height an obstacle stands before, as the camera sees, (n,)."""
+        if self.camera is None or self.obstacle_mm <= z_mm:
+            return np.zeros(len(points_mm), dtype=np.bool_)
+        if z_mm not in self._hidden:
+            self._hidden[z_mm] = self._hidden_raster(z_mm)
+        raster = self._hidden[z_mm]
+        cells = np.floor(self.view.to_pixels(points_mm) / self._times).astype(np.int64)
+        row, column = cells[:, 1].clip(0, len(raster) - 1), cells[:, 0].clip(0, raster.shape[1] - 1)
+        return np.asarray(raster[row, column])
+
+    @property
+    def _times(self) -> int:
+        return max(1, round(HIDDEN_CELL_MM / self.view.mm_per_pixel))
+
+    def _hidden_raster(self, z_mm: float) -> NDArray[np.bool_]:
+        """Return which cells, of about a millimetre, obstacles stand before at a height."""
+        rows, columns = (size // self._times + 1 for size in self.solid.shape)
+        x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+        points = self.view.to_map(self._times * np.column_stack([x.ravel(), y.ravel()]))
+        top = self.moved(points, z_mm, self.obstacle_mm)
+        steps = int(np.hypot(*(top - points).T).max() / HIDDEN_CELL_MM) + 1
+        hidden = np.zeros(len(points), dtype=np.bool_)
+        for share in np.arange(1, steps + 1) / steps:  # sight lines are straight
+            hidden |= self.is_solid(points + share * (top - points))
+        return hidden.reshape(rows, columns)
+
+
+def solid_raster(world: Map, view: PlanView) -> NDArray[np.bool_]:
+    """Return which pixels of a plan lie outside the free space, shape (rows, columns)."""
+    return ~_inside(world.free_space, view)
+
+
+def found_film(
+    view: PlanView,
+    world: Map,
+    pose: Pose,
+    widths_mm: tuple[float, float],
+    *,
+    colour: Colour | None = None,
+    plane_mm: float = 0.0,
+    camera: PhotoCamera | None = None,
+    obstacle_mm: float = 0.0,
+) -> Film:
+    """Return the film on a plan, by its colour or by what differs from the floor.
+
+    Parameters
+    ----------
+    pose
+        Where the trunk begins: what lies there, ahead of it, shows the film's colour.
+    widths_mm
+        Inflated diameters of the widest and the narrowest branch.
+    colour
+        The film's colour where it is known.
+
+    Raises
+    ------
+    BadInputError
+        If no film is found.
+    """
+    solid = solid_raster(world, view)
+    light, hue = _light_and_hue(view.pixels)
+    inner = ndimage.binary_erosion(~solid, iterations=max(1, round(2.0 / view.mm_per_pixel)))
+    if not inner.any():
+        raise BadInputError("photo", "none of the map's free space on it", "a photo of the rig")
+    floor = _mode(hue[inner])
+    core = ndimage.binary_erosion(solid, iterations=max(1, round(6.0 / view.mm_per_pixel)))
+    block = np.median(hue[core], axis=0) if core.any() else None
+    film, how = _film_hue(hue, floor, inner, block, _strip(view, pose, widths_mm[0]), colour)
+    cautions: tuple[str, ...] = ()
+    if film is not None:
+        share = _by_hue(hue, floor, film, block)
+    else:
+        share, how = _by_light(light, inner, _strip(view, pose, widths_mm[0]))
+        cautions = ("film and floor have the same hue: shadows may have been taken for film",)
+    share = ndimage.gaussian_filter(share, 0.5)
+    share[ndimage.binary_erosion(solid, iterations=max(1, round(1.0 / view.mm_per_pixel)))] = 0.0
+    share = _without_gloss(share, view.mm_per_pixel)
+    is_film = share > 0.5
+    if is_film[~solid].mean() < LEAST_FILM_SHARE:
+        allowed = "a photo with a robot on it; --film-colour R,G,B says what its film looks like"
+        raise BadInputError("photo", "no film found between the obstacles", allowed)
+    seen = np.median(view.pixels[is_film], axis=0).astype(int).tolist()
+    return Film(
+        share=share,
+        view=view,
+        plane_mm=plane_mm,
+        camera=camera,
+        solid=solid,
+        obstacle_mm=obstacle_mm,
+        colour=(seen[0], seen[1], seen[2]),
+        how=how,
+        cautions=cautions,
+    )
+
+
+def outlined_film(
+    view: PlanView,
+    world: Map,
+    outline: BaseGeometry,
+    *,
+    plane_mm: float = 0.0,
+    camera: PhotoCamera | None = None,
+    obstacle_mm: float = 0.0,
+) -> Film:
+    """Return the film on a plan as somebody has outlined it, in map millimetres."""
+    inside = _inside(outline, view)
+    if not inside.any():
+        raise BadInputError("--outline", "no area on the map", "areas in the map's millimetres")
+    return Film(
+        share=ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
+        view=view,
+        plane_mm=plane_mm,
+        camera=camera,
+        solid=solid_raster(world, view),
+        obstacle_mm=obstacle_mm,
+        colour=None,
+        how="outlined by hand",
+    )
+
+
+# --- Colours --------------------------------------------------------------------------------------
+
+_TO_CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+"""OKLab (Ottosson 2020): linear sRGB to cones, cube roots of cones to L, a, b."""
+
+_BLACK = 0.004
+"""Added to light: below it a camera's colours are noise."""
+
+
+def _light_and_hue(pixels: NDArray[np.uint8]) -> tuple[Floats, Floats]:
+    """Return L of OKLab, shape (rows, columns), and a / L and b / L, (rows, columns, 2)."""
+    level = np.arange(256) / 255.0
+    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
+    light = linear[pixels].astype(np.float32)
+    light = ndimage.gaussian_filter(light, (0.7, 0.7, 0.0)) + np.float32(_BLACK)
+    lab = np.cbrt(light @ _TO_CONES.T.astype(np.float32)) @ _TO_LAB.T.astype(np.float32)
+    return lab[..., 0], lab[..., 1:] / lab[..., :1]
+
+
+def _hue_of(colour: Colour) -> Floats:
+    return np.asarray(_light_and_hue(np.full((1, 1, 3), colour, dtype=np.uint8))[1][0, 0])
+
+
+def _mode(hues: Floats, step: float = 0.012) -> Floats:
+    """Return the most frequent hue among many, shape (n, 2)."""
+    cells = np.round(hues / step).astype(np.int64)
+    keys, counts = np.unique(cells, axis=0, return_counts=True)
+    best = keys[int(np.argmax(counts))]
+    near = np.abs(cells - best).max(axis=1) <= 1
+    return np.asarray(np.median(hues[near], axis=0))
+
+
+def _strip(view: PlanView, pose: Pose, width_mm: float) -> NDArray[np.bool_]:
+    """Return which pixels show the trunk just ahead of its base."""
+    ahead = np.array([np.cos(pose.heading_rad), np.sin(pose.heading_rad)])
+    base = np.array([pose.x_mm, pose.y_mm])
+    line = shapely.LineString([base, base + 1.5 * width_mm * ahead])
+    return _inside(line.buffer(0.3 * width_mm), view)
+
+
+def _film_hue(
+    hue: Floats,
+    floor: Floats,
+    inner: NDArray[np.bool_],
+    block: Floats | None,
+    strip: NDArray[np.bool_],
+    colour: Colour | None,
+) -> tuple[Floats | None, str]:
+    """Return the film's hue and how it is known; None where film has the floor's hue."""
+    if colour is not None:
+        given = _hue_of(colour)
+        if np.hypot(*(given - floor)) < LEAST_HUE_STEP:
+            return None, "by lightness"
+        near = inner & (np.hypot(*np.moveaxis(hue - given, -1, 0)) < np.hypot(*(given - floor)) / 2)
+        return (np.median(hue[near], axis=0) if near.any() else given), "by the colour given"
+    if strip.any():
+        at_base = np.median(hue[strip], axis=0)
+        if np.hypot(*(at_base - floor)) >= LEAST_HUE_STEP:
+            return at_base, "by the colour at the base"
+    other = inner & (np.hypot(*np.moveaxis(hue - floor, -1, 0)) >= LEAST_HUE_STEP)
+    if block is not None and np.hypot(*(block - floor)) >= LEAST_HUE_STEP:
+        off_floor = np.hypot(*np.moveaxis(hue - floor, -1, 0))
+        other &= np.hypot(*np.moveaxis(hue - block, -1, 0)) > 0.5 * off_floor
+    if other.mean() < LEAST_FILM_SHARE:
+        return None, "by lightness"
+    return _mode(hue[other]), "by what differs from floor and obstacles"
+
+
+def _by_hue(hue: Floats, floor: Floats, film: Floats, block: Floats | None) -> Floats:
+    """Return how far each pixel is on the way from the floor's hue to the film's, 0 to 1."""
+    way = film - floor
+    along = ((hue - floor) @ way) / float(way @ way)
+    share = np.clip(along, 0.0, 1.0)
+    if block is not None:
+        to_block = np.hypot(*np.moveaxis(hue - block, -1, 0))
+        to_mixed = np.hypot(*np.moveaxis(hue - floor - share[..., None] * way, -1, 0))
+        share = np.where(to_block < to_mixed, 0.0, share)
+    return np.asarray(share, dtype=np.float64)
+
+
+def _by_light(
+    light: Floats, inner: NDArray[np.bool_], strip: NDArray[np.bool_]
+) -> tuple[Floats, str]:
+    """Return film by lightness against the floor around it, lighter or darker as at the base."""
+    floor = float(np.median(light[inner]))
+    ratio = light / floor - 1.0
+    at_base = float(np.median(ratio[strip])) if strip.any() else 0.0
+    if abs(at_base) < LEAST_LIGHT_SHARE:
+        allowed = "a photo with a robot on it; --film-colour R,G,B says what its film looks like"
+        raise BadInputError("photo", "nothing at the base that differs from the floor", allowed)
+    share = np.clip(ratio / at_base, 0.0, 1.0)
+    return np.asarray(share, dtype=np.float64), "by lightness at the base"
+
+
+def _without_gloss(share: Floats, mm_per_pixel: float) -> Floats:
+    """Return the share of film with small holes closed, where gloss hides its colour."""
+    is_film = share > 0.5
+    holes, count = ndimage.label(ndimage.binary_fill_holes(is_film) & ~is_film)
+    if count == 0:
+        return share
+    areas = ndimage.sum_labels(np.ones_like(share), holes, np.arange(1, count + 1))
+    small = np.flatnonzero(areas * mm_per_pixel**2 <= HIGHLIGHT_MM2) + 1
+    return np.where(np.isin(holes, small), 1.0, share)
+
+
+def _inside(area: BaseGeometry, view: PlanView) -> NDArray[np.bool_]:
+    """Return which pixels' middles lie in an area, shape (rows, columns)."""
+    rows, columns = view.pixels.shape[:2]
+    inside = np.zeros((rows, columns), dtype=np.bool_)
+    if area.is_empty:
+        return inside
+    left, low, right, top = area.bounds
+    ends = view.to_pixels(np.array([(left, top), (right, low)]))
+    first, last = np.floor(ends[0]).astype(int), np.ceil(ends[1]).astype(int)
+    c0, c1 = np.clip([first[0], last[0]], 0, columns)
+    r0, r1 = np.clip([first[1], last[1]], 0, rows)
+    x, y = np.meshgrid(np.arange(c0, c1) + 0.5, np.arange(r0, r1) + 0.5)
+    if x.size:
+        places = view.to_map(np.column_stack([x.ravel(), y.ravel()]))
+        shapely.prepare(area)
+        inside[r0:r1, c0:c1] = shapely.contains_xy(area, places).reshape(x.shape)
+    return inside

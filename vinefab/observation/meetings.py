@@ -1,0 +1,267 @@
+"""Where tips met walls: the growth model, replayed from where a branch was seen to begin.
+
+A photo of the final shape does not show the headings that its tips had. They follow from the
+launch heading, which the parent's line shows, and from the walls: the replay slides along every
+wall, and is believed as far as its shape is the one seen.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+
+from vinefab.core.units import deg, rad
+from vinefab.core.validation import Floats
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.reference import GrowingBranch, World
+from vinefab.growth.simulator import rules_of
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Stop
+from vinefab.model.map import Map
+
+Outcome = Literal["slid", "stopped", "unclear"]
+
+AGREES_MM = 2.5
+AGREES_SHARE = 0.02
+"""A replay has the shape seen if no point of one is farther from the other than both together."""
+
+_TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0)
+
+HEADING_ERROR_DEG = 0.7
+"""Standard error of a line's heading over 40 mm [assumed, above what rendered photos show]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meeting:
+    """A tip at a wall.
+
+    Parameters
+    ----------
+    x_mm, y_mm
+        Where the tip was.
+    wall
+        The obstacle's number (``obstacle 3``), or ``bounds``.
+    angle_deg
+        Between the tip's heading when it met the wall and the wall's inward normal.
+    angle_error_deg
+        Standard error of the angle [assumed].
+    front_mm
+        Length of the branch when its tip met the wall.
+    outcome
+        What the tip did there.
+    distance_mm
+        From the line seen to that wall where it touches it; None where it is farther away.
+    """
+
+    x_mm: float
+    y_mm: float
+    wall: str
+    angle_deg: float
+    angle_error_deg: float
+    front_mm: float
+    outcome: Outcome
+    distance_mm: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay:
+    """A branch replayed from a base and a launch heading."""
+
+    chain_mm: Floats
+    meetings: tuple[Meeting, ...]
+    stop: Stop
+
+
+@dataclass(slots=True, eq=False)
+class _WatchedBranch(GrowingBranch):
+    """A growing branch that notes where its tip meets walls."""
+
+    met: list[tuple[complex, float, float]] = field(default_factory=list)  # tip, angle, length
+
+    def meet(self, wall: int, place: float) -> None:
+        """Note the wall, and stop or slide on as always."""
+        at = self.world.walls[wall]
+        along = abs((self.u * at.tangent.conjugate()).real)
+        against = -(self.u * at.normal.conjugate()).real
+        tip = at.at(place)
+        front = self.lengths[-1] + abs(tip - self.pivots[-1])
+        self.met.append((tip, float(np.arctan2(along, against)), front))
+        GrowingBranch.meet(self, wall, place)
+
+
+@dataclass(slots=True, eq=False)
+class Replays:
+    """Replays of branches on one map."""
+
+    world: Map
+    shapes: list[Polygon] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.shapes = list(self.world.obstacles)
+
+    def grown(
+        self,
+        base_mm: Floats,
+        heading_rad: float,
+        length_mm: float,
+        radius_mm: float,
+        half_angle_rad: float = 0.0,
+    ) -> Replay | None:
+        """Return a branch grown alone; None where it has no room."""
+        near = self._near(base_mm, length_mm + 3.0 * radius_mm)
+        terrain = Terrain.of(near)
+        free = terrain.free_space(radius_mm)
+        if free.is_empty:
+            return None
+        if not shapely.contains_xy(free, *base_mm):
+            line = shapely.shortest_line(free, shapely.Point(base_mm))
+            if line.length > radius_mm:
+                return None
+            base_mm = shapely.get_coordinates(line)[0]
+        options = GrowthOptions(head_on_half_angle_rad=half_angle_rad, pressure_stop=False)
+        rules = rules_of(options, terrain.tolerance_mm)
+        base = complex(*base_mm)
+        heading = complex(np.cos(heading_rad), np.sin(heading_rad))
+        walls = World.of(terrain.walls(radius_mm), rules)
+        branch = _WatchedBranch(walls, length_mm, base, heading, [base])
+        branch.grow()
+        chain = [*branch.pivots, branch.tip]
+        names = [self._wall(tip) for tip, _, _ in branch.met]
+        meetings = tuple(
+            Meeting(
+                x_mm=tip.real,
+                y_mm=tip.imag,
+                wall=name,
+                angle_deg=deg(angle),
+                angle_error_deg=0.0,
+                front_mm=front,
+                outcome="slid",
+            )
+            for (tip, angle, front), name in zip(branch.met, names, strict=True)
+        )
+        stop = Stop.CORNER if branch.stop is None else branch.stop  # full length is 0
+        if stop in (Stop.CORNER, Stop.HEAD_ON) and meetings:
+            meetings = (*meetings[:-1], replace(meetings[-1], outcome="stopped"))
+        points = np.array([(point.real, point.imag) for point in chain])
+        return Replay(chain_mm=points, meetings=meetings, stop=stop)
+
+    def _near(self, base_mm: Floats, reach_mm: float) -> Map:
+        """Return the part of the map that a branch can come to."""
+        around = shapely.Point(base_mm).buffer(reach_mm)
+        kept = tuple(shape for shape in self.shapes if shape.intersects(around))
+        return Map(name="near", bounds=self.world.bounds, obstacles=kept)
+
+    def _wall(self, tip: complex) -> str:
+        """Return the name of what a tip touches."""
+        point = shapely.Point(tip.real, tip.imag)
+        edge = float(self.world.bounds.boundary.distance(point))
+        if not self.shapes:
+            return "bounds"
+        away = shapely.distance(np.array(self.shapes, dtype=np.object_), point)
+        nearest = int(np.argmin(away))
+        return f"obstacle {nearest}" if float(away[nearest]) <= edge else "bounds"
+
+    def wall_shape(self, name: str) -> shapely.Geometry:
+        """Return the obstacle of a name, or the bounds' edge."""
+        if name == "bounds":
+            return self.world.bounds.boundary
+        return self.shapes[int(name.split()[1])]
+
+
+def wall_order(meetings: Sequence[Meeting]) -> list[str]:
+    """Return the walls of meetings in their order, without repetitions one after the other."""
+    names = [meeting.wall for meeting in meetings]
+    return [name for place, name in enumerate(names) if place == 0 or names[place - 1] != name]
+
+
+def apart_mm(one: Floats, other: Floats) -> float:
+    """Return the largest distance from a point of one line to the other (Hausdorff)."""
+    if len(one) < 2 or len(other) < 2:
+        return float("inf")
+    lines = LineString(one), LineString(other)
+    if min(line.length for line in lines) == 0.0:
+        return float(shapely.hausdorff_distance(*lines))
+    return float(shapely.hausdorff_distance(*(shapely.segmentize(line, 2.0) for line in lines)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenBranch:
+    """What was seen of a branch, for its meetings."""
+
+    points_mm: Floats
+    length_mm: float
+    planned_mm: float
+    ends_early: bool
+    radius_mm: float
+    heading_rad: float  # launch heading by the parent's line
+    heading_error_deg: float
+
+
+def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[Meeting, ...], str]:
+    """Return where a branch's tip met walls and what it did there, and why it stopped.
+
+    The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
+    length without a wall at its end.
+    """
+    turn, away = _best_turn(replays, seen)
+    # A little longer than seen, so that the wall where it stopped is met.
+    length = seen.length_mm + max(3.0, 0.6 * seen.radius_mm) * seen.ends_early
+    heading = seen.heading_rad + rad(turn)
+    best = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm)
+    if best is None:
+        return (), "unclear" if seen.ends_early else "full_length"
+    fits = away <= AGREES_MM + AGREES_SHARE * seen.length_mm
+    error = float(np.hypot(seen.heading_error_deg, 0.5 * abs(turn)))
+    slack = max(3.0, 0.6 * seen.radius_mm)
+    meetings = []
+    for meeting in best.meetings:
+        at_end = seen.ends_early and abs(meeting.front_mm - seen.length_mm) <= slack
+        outcome: Outcome = "stopped" if at_end else "slid"
+        if not fits or (not seen.ends_early and meeting.front_mm > seen.length_mm - slack):
+            outcome = "unclear"
+        meetings.append(
+            replace(
+                meeting,
+                outcome=outcome,
+                angle_error_deg=error,
+                distance_mm=_touching_mm(replays, seen, meeting.wall),
+            )
+        )
+    # Only the last of the meetings at the end is where it stopped.
+    ends = [place for place, meeting in enumerate(meetings) if meeting.outcome == "stopped"]
+    for place in ends[:-1]:
+        meetings[place] = replace(meetings[place], outcome="slid")
+    if not seen.ends_early:
+        return tuple(meetings), "full_length"
+    if not ends:
+        return tuple(meetings), "unclear"
+    is_corner = best.stop is Stop.CORNER and ends[-1] == len(best.meetings) - 1
+    return tuple(meetings), "corner" if is_corner else "head_on"
+
+
+def _best_turn(replays: Replays, seen: SeenBranch) -> tuple[float, float]:
+    """Return the turn of the launch heading whose replay is most like what was seen, and how far.
+
+    The distance is the largest between both shapes.
+    """
+    best, least, distance = 0.0, float("inf"), float("inf")
+    for turn in _TURNS_DEG:
+        heading = seen.heading_rad + rad(turn)
+        replay = replays.grown(seen.points_mm[0], heading, seen.length_mm, seen.radius_mm)
+        if replay is None:
+            continue
+        away = apart_mm(replay.chain_mm, seen.points_mm)
+        if away + 0.1 * abs(turn) < least:
+            best, least, distance = turn, away + 0.1 * abs(turn), away
+        if turn == 0.0 and away <= 1.0:
+            break
+    return best, distance
+
+
+def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
+    """Return how far the line is from a wall that its body touches; None if it does not."""
+    away = float(replays.wall_shape(wall).distance(LineString(seen.points_mm)))
+    return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None

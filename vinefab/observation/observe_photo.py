@@ -1,0 +1,273 @@
+"""A photo of a grown robot, from the file to what it says beside the prediction."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.corner_marker import corner_markers
+from vinefab.model.design import Design
+from vinefab.model.map import Map, Pose
+from vinefab.observation.beside_prediction import (
+    ComparedBranch,
+    Compared,
+    compare_with_prediction,
+)
+from vinefab.observation.centre_lines import TracedTree, trace
+from vinefab.observation.film import Film, found_film, outlined_film
+from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.photos.found_markers import marker_points
+from vinefab.photos.photo import Photo
+from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera
+from vinefab.photos.rectify import rectified
+from vinefab.physics.tube import inflated_diameter_mm, inflated_radius_mm
+
+MM_PER_PIXEL = 0.5
+"""Of the plan that film is looked for on; edges are found to a tenth of that."""
+
+MOST_PLAN_PIXELS = 4_000_000
+"""Larger maps get a coarser plan."""
+
+RIM_MM = 10.0
+"""Of the plan around the bounds."""
+
+LEAST_EXPLAINED = 0.8
+"""With less of the film in the lines, or of the lines on film, design and photo do not fit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """A photo's robot, traced and compared."""
+
+    photo: str
+    map_file: str
+    design_file: str
+    world: Map
+    design: Design
+    rectified_by: str
+    error_mm: float
+    film: Film
+    traced: TracedTree
+    compared: Compared
+    cautions: tuple[str, ...]
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def trunk_width_mm(self) -> dict[str, float] | None:
+        """Inflated diameter of the trunk (measured), with the range that its edges leave."""
+        trunk = self.compared.branches[0]
+        if trunk.width_mm is None:
+            return None
+        # Two edges, each found to about a third of a pixel, and the scale's error.
+        slack = 0.5 * self.film.view.mm_per_pixel + 2.0 * self.error_mm
+        return {
+            "measured": round(trunk.width_mm, 3),
+            "low": round(max(0.0, trunk.width_mm - slack), 3),
+            "high": round(trunk.width_mm + slack, 3),
+        }
+
+    @property
+    def both(self) -> list[ComparedBranch]:
+        """Branches that were seen and predicted."""
+        return [b for b in self.compared.branches if b.mean_mm is not None]
+
+    @property
+    def mean_error_mm(self) -> float:
+        """Mean distance from the prediction over the length of these."""
+        if not self.both:
+            return 0.0
+        weights = [branch.observed_mm for branch in self.both]
+        means = [branch.mean_mm or 0.0 for branch in self.both]
+        return float(np.average(means, weights=weights))
+
+    @property
+    def error_share(self) -> float:
+        """The same over the length of the way to the farthest tip seen."""
+        return self.mean_error_mm / max(1e-9, self._way_mm)
+
+    @property
+    def _way_mm(self) -> float:
+        way = [0.0] * len(self.compared.branches)
+        for index, branch in enumerate(self.compared.branches):
+            parent = int(self.traced.tree.parent[index])
+            way[index] = branch.observed_mm + (way[parent] if parent >= 0 else 0.0)
+        return max(way)
+
+    @property
+    def not_as_predicted(self) -> list[str]:
+        """Branches that were seen without being predicted, or predicted without being seen."""
+        return [b.id for b in self.compared.branches if b.deployed_observed != b.deployed_predicted]
+
+    @property
+    def summary(self) -> dict[str, object]:
+        """The numbers to take away."""
+        branches = self.compared.branches
+        count = len(branches)
+        return {
+            "branches": count,
+            "deployed_observed": sum(b.deployed_observed for b in branches),
+            "deployed_predicted": sum(b.deployed_predicted for b in branches),
+            "not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
+            "deployed_otherwise_than_predicted": self.not_as_predicted,
+            "same_stop": sum(b.stop_observed == b.stop_predicted for b in branches),
+            "same_contact_order": sum(b.order_observed == b.order_predicted for b in branches),
+            "shape_error_mm": round(self.mean_error_mm, 3),
+            "shape_error_share": round(self.error_share, 5),
+            "film_explained": round(self.traced.film_explained, 4),
+            "lines_on_film": round(self.traced.lines_supported, 4),
+            "fits": self.fits,
+            "not_told_apart": [b.id for b in branches if b.is_ambiguous],
+            "best_half_angles_deg": list(self.compared.best_half_angles_deg),
+        }
+
+    @property
+    def fits(self) -> bool:
+        """Whether this design from this pose can be what the photo shows."""
+        return min(self.traced.film_explained, self.traced.lines_supported) >= LEAST_EXPLAINED
+
+    def lines(self) -> list[str]:
+        """Return the result as lines for the user."""
+        found, branches = self.summary, self.compared.branches
+        seen = f"{found['deployed_observed']} of {len(branches)} branches seen (measured)"
+        missing = [b.id for b in branches if not b.deployed_observed and b.deployed_predicted]
+        extra = [b.id for b in branches if b.deployed_observed and not b.deployed_predicted]
+        angles = ", ".join(f"{angle:g}" for angle in self.compared.best_half_angles_deg)
+        return [
+            f"{self.photo}: {self.design.name} on {self.world.name}, rectified by "
+            f"{self.rectified_by} (error {self.error_mm:.2f} mm)",
+            f"film {self.film.how}; {100 * self.traced.film_explained:.0f} % of it explained",
+            f"{seen}, {found['deployed_predicted']} predicted (simulated)",
+            *_named("did not deploy, though predicted", missing),
+            *_named("deployed, though not predicted", extra),
+            f"mean distance from the prediction {self.mean_error_mm:.1f} mm, "
+            f"{100 * self.error_share:.1f} % of the way to the farthest tip",
+            f"same stop in {found['same_stop']}, same contacts in "
+            f"{found['same_contact_order']} of {len(branches)} branches",
+            f"head-on half-angles that have this shape best: {angles} deg",
+            *(f"caution: {caution}" for caution in self.cautions),
+        ]
+
+
+def _named(title: str, names: Sequence[str]) -> list[str]:
+    return [f"{title}: {', '.join(names)}"] if names else []
+
+
+def observe_photo(  # noqa: PLR0913
+    photo: Photo,
+    world: Map,
+    design: Design,
+    pose: Pose,
+    setup: PhotoSetup | None = None,
+    *,
+    growth: Mapping[str, object] | None = None,
+    map_file: str = "",
+    design_file: str = "",
+) -> Observation:
+    """Return what a photo shows, beside the prediction.
+
+    Parameters
+    ----------
+    growth
+        Growth options of the prediction by name.
+    map_file, design_file
+        What map and design are called in the files written.
+
+    Raises
+    ------
+    BadInputError
+        If the photo cannot be rectified, or no film is found on it.
+    """
+    setup = setup or PhotoSetup()
+    camera, by = _camera(photo, world, setup)
+    widths = design.build.widths_mm
+    plane = inflated_radius_mm(widths[0])
+    left, low, right, top = world.bounds.bounds
+    area = (left - RIM_MM, low - RIM_MM, right + RIM_MM, top + RIM_MM)
+    size = (area[2] - area[0]) * (area[3] - area[1])
+    step = max(MM_PER_PIXEL, float(np.sqrt(size / MOST_PLAN_PIXELS)))
+    view = rectified(photo, camera, area, plane_mm=plane, mm_per_pixel=step)
+    knows_heights = camera.focal_px is not None
+    about = {
+        "plane_mm": plane,
+        "camera": camera if knows_heights else None,
+        "obstacle_mm": setup.obstacle_mm or 0.0,
+    }
+    if setup.outline is not None:
+        outline = setup.outline
+        if setup.outline_in_pixels:
+            outline = shapely.transform(outline, lambda px: camera.to_map(px, plane))
+        film = outlined_film(view, world, outline, **about)
+    else:
+        sizes = (inflated_diameter_mm(max(widths)), inflated_diameter_mm(min(widths)))
+        film = found_film(view, world, pose, sizes, colour=setup.film_colour, **about)
+    traced = trace(film, design, world, pose)
+    if not traced.branches[0].deployed:
+        where = f"none at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
+        raise BadInputError("film", where, "a pose where the trunk leaves its base", photo.name)
+    compared = compare_with_prediction(traced, design, world, pose, growth)
+    seen = Observation(
+        photo=photo.name,
+        map_file=map_file or world.name,
+        design_file=design_file or design.name,
+        world=world,
+        design=design,
+        rectified_by=by,
+        error_mm=camera.residual_mm,
+        film=film,
+        traced=traced,
+        compared=compared,
+        cautions=(),
+        settings=setup.content,
+    )
+    cautions = (*film.cautions, *_cautions(seen, camera, setup))
+    return replace(seen, cautions=cautions)
+
+
+def _camera(photo: Photo, world: Map, setup: PhotoSetup) -> tuple[PhotoCamera, str]:
+    if setup.corners_px is not None:
+        left, low, right, top = world.bounds.bounds
+        corners = np.array([(left, low), (right, low), (right, top), (left, top)])
+        control = ControlPoints(points_px=setup.corners_px, points_mm=corners, noise_px=2.0)
+        return fit_camera(photo, control), "four corners given"
+    markers = setup.markers if setup.markers is not None else corner_markers(world)
+    control = marker_points(photo, markers)
+    return fit_camera(photo, control), f"{len(control.points_px) // 4} corner markers"
+
+
+def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list[str]:
+    """Return what makes an observation uncertain, a sentence each."""
+    found: list[str] = []
+    branches = seen.compared.branches
+    if not seen.fits:
+        found.append(
+            f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines and "
+            f"{100 * seen.traced.lines_supported:.0f} % of the lines on film: this design from "
+            "this pose hardly is what the photo shows"
+        )
+    if setup.obstacle_mm is None and seen.world.obstacles:
+        found.append(
+            "the height of the obstacles is not known: what they hide looks as if the film "
+            "ended there; --obstacle-height tells"
+        )
+    radii = [inflated_radius_mm(width) for width in seen.design.build.widths_mm]
+    if camera.focal_px is None:
+        slack = camera.parallax_mm_per_mm * (max(radii) - min(radii))
+        found.append(
+            "the camera's focal length is not known, so that thin branches, which lie lower than "
+            f"the trunk, may be up to {slack:.1f} mm off"
+        )
+    away = camera.parallax_mm_per_mm * max(abs(seen.film.plane_mm - camera.z_mm), max(radii))
+    if camera.focal_px is not None and away > 1.0:
+        found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
+    mixed = [branch.id for branch in branches if branch.is_ambiguous]
+    if mixed:
+        found.append(f"lie on or beside others and could not be told apart: {', '.join(mixed)}")
+    unclear = [branch.id for branch in branches if branch.stop_observed == "unclear"]
+    if unclear:
+        found.append(f"ended early without a wall at their end: {', '.join(unclear)}")
+    hardly = [b.id for b in branches if b.deployed_observed and b.seen < 0.3]
+    if hardly:
+        found.append(f"hidden for most of their length: {', '.join(hardly)}")
+    return found

@@ -1,0 +1,351 @@
+"""Where the camera of a photo was, by points whose places in the map are known.
+
+A plane at the points' height is seen through a homography, which needs no camera data. Planes at
+other heights need the camera's focal length too: from the EXIF data, from the perspective, or
+both, weighed by how well each knows it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, frozen_floats, number
+from vinefab.photos.photo import Photo
+
+LEAST_NOISE_PX = 0.1
+"""How well a marker's corner is found at best (assumed)."""
+
+EXIF_FOCAL_SHARE = 0.03
+"""How far, as a share, an EXIF focal length is from the true one (assumed): it is rounded to
+millimetres, and focusing near lengthens it."""
+
+MOST_FOCAL_SHARE = 0.1
+"""A focal length less well known than this is not used."""
+
+WIDEST_35MM_MM = 13.0
+"""Widest lens of usual phones (assumed), for the parallax where the focal length is unknown."""
+
+_FILM_DIAGONAL_MM = float(np.hypot(36.0, 24.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlPoints:
+    """Points of a photo whose places in the map are known; at least two.
+
+    Parameters
+    ----------
+    points_px
+        Where they are seen, (column, row), shape (n, 2); middles of pixels end in .5.
+    points_mm
+        Where they are in the map, shape (n, 2).
+    z_mm
+        Their height above the floor.
+    noise_px
+        How far their places in the photo may be off (standard deviation; assumed).
+    """
+
+    points_px: Floats
+    points_mm: Floats
+    z_mm: float = 0.0
+    noise_px: float = LEAST_NOISE_PX
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points_px", frozen_floats("points_px", self.points_px, 2))
+        object.__setattr__(self, "points_mm", frozen_floats("points_mm", self.points_mm, 2))
+        number("z_mm", self.z_mm, -1e6, 1e6, "mm")
+        if len(self.points_px) != len(self.points_mm) or len(self.points_px) < 2:
+            counts = f"{len(self.points_px)} in the photo, {len(self.points_mm)} in the map"
+            raise BadInputError("points", counts, "the same number, at least two")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PhotoCamera:
+    """How a photo sees planes at any height.
+
+    Parameters
+    ----------
+    homography
+        Shape (3, 3): map coordinates (x, y, 1) at height ``z_mm`` to the photo.
+    rise
+        Shape (3,): what is added to its last column per mm of height; zero where the focal length
+        is unknown, as if the camera were far away.
+    z_mm
+        Height of the control points.
+    residual_mm, worst_residual_mm
+        Root mean square and largest distance, in the map, between the control points and where
+        the photo shows them; 0 where they are just enough to fit.
+    focal_px
+        Focal length; None where it is unknown.
+    focal_share
+        How far it may be off, as a share (standard deviation); infinite where it is unknown.
+    parallax_mm_per_mm
+        By how much the places of what lies one millimetre above or below the control points may be
+        off at worst (within the control points): 95 % of the focal length's error; where that is
+        unknown, all of the parallax of a lens of 13 mm (assumed).
+    """
+
+    homography: Floats
+    rise: Floats
+    z_mm: float
+    residual_mm: float
+    worst_residual_mm: float
+    focal_px: float | None
+    focal_share: float
+    parallax_mm_per_mm: float
+
+    def at(self, plane_mm: float) -> Floats:
+        """Return the homography of a plane at a height above the floor."""
+        moved = self.homography.copy()
+        moved[:, 2] += (plane_mm - self.z_mm) * self.rise
+        return moved
+
+    def to_photo(self, points_mm: Floats, plane_mm: float | None = None) -> Floats:
+        """Return where points of the map, shape (n, 2), are in the photo."""
+        return projected(self.at(self.z_mm if plane_mm is None else plane_mm), points_mm)
+
+    def to_map(self, points_px: Floats, plane_mm: float | None = None) -> Floats:
+        """Return where points of the photo, shape (n, 2), are on a plane of the map."""
+        matrix = self.at(self.z_mm if plane_mm is None else plane_mm)
+        return projected(inverse(matrix), points_px)
+
+
+def projected(homography: Floats, points: Floats) -> Floats:
+    """Return points, shape (n, 2), after a homography."""
+    moved = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return np.asarray(moved[:, :2] / moved[:, 2:])
+
+
+def inverse(homography: Floats) -> Floats:
+    """Return the homography the other way."""
+    return np.asarray(np.linalg.inv(homography), dtype=np.float64)
+
+
+def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
+    """Return the camera of a photo by its control points.
+
+    Two or three points give scale and turn only, for scans and photos from straight above; four
+    and more give the perspective.
+
+    Raises
+    ------
+    BadInputError
+        If the points lie on a line or on each other, or the photo would be a mirror image.
+    """
+    if len(control.points_px) < 4:
+        homography = _similarity(control)
+        perspective = False
+    else:
+        homography = fitted_homography(control)
+        perspective = True
+    _ensure_seen_from_above(homography, control)
+    residual = projected(inverse(homography), control.points_px) - control.points_mm
+    off_mm = np.hypot(*residual.T)
+    camera = _Pose.of(photo, control, homography) if perspective else None
+    known = camera is not None and camera.focal_share <= MOST_FOCAL_SHARE
+    return PhotoCamera(
+        homography=homography,
+        rise=camera.rise(homography) if camera is not None and known else np.zeros(3),
+        z_mm=control.z_mm,
+        residual_mm=float(np.sqrt(np.mean(off_mm**2))),
+        worst_residual_mm=float(off_mm.max()),
+        focal_px=camera.focal_px if camera is not None and known else None,
+        focal_share=camera.focal_share if camera is not None and known else float("inf"),
+        parallax_mm_per_mm=(
+            2.0 * camera.focal_share * camera.slope(control)
+            if camera is not None and known
+            else _unknown_slope(photo, control, homography)
+        ),
+    )
+
+
+def _similarity(control: ControlPoints) -> Floats:
+    """Return the scale and turn, seen from above (rows run down), that fits points best."""
+    flipped = control.points_px * (1.0, -1.0)
+    ours = control.points_mm @ (1.0, 1.0j)
+    theirs = flipped @ (1.0, 1.0j)
+    spread = ours - ours.mean()
+    if np.abs(spread).max() == 0.0 or np.abs(theirs - theirs.mean()).max() == 0.0:
+        raise BadInputError("points", "at the same place", "points apart from each other")
+    turn = np.vdot(spread, theirs - theirs.mean()) / np.vdot(spread, spread)
+    offset = theirs.mean() - turn * ours.mean()
+    return np.array(
+        [
+            [turn.real, -turn.imag, offset.real],
+            [-turn.imag, -turn.real, -offset.imag],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def fitted_homography(control: ControlPoints) -> Floats:
+    """Return the homography with the least sum of squared distances in the photo."""
+    to_unit_mm, to_unit_px = _normalizing(control.points_mm), _normalizing(control.points_px)
+    ours = projected(to_unit_mm, control.points_mm)
+    theirs = projected(to_unit_px, control.points_px)
+    rough = _direct(ours, theirs)
+
+    def off(values: Floats) -> Floats:
+        return (projected(np.append(values, 1.0).reshape(3, 3), ours) - theirs).ravel()
+
+    if abs(rough[2, 2]) < 1e-9:
+        raise BadInputError("points", "on a line", "four points of which no three lie on a line")
+    fit = least_squares(off, (rough / rough[2, 2]).ravel()[:8], method="lm")
+    unit = np.append(fit.x, 1.0).reshape(3, 3)
+    if abs(np.linalg.det(unit)) < 1e-6:
+        raise BadInputError("points", "on a line", "four points of which no three lie on a line")
+    matrix = inverse(to_unit_px) @ unit @ to_unit_mm
+    return np.asarray(matrix / matrix[2, 2])
+
+
+def _normalizing(points: Floats) -> Floats:
+    """Return the homography that moves points' middle to the origin and makes them of size one."""
+    middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    if size == 0.0:
+        raise BadInputError("points", "at the same place", "points apart from each other")
+    return np.array([[1, 0, -middle[0]], [0, 1, -middle[1]], [0, 0, size]]) / size
+
+
+def _direct(ours: Floats, theirs: Floats) -> Floats:
+    """Return the homography with the least algebraic error (direct linear transform)."""
+    one, zero = np.ones(len(ours)), np.zeros((len(ours), 3))
+    plane = np.column_stack([ours, one])
+    rows = [
+        np.column_stack([plane, zero, -theirs[:, :1] * plane]),
+        np.column_stack([zero, plane, -theirs[:, 1:] * plane]),
+    ]
+    return np.asarray(np.linalg.svd(np.vstack(rows))[2][-1].reshape(3, 3))
+
+
+def _ensure_seen_from_above(homography: Floats, control: ControlPoints) -> None:
+    """Refuse points that only a mirror or a camera below the floor would show so."""
+    depth = np.column_stack([control.points_mm, np.ones(len(control.points_mm))]) @ homography[2]
+    if not (depth > 0.0).all() and not (depth < 0.0).all():
+        raise BadInputError(
+            "points", "no view of a plane", "four corners in the same order in photo and map"
+        )
+    # Rows run down, y runs up: seen from above the determinant is negative.
+    if np.linalg.det(homography) * np.sign(depth[0]) > 0.0:
+        raise BadInputError(
+            "points",
+            "a mirror image",
+            "corners in the same order in photo and map, seen from above",
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pose:
+    """A camera with square pixels whose axis goes through the middle of its photo."""
+
+    focal_px: float
+    focal_share: float
+    turn: Floats  # shape (3, 3): map axes to camera axes (right, down, ahead)
+    shift_mm: Floats  # the map's origin at the control points' height, in camera axes
+    middle_px: Floats
+
+    @classmethod
+    def of(cls, photo: Photo, control: ControlPoints, homography: Floats) -> "_Pose | None":
+        """Return the camera that fits the control points and the EXIF focal length best."""
+        middle = np.array([photo.width_px, photo.height_px]) / 2.0
+        centred = np.array([[1, 0, -middle[0]], [0, 1, -middle[1]], [0, 0, 1]]) @ homography
+        focal = photo.focal_px or _focal_of(centred)
+        if focal is None:
+            return None
+        begin = _pose_vector(centred, focal)
+        noise = max(control.noise_px, _noise_px(homography, control))
+
+        def off(values: Floats) -> Floats:
+            seen = _seen(values, control.points_mm) + middle
+            apart = (seen - control.points_px).ravel() / noise
+            if photo.focal_px is None:
+                return np.asarray(apart)
+            return np.append(apart, (values[0] - np.log(photo.focal_px)) / EXIF_FOCAL_SHARE)
+
+        fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=2000)
+        share = _first_deviation(np.asarray(fit.jac))
+        turn = Rotation.from_rotvec(fit.x[1:4]).as_matrix()
+        return cls(float(np.exp(fit.x[0])), share, turn, fit.x[4:7], middle)
+
+    def rise(self, homography: Floats) -> Floats:
+        """Return what a homography's last column gains per mm of height."""
+        inner = np.array(
+            [
+                [self.focal_px, 0, self.middle_px[0]],
+                [0, self.focal_px, self.middle_px[1]],
+                [0, 0, 1],
+            ]
+        )
+        own = inner @ np.column_stack([self.turn[:, :2], self.shift_mm])
+        scale = float((homography * own).sum() / (own * own).sum())
+        return np.asarray(scale * inner @ self.turn[:, 2])
+
+    def slope(self, control: ControlPoints) -> float:
+        """Return the largest parallax within the control points, in mm per mm of height."""
+        place = -self.turn.T @ self.shift_mm
+        apart = np.hypot(*(control.points_mm - place[:2]).T)
+        return float(apart.max() / abs(place[2]))
+
+
+def _noise_px(homography: Floats, control: ControlPoints) -> float:
+    """Return the standard deviation of the points in the photo that a fit leaves."""
+    freedom = 2 * len(control.points_px) - 8
+    if freedom <= 0:
+        return 0.0
+    apart = projected(homography, control.points_mm) - control.points_px
+    return float(np.sqrt((apart**2).sum() / freedom))
+
+
+def _focal_of(centred: Floats) -> float | None:
+    """Return the focal length that makes a homography's axes square and alike, if one does."""
+    one, two = centred[:, 0], centred[:, 1]
+    # Both are of the form a + f^2 b = 0, with f in pixels and the first two rows over f.
+    sides = np.array([one[:2] @ two[:2], (one[:2] @ one[:2] - two[:2] @ two[:2]) / 2.0])
+    depths = np.array([one[2] * two[2], (one[2] ** 2 - two[2] ** 2) / 2.0])
+    if not depths.any():
+        return None
+    square = -float(sides @ depths / (depths @ depths))
+    return float(np.sqrt(square)) if square > 0.0 else None
+
+
+def _pose_vector(centred: Floats, focal_px: float) -> Floats:
+    """Return log of the focal length, turn and shift of the camera that a homography has."""
+    axes = centred / np.array([[focal_px], [focal_px], [1.0]])
+    axes = axes * 2.0 / (np.linalg.norm(axes[:, 0]) + np.linalg.norm(axes[:, 1]))
+    if axes[2, 2] < 0.0:
+        axes = -axes
+    turn = np.column_stack([axes[:, 0], axes[:, 1], np.cross(axes[:, 0], axes[:, 1])])
+    left, _, right = np.linalg.svd(turn)
+    nearest = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return np.concatenate(
+        [[np.log(focal_px)], Rotation.from_matrix(nearest).as_rotvec(), axes[:, 2]]
+    )
+
+
+def _seen(values: Floats, points_mm: Floats) -> Floats:
+    """Return where a camera sees points, from the middle of its photo."""
+    turn = Rotation.from_rotvec(values[1:4]).as_matrix()
+    inside = points_mm @ turn[:, :2].T + values[4:7]
+    return np.asarray(np.exp(values[0]) * inside[:, :2] / inside[:, 2:])
+
+
+def _first_deviation(jacobian: Floats) -> float:
+    """Return the standard deviation of the first value of a fit whose residuals have one each."""
+    rest = jacobian[:, 1:]
+    first = jacobian[:, 0]
+    along, *_ = np.linalg.lstsq(rest, first, rcond=None)
+    left = float(np.linalg.norm(first - rest @ along))
+    return 1.0 / left if left > 0.0 else float("inf")
+
+
+def _unknown_slope(photo: Photo, control: ControlPoints, homography: Floats) -> float:
+    """Return the largest parallax of the widest lens, from straight above the photo's middle."""
+    middle = np.array([[photo.width_px, photo.height_px]]) / 2.0
+    below = projected(inverse(homography), middle)
+    apart = np.hypot(*(control.points_mm - below).T).max()
+    near = projected(homography, below + np.eye(3, 2, -1))
+    scale = np.linalg.norm(np.diff(near[:2], axis=0)) + np.linalg.norm(near[2] - near[0])
+    diagonal_px = np.hypot(photo.width_px, photo.height_px)
+    height_mm = WIDEST_35MM_MM / _FILM_DIAGONAL_MM * diagonal_px / (scale / 2.0)
+    return float(apart / height_mm)

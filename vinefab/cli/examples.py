@@ -6,12 +6,13 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, Quiet
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import ensure_writable, write_bytes
 from vinefab.core.errors import UnknownNameError
 from vinefab.model.files.shipped import read_text, shipped_root
 
 FOLDER = "examples"
-KINDS_SHOWN = (".toml", ".py", ".sbatch")
+KINDS_SHOWN = (".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".geojson")
+TEXTS = (".toml", ".py", ".sbatch", ".md")
 
 
 def examples_command(
@@ -34,14 +35,14 @@ def examples_command(
     chosen = _chosen(names or [], known)
     if out is None:
         for name in chosen:
-            output.say(f"  {name}: {first_words(read_text(known[name]))}")
+            output.say(f"  {name}{about(known[name])}")
         output.say("vinefab examples --out examples copies them")
         return 0
     missing = [name for name in chosen if not _is_there(out / name, known[name])]
     for name in missing:
         ensure_writable(out / name, force=force)
     for name in missing:
-        write_text(out / name, read_text(known[name]), force=force)
+        write_bytes(out / name, known[name].read_bytes(), force=force)
     there = len(chosen) - len(missing)
     output.say(
         f"wrote {len(missing)} {'file' if len(missing) == 1 else 'files'} to {out}/"
@@ -57,10 +58,13 @@ def shipped_examples() -> dict[str, Path]:
     return {path.relative_to(root).as_posix(): path for path in found}
 
 
-def first_words(text: str) -> str:
-    """Return the first comment line or docstring line of a file."""
-    lines = (line.strip("#\" '") for line in text.splitlines() if not line.startswith("#!"))
-    return next((line for line in lines if line), "")
+def about(path: Path) -> str:
+    """Return the first comment or heading of a file, behind a colon; nothing of what is no text."""
+    if path.suffix not in TEXTS:
+        return ""
+    lines = read_text(path).splitlines()
+    words = (line.strip("#\" '-") for line in lines if not line.startswith("#!"))
+    return f": {next((line for line in words if line), '')}"
 
 
 def _is_there(path: Path, shipped: Path) -> bool:

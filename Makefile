@@ -1,13 +1,14 @@
 # Two commands do everything on a fresh machine with Python 3.11 or newer:
 #   make demo    sets up, then runs the main job and puts its results into demo/
 #   make test    sets up, then runs every check that guards a change
+# make docs builds the site of the documentation in docs/_build.
 # make thorough runs the slow campaigns that a release must pass; docs/testing.md says what each does.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check thorough format bench fuzz outlines clean constraints
+.PHONY: demo docs test check thorough format bench fuzz outlines clean constraints
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -20,6 +21,10 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
+
+docs: $(READY)
+	$(BIN)/python docs/reference_pages.py
+	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build
 
 bench: $(READY)
 	$(BIN)/vinefab bench --million

@@ -32,17 +32,31 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
     low, high = float(everything.min()), float(everything.max())
     pad = 0.04 * (high - low) or 0.04 * abs(high) or 1.0
     with house_style():
-        figure, axes = blank(3.4, 0.55 + 1.25 * len(known))
+        figure, axes = blank(3.4, 0.6 + 1.3 * len(known))
+        ticks: dict[float, str] = {}
         for row, (name, column) in enumerate(known.items()):
-            _draw_spread(axes, row, column, (low, high))
-            axes.text(0.0, row - 0.9, name, fontsize=7.5, color=SOFT, transform=_at(axes))
+            base = row * _PITCH
+            most = _draw_spread(axes, base, column, (low, high), _colour(row))
+            axes.text(0.0, base - 0.8, name, fontsize=7.5, color=SOFT, transform=_at(axes))
+            ticks |= {base: "0", base - _TALLEST: str(most)} if most else {}
         axes.set_xlim(low - pad, high + pad)
-        axes.set_ylim(len(known) - 0.85, -1.1)
-        axes.set_yticks([])
+        axes.set_ylim((len(known) - 1) * _PITCH + 0.2, -1.0)
+        axes.set_yticks(list(ticks), ticks.values(), fontsize=6.5)
         axes.spines["left"].set_visible(False)
         axes.set_xlabel(measure.label)
+        if ticks:
+            axes.set_ylabel("deployments", fontsize=7.0, color=SOFT)
         frame(axes)
+        axes.grid(visible=False, axis="y")
     return figure
+
+
+_PITCH, _TALLEST = 1.3, 0.62
+"""From row to row, and the tallest bar of a row: what is left holds its name."""
+
+
+def _colour(row: int) -> str:
+    return LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
 
 
 def _at(axes: Axes):  # type: ignore[no-untyped-def]  # noqa: ANN202 - matplotlib's own type
@@ -50,22 +64,27 @@ def _at(axes: Axes):  # type: ignore[no-untyped-def]  # noqa: ANN202 - matplotli
     return axes.get_yaxis_transform()
 
 
-def _draw_spread(axes: Axes, row: int, values: Floats, span: tuple[float, float]) -> None:
-    colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
+def _draw_spread(
+    axes: Axes, base: float, values: Floats, span: tuple[float, float], colour: str
+) -> int:
+    """Draw values above a line; return how many the tallest bar has, 0 where each is a dot."""
+    most = 0
     if len(values) >= ENOUGH_FOR_BARS and span[1] > span[0]:
         counts, edges = np.histogram(values, bins=_BINS, range=span)
-        heights = 0.62 * counts / counts.max()
+        most = int(counts.max())
+        heights = _TALLEST * counts / most
         axes.bar(
-            edges[:-1], -heights, np.diff(edges), bottom=row - 0.02, align="edge",
+            edges[:-1], -heights, np.diff(edges), bottom=base, align="edge",
             color=colour, alpha=0.35, linewidth=0,
         )  # fmt: skip
     else:
         # A fixed, even jitter: dots on top of each other cannot be counted.
         offsets = -0.3 - 0.09 * ((np.arange(len(values)) % 5) - 2)
-        axes.plot(values, row + offsets, "o", color=colour, alpha=0.55, markersize=4, mew=0)
+        axes.plot(values, base + offsets, "o", color=colour, alpha=0.55, markersize=4, mew=0)
     p05, p95 = np.percentile(values, [5.0, 95.0])
-    axes.plot([p05, p95], [row + 0.05] * 2, color=colour, linewidth=4, solid_capstyle="butt")
-    axes.plot([values.mean()] * 2, [row - 0.66, row + 0.1], color=INK, linewidth=1.6)
+    axes.plot([p05, p95], [base + 0.08] * 2, color=colour, linewidth=4, solid_capstyle="butt")
+    axes.plot([values.mean()] * 2, [base - 0.66, base + 0.13], color=INK, linewidth=1.6)
+    return most
 
 
 TOO_FINE = 400

@@ -28,6 +28,10 @@ FAN = 0.1
 _FAN_POINTS = 33
 
 
+LEAST_SEEN = 0.3
+"""Share of the map's longer side that is shown at least: walls say what stopped a stub."""
+
+
 def robot_view(world: Map, deployment: Deployment) -> Box:
     """Return the box to draw: the whole map, or the robot's surroundings on a much larger map."""
     whole = world.bounds.bounds
@@ -37,9 +41,10 @@ def robot_view(world: Map, deployment: Deployment) -> Box:
     side_mm = max(*(high - low).tolist(), 0.02 * max(world.size_mm))
     if side_mm >= SMALL * max(world.size_mm):
         return whole
-    room_mm = 0.25 * side_mm
-    x_min, y_min = np.maximum(low - room_mm, whole[:2]).tolist()
-    x_max, y_max = np.minimum(high + room_mm, whole[2:]).tolist()
+    middle, half = (low + high) / 2.0, (high - low) / 2.0 + 0.25 * side_mm
+    half = np.maximum(half, 0.5 * LEAST_SEEN * max(world.size_mm))
+    x_min, y_min = np.maximum(middle - half, whole[:2]).tolist()
+    x_max, y_max = np.minimum(middle + half, whole[2:]).tolist()
     return x_min, y_min, x_max, y_max
 
 

@@ -29,7 +29,8 @@ _FAN_POINTS = 33
 
 
 LEAST_SEEN = 0.3
-"""Share of the map's longer side that is shown at least: walls say what stopped a stub."""
+"""Share of the map's longer side that is shown at least, if the robot was planned that long: walls
+say what stopped a stub."""
 
 
 def robot_view(world: Map, deployment: Deployment) -> Box:
@@ -42,7 +43,8 @@ def robot_view(world: Map, deployment: Deployment) -> Box:
     if side_mm >= SMALL * max(world.size_mm):
         return whole
     middle, half = (low + high) / 2.0, (high - low) / 2.0 + 0.25 * side_mm
-    half = np.maximum(half, 0.5 * LEAST_SEEN * max(world.size_mm))
+    least_mm = min(LEAST_SEEN * max(world.size_mm), float(deployment.full_mm.max()))
+    half = np.maximum(half, 0.5 * least_mm)
     x_min, y_min = np.maximum(middle - half, whole[:2]).tolist()
     x_max, y_max = np.minimum(middle + half, whole[2:]).tolist()
     return x_min, y_min, x_max, y_max

@@ -64,39 +64,40 @@ class Paper:
         }
 
 
-def seen_from_above(made, mm_per_pixel=0.1):
-    """Return the markers found in a picture of the tiles, white below the change of colour."""
-    content = json.loads(made.files["rig.json"])
-    tiles = [part for part in content["extras"] if part["name"].startswith("marker_")]
-    meshes = []
-    for part in tiles:
+def seen_from_above(made, mm_per_pixel):
+    """Return rig.json, the markers seen on each tile, white below the change of colour, and tiles.
+
+    Each tile is drawn from the triangles of its STL file, where rig.json puts it.
+    """
+    content, found, tiles = json.loads(made.files["rig.json"]), {}, []
+    for part in content["extras"]:
+        if not part["name"].startswith("marker_"):
+            continue
         mesh, to_map = read_stl(made.files[part["file"]]), np.array(part["transform_to_map"])
         points = mesh.vertices_mm @ to_map[:3, :3].T + to_map[:3, 3]
-        meshes.append((part, mesh, points))
-    every = np.concatenate([points for _, _, points in meshes])
-    paper = Paper(every[:, :2].min(axis=0) - 10, every[:, :2].max(axis=0) + 10, mm_per_pixel)
-    for part, mesh, points in meshes:
-        flat = points[mesh.faces]
+        flat, high = points[mesh.faces], mesh.vertices_mm[mesh.faces][:, :, 2].mean(axis=1)
         normal = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
-        height = mesh.vertices_mm[mesh.faces][:, :, 2].mean(axis=1)
-        # Upright faces are edges on the picture; the lowest faces first.
-        for index in np.argsort(height):
+        low, top = points[:, :2].min(axis=0) - 5, points[:, :2].max(axis=0) + 5
+        paper = Paper(low, top, mm_per_pixel)
+        for index in np.argsort(high):  # upright faces are edges in the picture
             if normal[index, 2] > 1e-9:
-                black = height[index] > part["colour_change_mm"] + 0.01
+                black = high[index] > part["colour_change_mm"] + 0.01
                 paper.fill(flat[index, :, :2], 0 if black else 255)
-    return content, paper.markers(), meshes
+        found |= paper.markers()
+        tiles.append(points)
+    return content, found, tiles
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.6])
 def test_printed_tiles_are_found_where_rig_json_says(make_map, make_printer, scale):
     made = make_rig(make_map(*WALLS), make_printer(), RigOptions(scale=scale), BARE)
-    content, found, meshes = seen_from_above(made, 0.1 / scale)
+    content, found, tiles = seen_from_above(made, 0.04 / scale)
     assert sorted(found) == [0, 1, 2, 3]
     for marker in content["markers"]:
         away_mm = np.abs(found[marker["number"]] - marker["corners_mm"]) * scale
-        assert away_mm.max() < 0.1
+        assert away_mm.max() < 0.06
         assert marker["side_printed_mm"] == 30.0
-    for (_, _, points), marker in zip(meshes, content["markers"], strict=True):
+    for points, marker in zip(tiles, content["markers"], strict=True):
         # The marker's face is the tile's top, level with the floor.
         assert points[:, 2].max() == pytest.approx(marker["z_mm"], abs=1e-4) == 0.0
 

@@ -90,7 +90,7 @@ def seen_from_above(made, mm_per_pixel):
 
 @pytest.mark.parametrize("scale", [1.0, 0.6])
 def test_printed_tiles_are_found_where_rig_json_says(make_map, make_printer, scale):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(scale=scale), BARE)
+    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate", scale=scale), BARE)
     content, found, tiles = seen_from_above(made, 0.04 / scale)
     assert sorted(found) == [0, 1, 2, 3]
     for marker in content["markers"]:
@@ -103,7 +103,7 @@ def test_printed_tiles_are_found_where_rig_json_says(make_map, make_printer, sca
 
 
 def test_tiles_lie_against_the_rig_and_print_on_a_bed_of_their_own(make_map, make_printer):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(), BARE)
+    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate"), BARE)
     content = json.loads(made.files["rig.json"])
     tiles = [part for part in content["extras"] if part["name"].startswith("marker_")]
     beds = {part["bed"] for part in tiles}
@@ -160,7 +160,7 @@ def test_the_plan_shows_the_markers_where_rig_json_says(make_map, make_printer, 
 
 @pytest.mark.skipif(not shutil.which("rsvg-convert"), reason="no rsvg-convert")
 def test_paper_markers_have_their_true_size(make_map, make_printer, tmp_path):
-    options = RigOptions(markers="paper", marker_mm=36.0)
+    options = RigOptions(style="plate", markers="paper", marker_mm=36.0)
     made = make_rig(make_map(*WALLS), make_printer(), options, BARE)
     pixels = rendered(made.files["markers.svg"], tmp_path, 300)
     assert np.array(pixels.shape) / 300 * 25.4 == pytest.approx((297, 210), abs=0.2)
@@ -172,7 +172,9 @@ def test_paper_markers_have_their_true_size(make_map, make_printer, tmp_path):
 
 
 def test_paper_tiles_have_a_recess_level_with_the_floor(make_map, make_printer):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(markers="paper"), BARE)
+    made = make_rig(
+        make_map(*WALLS), make_printer(), RigOptions(style="plate", markers="paper"), BARE
+    )
     marker = json.loads(made.files["rig.json"])["markers"][0]
     (part,) = [part for part in made.rig.extras if part.name == "marker_0"]
     points = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]
@@ -216,7 +218,7 @@ def test_the_board_carries_engraved_markers(make_map, make_printer):
     ("options", "words"),
     [
         ({"markers": "gold"}, "rig.markers is 'gold'; allowed: one of print, paper, engrave, none"),
-        ({"markers": "engrave"}, "print, paper or none for style plate"),
+        ({"style": "plate", "markers": "engrave"}, "print, paper or none for style plate"),
         ({"marker_mm": 5.0}, "rig.marker_mm is 5"),
     ],
 )

@@ -17,10 +17,13 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.formats.dxf_format import read_dxf
 from vinefab.model.job import Operation
+from vinefab.rig.board import build_board
 from vinefab.rig.corner_tiles import marker_gap_mm
+from vinefab.rig.fixtures import Fixtures
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.rig_options import RigOptions
 from vinefab.rig.stl_format import read_stl
+from vinefab.rig.true_scale import plan_sheet
 
 cv2 = pytest.importorskip("cv2")
 
@@ -146,7 +149,7 @@ def rendered(drawing, folder, dpi):
 
 @pytest.mark.skipif(not shutil.which("rsvg-convert"), reason="no rsvg-convert")
 def test_the_plan_shows_the_markers_where_rig_json_says(make_map, make_printer, tmp_path):
-    options = RigOptions(scale=0.8)
+    options = RigOptions(style="plate", scale=0.8)
     made = make_rig(make_map(*WALLS), make_printer(), options, BARE)
     found = found_in(rendered(made.files["plan.svg"], tmp_path, 200))
     assert sorted(found) == [0, 1, 2, 3]
@@ -218,13 +221,32 @@ def test_the_board_carries_engraved_markers(make_map, make_printer):
     ("options", "words"),
     [
         ({"markers": "gold"}, "rig.markers is 'gold'; allowed: one of print, paper, engrave, none"),
-        ({"style": "plate", "markers": "engrave"}, "print, paper or none for style plate"),
+        ({"markers": "engrave"}, "print, paper or none for style plate"),
         ({"marker_mm": 5.0}, "rig.marker_mm is 5"),
     ],
 )
 def test_markers_that_cannot_be_made_are_refused(options, words):
     with pytest.raises(BadInputError, match=words):
-        RigOptions(**options)
+        RigOptions(**({"style": "plate"} | options))
+
+
+def test_the_plan_of_a_board_numbers_its_pieces_and_their_pegs(make_map, make_printer):
+    options = RigOptions(style="board")
+    rig, pieces = build_board(make_map(*WALLS), make_printer(), options)
+    figure = plan_sheet(rig, make_map(*WALLS), Fixtures(), pieces)
+    (axes,) = figure.axes
+    texts = {text.get_text(): text.get_position() for text in axes.texts}
+    assert {str(piece.number) for piece in pieces} < set(texts)
+    for piece in pieces:
+        assert piece.outline.contains(shapely.Point(texts[str(piece.number)]))
+    ends = [
+        tuple(line.mean(axis=0).round(3))
+        for drawn in axes.collections
+        for line in drawn.get_segments()
+    ]
+    pegs = [(peg.x_mm, peg.y_mm) for piece in pieces for peg in piece.pegs]
+    assert len(pegs) > 4
+    assert all(ends.count(peg) == 2 for peg in pegs)
 
 
 def test_without_markers_there_is_none(make_map, make_printer):

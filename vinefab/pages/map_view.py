@@ -43,7 +43,8 @@ def robot_view(world: Map, deployment: Deployment) -> Box:
     if side_mm >= SMALL * max(world.size_mm):
         return whole
     middle, half = (low + high) / 2.0, (high - low) / 2.0 + 0.25 * side_mm
-    least_mm = min(LEAST_SEEN * max(world.size_mm), float(deployment.full_mm.max()))
+    planned_mm = float((deployment.base_mm + deployment.tree.length_mm).max())
+    least_mm = min(LEAST_SEEN * max(world.size_mm), planned_mm)
     half = np.maximum(half, 0.5 * least_mm)
     x_min, y_min = np.maximum(middle - half, whole[:2]).tolist()
     x_max, y_max = np.minimum(middle + half, whole[2:]).tolist()

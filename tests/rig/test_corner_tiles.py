@@ -89,7 +89,7 @@ def seen_from_above(made, mm_per_pixel=0.1):
 
 @pytest.mark.parametrize("scale", [1.0, 0.6])
 def test_printed_tiles_are_found_where_rig_json_says(make_map, make_printer, scale):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(scale=scale), BARE)
+    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate", scale=scale), BARE)
     content, found, meshes = seen_from_above(made, 0.1 / scale)
     assert sorted(found) == [0, 1, 2, 3]
     for marker in content["markers"]:
@@ -102,7 +102,7 @@ def test_printed_tiles_are_found_where_rig_json_says(make_map, make_printer, sca
 
 
 def test_tiles_lie_against_the_rig_and_print_on_a_bed_of_their_own(make_map, make_printer):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(), BARE)
+    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate"), BARE)
     content = json.loads(made.files["rig.json"])
     tiles = [part for part in content["extras"] if part["name"].startswith("marker_")]
     beds = {part["bed"] for part in tiles}
@@ -122,7 +122,7 @@ def test_tiles_lie_against_the_rig_and_print_on_a_bed_of_their_own(make_map, mak
 
 def test_a_rig_without_corners_says_where_its_tiles_go(make_map, make_printer):
     round_hall = shapely.Point(100, 95).buffer(75)
-    made = make_rig(make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(), BARE)
+    made = make_rig(make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(style="plate"), BARE)
     assert any("markers 0, 1, 2, 3: the rig has no corner there" in n for n in made.rig.notes)
 
 
@@ -145,7 +145,7 @@ def rendered(drawing, folder, dpi):
 
 @pytest.mark.skipif(not shutil.which("rsvg-convert"), reason="no rsvg-convert")
 def test_the_plan_shows_the_markers_where_rig_json_says(make_map, make_printer, tmp_path):
-    options = RigOptions(scale=0.8)
+    options = RigOptions(style="plate", scale=0.8)
     made = make_rig(make_map(*WALLS), make_printer(), options, BARE)
     found = found_in(rendered(made.files["plan.svg"], tmp_path, 200))
     assert sorted(found) == [0, 1, 2, 3]
@@ -159,7 +159,7 @@ def test_the_plan_shows_the_markers_where_rig_json_says(make_map, make_printer, 
 
 @pytest.mark.skipif(not shutil.which("rsvg-convert"), reason="no rsvg-convert")
 def test_paper_markers_have_their_true_size(make_map, make_printer, tmp_path):
-    options = RigOptions(markers="paper", marker_mm=36.0)
+    options = RigOptions(style="plate", markers="paper", marker_mm=36.0)
     made = make_rig(make_map(*WALLS), make_printer(), options, BARE)
     pixels = rendered(made.files["markers.svg"], tmp_path, 300)
     assert np.array(pixels.shape) / 300 * 25.4 == pytest.approx((297, 210), abs=0.2)
@@ -171,7 +171,7 @@ def test_paper_markers_have_their_true_size(make_map, make_printer, tmp_path):
 
 
 def test_paper_tiles_have_a_recess_level_with_the_floor(make_map, make_printer):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(markers="paper"), BARE)
+    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate", markers="paper"), BARE)
     marker = json.loads(made.files["rig.json"])["markers"][0]
     (part,) = [part for part in made.rig.extras if part.name == "marker_0"]
     points = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]
@@ -221,7 +221,7 @@ def test_the_board_carries_engraved_markers(make_map, make_printer):
 )
 def test_markers_that_cannot_be_made_are_refused(options, words):
     with pytest.raises(BadInputError, match=words):
-        RigOptions(**options)
+        RigOptions(**({"style": "plate"} | options))
 
 
 def test_without_markers_there_is_none(make_map, make_printer):

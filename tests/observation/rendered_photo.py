@@ -5,6 +5,7 @@ anywhere above. Light, shadows, gloss, grain, blur, noise and JPEG are rough but
 """
 
 import io
+import itertools
 import math
 from dataclasses import dataclass, field
 
@@ -51,23 +52,25 @@ class Camera:
     pixels: tuple
 
     @classmethod
-    def of(cls, look, middle_mm, span_mm):
+    def of(cls, look, box_mm):
+        """Return a camera that sees a whole box, as somebody who takes care would hold it."""
+        left, low, right, top = box_mm
+        middle = np.array([(left + right) / 2, (low + top) / 2, 0.0])
         tilt, turn = math.radians(look.tilt_deg), math.radians(look.turn_deg)
-        away = np.array([math.cos(turn), math.sin(turn)])
-        place = np.array([*(middle_mm + look.distance_mm * math.sin(tilt) * away),
-                          look.distance_mm * math.cos(tilt)])
-        forward = np.array([*middle_mm, 0.0]) - place
-        forward /= np.linalg.norm(forward)
-        up = np.array([*(-away), 0.0]) if look.tilt_deg else np.array([0.0, 1.0, 0.0])
-        right = np.cross(forward, up)
-        right /= np.linalg.norm(right)
-        down = np.cross(forward, right)
-        roll = math.radians(look.roll_deg)
-        right, down = (math.cos(roll) * right + math.sin(roll) * down,
-                       math.cos(roll) * down - math.sin(roll) * right)
-        width, height = look.pixels
-        focal = 0.9 * min(width, height) * look.distance_mm / span_mm
-        return cls(place, np.array([right, down, forward]), focal, look.pixels)
+        away = np.array([math.cos(turn), math.sin(turn), 0.0])
+        place = middle + look.distance_mm * (
+            math.sin(tilt) * away + np.array([0, 0, math.cos(tilt)])
+        )
+        corners = np.array([(x, y, 0.0) for x in (left, right) for y in (low, top)]) - place
+        goal = middle - place
+        for _ in range(5):
+            axes = _axes(goal / np.linalg.norm(goal), -away, math.radians(look.roll_deg))
+            seen = (corners @ axes.T)[:, :2] / (corners @ axes.T)[:, 2:]
+            shift = (seen.max(axis=0) + seen.min(axis=0)) / 2
+            goal = axes[2] + shift[0] * axes[0] + shift[1] * axes[1]
+        half = np.abs(seen).max(axis=0)
+        focal = 0.97 / 2 * (np.array(look.pixels) / half).min()
+        return cls(place, axes, focal, look.pixels)
 
     def rays(self):
         width, height = self.pixels
@@ -78,6 +81,15 @@ class Camera:
     def seen_at(self, points_mm):
         local = (np.atleast_2d(points_mm) - self.place_mm) @ self.axes.T
         return local[:, :2] / local[:, 2:] * self.focal_px + np.array(self.pixels) / 2
+
+
+def _axes(forward, up, roll):
+    """Return right, down and forward of a camera, shape (3, 3)."""
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    turned = math.cos(roll) * right + math.sin(roll) * down
+    return np.array([turned, np.cross(forward, turned), forward])
 
 
 @dataclass
@@ -93,13 +105,22 @@ class Scene:
     def __post_init__(self):
         left, low, right, top = self.world.bounds.bounds
         self.low_mm = np.array([left - RIM_MM, low - RIM_MM])
-        self.shape = (int((top - low + 2 * RIM_MM) / CELL_MM), int((right - left + 2 * RIM_MM) / CELL_MM))
+        self.shape = (
+            int((top - low + 2 * RIM_MM) / CELL_MM),
+            int((right - left + 2 * RIM_MM) / CELL_MM),
+        )
         rows, cols = self.shape
         self.x = self.low_mm[0] + (np.arange(cols) + 0.5) * CELL_MM
         self.y = self.low_mm[1] + (np.arange(rows) + 0.5) * CELL_MM
         solid = shapely.unary_union(list(self.world.obstacles))
-        self.block = shapely.contains_xy(solid, *np.meshgrid(self.x, self.y)) if self.world.obstacles else np.zeros(self.shape, bool)
-        self.tubes = [self._tube(level) for level in range(1, int(self.deployment.tree.level.max()) + 1)]
+        self.block = (
+            shapely.contains_xy(solid, *np.meshgrid(self.x, self.y))
+            if self.world.obstacles
+            else np.zeros(self.shape, bool)
+        )
+        self.tubes = [
+            self._tube(level) for level in range(1, int(self.deployment.tree.level.max()) + 1)
+        ]
         self.height = np.where(self.block, self.look.height_mm, 0.0)
         for radius, away, _ in self.tubes:
             inside = away < radius
@@ -111,16 +132,30 @@ class Scene:
         radius = inflated_radius_mm(self.build.widths_mm[level - 1])
         away = np.full(self.shape, 1e6)
         to = np.zeros((*self.shape, 2))
-        for branch in np.flatnonzero((self.deployment.tree.level == level) & self.deployment.deployed):
+        for branch in np.flatnonzero(
+            (self.deployment.tree.level == level) & self.deployment.deployed
+        ):
             chain = self.deployment.chain_mm(branch)
-            for a, b in zip(chain, chain[1:]):
+            for a, b in itertools.pairwise(chain):
                 self._draw(a, b, radius + 2.0, away, to)
         return radius, away, to
 
     def _draw(self, a, b, rim, away, to):
         lo, hi = np.minimum(a, b) - rim, np.maximum(a, b) + rim
-        c0, c1 = (np.clip([(lo[0] - self.low_mm[0]) / CELL_MM, (hi[0] - self.low_mm[0]) / CELL_MM + 1], 0, self.shape[1])).astype(int)
-        r0, r1 = (np.clip([(lo[1] - self.low_mm[1]) / CELL_MM, (hi[1] - self.low_mm[1]) / CELL_MM + 1], 0, self.shape[0])).astype(int)
+        c0, c1 = (
+            np.clip(
+                [(lo[0] - self.low_mm[0]) / CELL_MM, (hi[0] - self.low_mm[0]) / CELL_MM + 1],
+                0,
+                self.shape[1],
+            )
+        ).astype(int)
+        r0, r1 = (
+            np.clip(
+                [(lo[1] - self.low_mm[1]) / CELL_MM, (hi[1] - self.low_mm[1]) / CELL_MM + 1],
+                0,
+                self.shape[0],
+            )
+        ).astype(int)
         x, y = np.meshgrid(self.x[c0:c1], self.y[r0:r1])
         step = b - a
         long = float(step @ step)
@@ -142,16 +177,19 @@ def render(scene: Scene):
     """Return the photo as an array of uint8 RGB, and the camera."""
     look, rng = scene.look, np.random.default_rng(scene.look.seed)
     left, low, right, top = scene.world.bounds.bounds
-    middle = np.array([(left + right) / 2, (low + top) / 2])
-    span = max(right - left, top - low) + 2 * 50.0
-    camera = Camera.of(look, middle, span * (1.0 + 0.9 * math.sin(math.radians(look.tilt_deg))))
+    rim = 48.0 if look.markers else 5.0
+    camera = Camera.of(look, (left - rim, low - rim, right + rim, top + rim))
     rays = camera.rays()
     flat = camera.place_mm[:2] - rays[:, :2] * (camera.place_mm[2] / rays[:, 2:])
     lean = rays[:, :2] / rays[:, 2:]  # way across for each mm of height
     lit = _floor(scene, rng)
     colour = lit.reshape(-1, 3)[scene.cells(flat)]
-    outside = (flat[:, 0] < scene.low_mm[0]) | (flat[:, 1] < scene.low_mm[1]) | (
-        flat[:, 0] > scene.x[-1]) | (flat[:, 1] > scene.y[-1])
+    outside = (
+        (flat[:, 0] < scene.low_mm[0])
+        | (flat[:, 1] < scene.low_mm[1])
+        | (flat[:, 0] > scene.x[-1])
+        | (flat[:, 1] > scene.y[-1])
+    )
     colour[outside] = np.array(look.board) / 255.0 * 0.5
     if look.markers:
         _markers(scene, flat, colour)
@@ -173,7 +211,9 @@ def _linear(colour):
 
 def _lamp(look):
     azimuth, up = (math.radians(a) for a in look.light_deg)
-    return np.array([math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)])
+    return np.array(
+        [math.cos(azimuth) * math.cos(up), math.sin(azimuth) * math.cos(up), math.sin(up)]
+    )
 
 
 def _floor(scene, rng):
@@ -192,8 +232,7 @@ def _floor(scene, rng):
         shadow |= moved > z
     soft = ndimage.gaussian_filter(shadow.astype(float), 1.5)
     light *= 1.0 - (1.0 - look.shade) * soft
-    floor = light[..., None] * _linear(look.board)
-    return floor
+    return light[..., None] * _linear(look.board)
 
 
 def _markers(scene, at, colour):
@@ -207,7 +246,7 @@ def _markers(scene, at, colour):
         inside = (col >= 0) & (col < 6) & (row >= 0) & (row < 6)
         white = np.zeros((6, 6), bool)
         white[1:5, 1:5] = [[c == "#" for c in line] for line in rows]
-        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], True)
+        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], 1)
         colour[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
 
 
@@ -215,7 +254,9 @@ def _things(scene, flat, lean, colour):
     """Paint obstacles and tubes over the floor, where rays meet them first."""
     look, lamp = scene.look, _lamp(scene.look)
     top = max(scene.height.max(), 1.0)
-    around = ndimage.maximum_filter(scene.height, size=int(2 * top * np.abs(lean).max() / CELL_MM) | 1)
+    around = ndimage.maximum_filter(
+        scene.height, size=int(2 * top * np.abs(lean).max() / CELL_MM) | 1
+    )
     alive = np.flatnonzero(around.reshape(-1)[scene.cells(flat)] > 0)
     block = scene.block.reshape(-1)
     film = _linear(look.film)
@@ -233,7 +274,10 @@ def _things(scene, flat, lean, colour):
             d = away.reshape(-1)[cell]
             on = ~hit & (d**2 + (z - radius) ** 2 <= radius**2)
             if on.any():
-                normal = np.column_stack([to.reshape(-1, 2)[cell[on]], np.full(on.sum(), z - radius)]) / radius
+                normal = (
+                    np.column_stack([to.reshape(-1, 2)[cell[on]], np.full(on.sum(), z - radius)])
+                    / radius
+                )
                 face = np.clip(normal @ lamp, 0, 1)
                 shine = look.gloss * np.clip(normal @ _half(lamp), 0, 1) ** 40
                 colour[alive[on]] = (0.45 + 0.6 * face)[:, None] * film + shine[:, None]
@@ -253,6 +297,13 @@ def plan_arrays(photo, camera, box_mm, mm_per_pixel, plane_mm):
     x = left + (np.arange(cols) + 0.5) * mm_per_pixel
     y = top - (np.arange(rows) + 0.5) * mm_per_pixel
     gx, gy = np.meshgrid(x, y)
-    seen = camera.seen_at(np.column_stack([gx.ravel(), gy.ravel(), np.full(gx.size, plane_mm)])) - 0.5
-    out = [ndimage.map_coordinates(photo[..., k].astype(float), [seen[:, 1], seen[:, 0]], order=1, mode="nearest") for k in range(3)]
+    seen = (
+        camera.seen_at(np.column_stack([gx.ravel(), gy.ravel(), np.full(gx.size, plane_mm)])) - 0.5
+    )
+    out = [
+        ndimage.map_coordinates(
+            photo[..., k].astype(float), [seen[:, 1], seen[:, 0]], order=1, mode="nearest"
+        )
+        for k in range(3)
+    ]
     return np.stack(out, axis=-1).reshape(rows, cols, 3).round().astype(np.uint8)

@@ -10,6 +10,7 @@ fractions of a pixel, all at once, children hanging on their parents' ends.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -171,27 +172,31 @@ class _Tracing:
         cover = self.coarse.cover(self.patches)
         chosen: dict[int, _Course | None] = dict.fromkeys(branches)
         for _ in range(_ROUNDS):
-            changed = False
+            before = dict(chosen)
             for branch in branches:
-                now = chosen[branch]
-                if now is not None:
-                    cover[now.cells] -= 1
-                best = max(
-                    courses[branch],
-                    key=lambda course: self.coarse.gain(course.cells, cover) + course.worth,
-                    default=None,
-                )
-                if best is not None and self.coarse.gain(best.cells, cover) + best.worth <= 0.0:
-                    best = None
-                if best is not None:
-                    cover[best.cells] += 1
-                changed |= best is not now
-                chosen[branch] = best
-            if not changed:
+                self._choose_one(branch, courses[branch], chosen, cover)
+            if all(chosen[branch] is before[branch] for branch in branches):
                 break
         for branch, course in chosen.items():
             if course is not None:
                 self._take(branch, course.chain_mm, ends_early=course.ends_early)
+
+    def _choose_one(
+        self,
+        branch: int,
+        courses: list[_Course],
+        chosen: dict[int, _Course | None],
+        cover: NDArray[np.int64],
+    ) -> None:
+        """Choose the best course of one branch beside those of the others; none may be best."""
+        now = chosen[branch]
+        if now is not None:
+            cover[now.cells] -= 1
+        worth = [self.coarse.gain(course.cells, cover) + course.worth for course in courses]
+        best = int(np.argmax(worth)) if worth else -1
+        chosen[branch] = courses[best] if worth and worth[best] > 0.0 else None
+        if worth and worth[best] > 0.0:
+            cover[courses[best].cells] += 1
 
     def _take(self, branch: int, chain_mm: Floats, *, ends_early: bool) -> None:
         self.chains[branch], self.early[branch] = chain_mm, ends_early
@@ -336,8 +341,10 @@ class _Coarse:
         share = cut.reshape(rows, times, columns, times).mean(axis=(1, 3))
         cell = times * film.view.mm_per_pixel
         x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-        places = np.column_stack([film.view.left_mm + x.ravel() * cell, film.view.top_mm - y.ravel() * cell])
-        floor = film.moved(places, film.plane_mm, radius_mm)
+        places = np.column_stack(
+            [film.view.left_mm + x.ravel() * cell, film.view.top_mm - y.ravel() * cell]
+        )
+        floor = film.moved(places, film.sight.plane_mm, radius_mm)
         unseen = film.hidden(floor, radius_mm) | film.is_solid(places)
         value = np.where(unseen, 0.0, (2.0 * share.ravel() - 1.0) * cell**2)
         solid = film.is_solid(places).reshape(rows, columns)
@@ -352,10 +359,10 @@ class _Coarse:
 
     def tube(self, film: Film, chain_mm: Floats, radius_mm: float) -> NDArray[np.int64]:
         """Return the cells that a tube covers."""
-        seen = film.moved(chain_mm, radius_mm, film.plane_mm)
+        seen = film.moved(chain_mm, radius_mm, film.sight.plane_mm)
         rows = len(self.value) // self.columns
         found = []
-        for a, b in zip(seen[:-1], seen[1:], strict=True):
+        for a, b in pairwise(seen):
             low, high = np.minimum(a, b) - radius_mm, np.maximum(a, b) + radius_mm
             c0 = max(0, int((low[0] - self.left_mm) / self.cell_mm))
             c1 = min(self.columns, int((high[0] - self.left_mm) / self.cell_mm) + 1)
@@ -428,9 +435,7 @@ def _film_along(film: Film, chain: Floats, radius: float) -> float:
     _, _, points, way = _stations(chain, 1.0)
     step = _length(chain) / len(points)
     side = np.column_stack([-way[:, 1], way[:, 0]])
-    seen = np.mean(
-        [film.at(points + o * radius * side, radius) for o in (-0.6, 0.0, 0.6)], axis=0
-    )
+    seen = np.mean([film.at(points + o * radius * side, radius) for o in (-0.6, 0.0, 0.6)], axis=0)
     there = (seen > 0.6) | film.hidden(points, radius)
     missing = np.flatnonzero(~there)
     gap = max(1, round(_GAP_MM / step))
@@ -441,7 +446,7 @@ def _film_along(film: Film, chain: Floats, radius: float) -> float:
     return _length(chain)
 
 
-def _runs(  # noqa: PLR0913, PLR0917
+def _runs(
     film: Film, base: Floats, heading: float, radius: float, length: float, clearance: Floats
 ) -> list[Floats]:
     """Return chains of straight runs of film from a base on, the longest first."""
@@ -472,7 +477,7 @@ def _runs(  # noqa: PLR0913, PLR0917
     return done[:24]
 
 
-def _straight(  # noqa: PLR0913, PLR0917
+def _straight(
     film: Film, base: Floats, heading: float, spread: Floats, radius: float, most: float
 ) -> list[tuple[float, float]]:
     """Return directions in which film runs straight from a point, and how far; the best few."""
@@ -567,7 +572,7 @@ def _edge(
     where = points + np.nan_to_num(edge, nan=radius)[:, None] * side
     hidden = film.hidden(where + 0.5 * side, radius)
     edge[hidden] = np.nan
-    seen_at = film.moved(where - 0.7 * side, radius, film.plane_mm)
+    seen_at = film.moved(where - 0.7 * side, radius, film.sight.plane_mm)
     column = ((seen_at[:, 0] - coarse.left_mm) / coarse.cell_mm).astype(np.int64)
     row = ((coarse.top_mm - seen_at[:, 1]) / coarse.cell_mm).astype(np.int64)
     cell = (row * coarse.columns + column).clip(0, len(cover) - 1)
@@ -622,9 +627,7 @@ def _fit_once(work: _Tracing, alive: list[int]) -> None:
 
 
 def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [
-        work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive
-    ]
+    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive]
 
 
 def _hold_length(
@@ -732,7 +735,7 @@ class _System:
         self.matrix += rows.T @ (rows * weights[:, None])
         self.right += rows.T @ (weights * values)
 
-    def across(  # noqa: PLR0913, PLR0917
+    def across(
         self,
         a: NDArray[np.int64],
         b: NDArray[np.int64],
@@ -774,4 +777,4 @@ class _System:
         moves = np.linalg.solve(self.matrix + 1e-6 * np.eye(len(self.right)), self.right)
         moves = moves.reshape(-1, 2)
         far = np.maximum(1.0, np.hypot(*moves.T) / 4.0)
-        return moves / far[:, None]
+        return np.asarray(moves / far[:, None])

@@ -184,7 +184,8 @@ def apart_mm(one: Floats, other: Floats) -> float:
     lines = LineString(one), LineString(other)
     if min(line.length for line in lines) == 0.0:
         return float(shapely.hausdorff_distance(*lines))
-    return float(shapely.hausdorff_distance(*(shapely.segmentize(line, 2.0) for line in lines)))
+    dense = [shapely.segmentize(line, 2.0) for line in lines]
+    return float(shapely.hausdorff_distance(dense[0], dense[1]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,5 +264,5 @@ def _best_turn(replays: Replays, seen: SeenBranch) -> tuple[float, float]:
 
 def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
     """Return how far the line is from a wall that its body touches; None if it does not."""
-    away = float(replays.wall_shape(wall).distance(LineString(seen.points_mm)))
+    away = float(shapely.distance(replays.wall_shape(wall), LineString(seen.points_mm)))
     return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None

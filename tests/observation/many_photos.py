@@ -31,7 +31,7 @@ MOST_ERROR_MM = 2.0
 WORLDS = (
     ("grid_explorer", maps.grid), ("cave_explorer", maps.cave), ("three_level_tree", maps.grid),
     ("plain_vine", maps.pegs), ("six_branch_anchor", maps.pegs), ("grid_explorer", maps.pegs),
-    ("cave_explorer_pieces", maps.cave), ("three_level_tree", maps.cave),
+    ("cave_explorer_pieces", maps.grid), ("three_level_tree", maps.pegs),
 )  # fmt: skip
 FILMS = ((214, 88, 40), (60, 150, 70), (240, 205, 60), (150, 70, 150))
 

@@ -20,7 +20,7 @@ from shapely import LineString
 
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
@@ -39,12 +39,31 @@ _TURNS_DEG = (0.0, -1.5, 1.5, -3.0, 3.0, -6.0, 6.0, -10.0, 10.0)
 _STOPS_DEG = (0.0, 5.0, 15.0, 90.0)
 """Head-on half-angles of these courses: from sliding everywhere to stopping at the first wall."""
 
+RIM_MM = 1.2
+"""Film so near to a tube may be its blurred edge."""
+
+LEAST_LENGTH_MM = 2.0
+"""Shorter stumps of branches cannot be told from their parents' ends."""
+
 _GAP_MM = 3.0
 """Shorter stretches without film do not end a branch."""
 
 _KINK_MM = 1.5
 """Each bend of a course counts as so many millimetres of its film less, so that bends need a
 reason."""
+
+_REASON_MM = 3.0
+"""An end that the model explains, at full length or at a wall, counts as so much film more."""
+
+_UNSEEN, _UNSEEN_LEAF = 0.03, 0.15
+"""Area of a course where film cannot be seen counts as this share of it being floor. Children that
+are seen farther on speak for a parent that is not, and they come later."""
+
+_COVERED = 0.03
+"""Area of a course that others cover counts as this share of it being floor."""
+
+_STEEP_STOP_MM = 15.0
+"""A stop at a wall met outside of the contact range counts as so much film less."""
 
 _ROUNDS = 4
 
@@ -125,6 +144,7 @@ class _Course:
 
     chain_mm: Floats
     cells: NDArray[np.int64]  # of the coarse raster that its tube covers
+    around: NDArray[np.int64]  # the same with a rim, which speaks for no other tube
     worth: float  # what it gains or loses besides film, in mm2
     ends_early: bool
 
@@ -169,7 +189,8 @@ class _Tracing:
     def _choose(self, branches: list[int]) -> None:
         """Choose the courses of one level's branches together: each the best beside the others."""
         courses = {branch: self._courses(branch) for branch in branches}
-        cover = self.coarse.cover(self.patches)
+        alive = [branch for branch in range(len(self.tree)) if len(self.chains[branch])]
+        cover = self.coarse.cover(_wide_patches(self, alive))
         chosen: dict[int, _Course | None] = dict.fromkeys(branches)
         for _ in range(_ROUNDS):
             before = dict(chosen)
@@ -191,12 +212,12 @@ class _Tracing:
         """Choose the best course of one branch beside those of the others; none may be best."""
         now = chosen[branch]
         if now is not None:
-            cover[now.cells] -= 1
+            cover[now.around] -= 1
         worth = [self.coarse.gain(course.cells, cover) + course.worth for course in courses]
         best = int(np.argmax(worth)) if worth else -1
         chosen[branch] = courses[best] if worth and worth[best] > 0.0 else None
         if worth and worth[best] > 0.0:
-            cover[courses[best].cells] += 1
+            cover[courses[best].around] += 1
 
     def _take(self, branch: int, chain_mm: Floats, *, ends_early: bool) -> None:
         self.chains[branch], self.early[branch] = chain_mm, ends_early
@@ -228,7 +249,10 @@ class _Tracing:
                 chain = self._simulated(base, heading + rad(turn), rad(half_angle), branch)
                 if chain.tobytes() not in known:
                     # Small turns are the uncertainty of the parent's heading.
-                    self._propose(found, branch, chain, 0.15 * radius * abs(turn))
+                    cost = 0.15 * radius * abs(turn)
+                    if half_angle > CONTACT_ANGLES_DEG[-1]:
+                        cost += 2.0 * radius * _STEEP_STOP_MM
+                    self._propose(found, branch, chain, cost)
                 known.add(chain.tobytes())
         best = max((self._support(c.chain_mm, radius) for c in found), default=0.0)
         if best < 0.92 or all(course.ends_early for course in found):
@@ -243,17 +267,27 @@ class _Tracing:
         radius, planned = self.radius_mm[branch], float(self.tree.length_mm[branch])
         chain = _simplified(chain, 0.4)
         line = LineString(chain)
+        if line.length < LEAST_LENGTH_MM:
+            return
+        is_leaf = not (self.tree.parent == branch).any()
         reached = _film_along(self.film, chain, radius)
         for length in {line.length, min(line.length, reached)}:
-            if length < radius:
+            if length < LEAST_LENGTH_MM:
                 continue
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
             kinks = max(0, len(part) - 2)
             # Film under other film is neither for nor against; deploying is the rule.
-            worth = 0.05 * 2.0 * radius * length - cost - kinks * _KINK_MM * 2.0 * radius
+            worth = -cost - 2.0 * radius * kinks * _KINK_MM
+            worth += 0.02 * 2.0 * radius * length
+            unseen = float((self.coarse.value[cells] == 0.0).sum()) * self.coarse.cell_mm**2
+            worth -= (_UNSEEN_LEAF if is_leaf else _UNSEEN) * unseen
+            if length == line.length:
+                # It ends where the model says why: at its length, or at a wall.
+                worth += 2.0 * radius * _REASON_MM
             early = is_early(length, planned)
-            found.append(_Course(part, cells, worth, early))
+            around = self.coarse.tube(self.film, part, radius + RIM_MM)
+            found.append(_Course(part, cells, around, worth, early))
 
     def _support(self, chain: Floats, radius: float) -> float:
         """Return the share of a course's tube, where it can be seen, that is film."""
@@ -389,7 +423,9 @@ class _Coarse:
 
     def gain(self, cells: NDArray[np.int64], cover: NDArray[np.int64]) -> float:
         """Return the film less the floor that a tube covers and no other does."""
-        return float(self.value[cells][cover[cells] == 0].sum())
+        alone = cover[cells] == 0
+        covered = len(cells) - int(np.count_nonzero(alone))
+        return float(self.value[cells][alone].sum()) - _COVERED * self.cell_mm**2 * covered
 
 
 # --- Lines --------------------------------------------------------------------------------------
@@ -627,7 +663,7 @@ def _fit_once(work: _Tracing, alive: list[int]) -> None:
 
 
 def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive]
+    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + RIM_MM) for b in alive]
 
 
 def _hold_length(

@@ -227,7 +227,7 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, f
         faces=faces,
         to_map=plan.to_map() @ standing,
         volume_mm3=plan_volume_mm3(courses) - float(shapely.area(marks).sum()) * depth_mm,
-        hollow=hollow,
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
 
 

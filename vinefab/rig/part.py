@@ -40,7 +40,7 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
-    hollow: bool = False  # whether anything in it is left empty
+    shell_wall_mm: float = 0.0  # thickness of the walls around what is left empty; 0: solid
     # height at which the filament is changed for another colour; 0: one colour
     colour_change_mm: float = 0.0
 
@@ -64,6 +64,11 @@ class RigPart:
         """Width, depth and height of the box around the part as printed."""
         span = np.ptp(self.vertices_mm, axis=0)
         return float(span[0]), float(span[1]), float(span[2])
+
+    @property
+    def hollow(self) -> bool:
+        """Whether anything in the part is left empty."""
+        return self.shell_wall_mm > 0.0
 
     @property
     def area_mm2(self) -> float:

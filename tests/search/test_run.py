@@ -165,6 +165,8 @@ def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
     assert {pose.x_mm for pose in poses} == {15.0}
     assert len({pose.y_mm for pose in poses}) > 2
     assert result.best.origin["start"] == "left side, heading +-20"
+    again_by = next(line for line in result_lines(result) if line.startswith("the same again"))
+    assert "--start 'left side, heading +-20' --map" in again_by
     assert RunArchive.read(tmp_path / "run" / "run.sqlite").settings.maps == settings.maps
     again = run_search(settings, tmp_path / "run", resume=True)
     assert again.score == result.score

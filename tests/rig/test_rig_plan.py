@@ -21,7 +21,7 @@ from vinefab.rig.rig_plan import (
 @pytest.fixture
 def rig_of(make_printer, make_map):
     def make(*starts, obstacles=(), **options):
-        return build_rig(make_map(*obstacles, starts=starts), make_printer(), RigOptions(**options))
+        return build_rig(make_map(*obstacles, starts=starts), make_printer(), RigOptions(wall_mm=0.0, **options))
 
     return make
 
@@ -79,7 +79,7 @@ def test_the_wall_beside_a_start_in_a_corner_stays(rig_of, up_start, faces_at):
 def test_the_wall_of_the_next_room_stays(make_map, make_printer, up_start, faces_at):
     hall = box(0, 60, 150, 100).union(box(0, -40, 150, 20)).union(box(110, -40, 150, 100))
     world = make_map(bounds=hall, starts=(up_start(50, 75),))
-    rig = build_rig(world, make_printer(), RigOptions(entry_width_mm=30.0))
+    rig = build_rig(world, make_printer(), RigOptions(wall_mm=0.0, entry_width_mm=30.0))
     top = faces_at(rig, 30.0)
     assert not top.intersects(box(35.1, 55, 64.9, 61))
     assert top.contains(box(10, 20.1, 90, 23.9))

@@ -39,13 +39,18 @@ def rig_command(
         str,
         typer.Option(
             help="plate: printed on a plate; board: printed loose, with pegs for a drilled board; "
-            "sheet: cut in layers on the laser."
+            "auto: the quicker of these; sheet: cut in layers on the laser."
         ),
-    ] = "plate",
+    ] = "auto",
     lid: Annotated[bool, typer.Option("--lid", help="Add a transparent lid (DXF).")] = False,
     height_mm: Annotated[float, typer.Option(help="Height of the obstacles.")] = 30.0,
     plate_mm: Annotated[float, typer.Option(help="Thickness of the base plate.")] = 3.0,
     border_mm: Annotated[float, typer.Option(help="Thickness of the wall around.")] = 4.0,
+    wall_mm: Annotated[
+        float | None,
+        typer.Option(help="Walls of hollow obstacles; 0: solid; default: the printer's least."),
+    ] = None,
+    top_mm: Annotated[float, typer.Option(help="Top of loose obstacles; 0: open.")] = 0.0,
     entry_mm: Annotated[float, typer.Option(help="Width of the entry; 0: none.")] = 40.0,
     scale: Annotated[float, typer.Option(help="Printed size over map size.")] = 1.0,
     fit_mm: Annotated[
@@ -97,6 +102,8 @@ def rig_command(
         height_mm=height_mm,
         plate_mm=plate_mm,
         border_mm=border_mm,
+        wall_mm=wall_mm,
+        top_mm=top_mm,
         entry_width_mm=entry_mm,
         scale=scale,
         joint=joint,

@@ -40,6 +40,7 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
+    hollow: bool = False  # whether anything in it is left empty
     # height at which the filament is changed for another colour; 0: one colour
     colour_change_mm: float = 0.0
 

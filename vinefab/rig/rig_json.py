@@ -24,6 +24,7 @@ from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures
 from vinefab.rig.laser_cut import LayerCopy
+from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
@@ -44,6 +45,7 @@ class RigRecord:
     report: CheckReport
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
     copies: tuple[LayerCopy, ...] = ()
+    why_style: str = ""  # which style was chosen and what the other would take
     fixtures: Fixtures = field(default_factory=Fixtures)
 
 
@@ -68,6 +70,12 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "printer": _fields(rig.printer),
         "options": _fields(rig.options),
         "style": rig.style,
+        "why_style": record.why_style,
+        "shells": {
+            "parts": sum(part.hollow for part in rig.parts),
+            "solid_parts": sum(not part.hollow for part in rig.parts),
+            "words": shell_words(rig),
+        },
         "parts": layered_parts(record)
         or [_part_content(index, part, record, digests) for index, part in enumerate(rig.parts)],
         "extras": [
@@ -222,6 +230,7 @@ def _part_content(
         "volume_mm3": _round(part.volume_mm3),
         "size_mm": [_round(size) for size in part.size_mm],
         "triangles": len(part.faces),
+        "hollow": part.hollow,
         "colour_change_mm": _round(part.colour_change_mm),
         "transform_to_map": part.to_map,
     }

@@ -84,7 +84,8 @@ def read_printer(name_or_path: str | Path) -> Printer:
         return Printer(name=path.stem, **given)
 
 
-STYLES = ("plate", "board", "sheet")
+STYLES = ("auto", "plate", "board", "sheet")
+"""What ``auto`` stands for is chosen in `vinefab.rig.make`: plate or board, the quicker to print."""
 
 JOINTS = ("dovetail", "none")
 
@@ -102,7 +103,7 @@ class RigOptions:
     Parameters
     ----------
     style
-        ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
+        ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
         board that a laser cuts and drills) or ``sheet`` (obstacles cut from sheet in layers).
     plate_mm
         Thickness of the base plate, of the board, of the sheet.
@@ -116,6 +117,11 @@ class RigOptions:
     entry_reach_mm
         A start at most this far from the bounds, measured backwards along its heading, gets an
         opening in the border; one further away gets a round hole through the plate.
+    wall_mm
+        Thickness of the walls of hollow obstacles and borders, whole lines of the printer's nozzle;
+        None: its least wall in whole lines; 0: solid.
+    top_mm
+        Thickness of the closed top of loose obstacles; 0: open.
     scale
         Rig millimetres per map millimetre.
     clearance_mm
@@ -155,12 +161,14 @@ class RigOptions:
         If a value is out of range.
     """
 
-    style: str = "plate"
+    style: str = "auto"
     plate_mm: float = 3.0
     height_mm: float = 30.0
     border_mm: float = 4.0
     entry_width_mm: float = 40.0
     entry_reach_mm: float = 60.0
+    wall_mm: float | None = None
+    top_mm: float = 0.0
     scale: float = 1.0
     clearance_mm: float | None = None
     joint: str = "dovetail"
@@ -183,6 +191,9 @@ class RigOptions:
         number("rig.border_mm", self.border_mm, 0.2, 1000.0, "mm")
         number("rig.entry_width_mm", self.entry_width_mm, 0.0, 10_000.0, "mm")
         number("rig.entry_reach_mm", self.entry_reach_mm, 0.0, 10_000.0, "mm")
+        if self.wall_mm is not None:
+            number("rig.wall_mm", self.wall_mm, 0.0, 100.0, "mm")
+        number("rig.top_mm", self.top_mm, 0.0, self.height_mm, "mm")
         positive("rig.scale", self.scale, 1e3, "rig mm per map mm")
         if self.clearance_mm is not None:
             number("rig.clearance_mm", self.clearance_mm, 0.0, 5.0, "mm")

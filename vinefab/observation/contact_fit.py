@@ -160,8 +160,7 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
     threshold = _threshold(photos, error_deg)
     ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
     breadth = _breadth(photos)
-    given = None if ratio is None else ratio.value
-    shapes = _shape_fit(photos, 1.0 if given is None else given)
+    shapes = _shape_fit(photos, _other_ratio(ratio))
     if threshold is None and ratio is None and breadth is None:
         allowed = "observations with contacts that slid or stopped, or with the film's breadth"
         raise BadInputError("contacts", "none", allowed, photos[0].file)
@@ -299,6 +298,13 @@ def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
     """
     far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
     return np.asarray(-weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm)))
+
+
+def _other_ratio(measured: MeasuredNumber | None) -> float:
+    """Return the ratio of widths that robots are grown again with: 1 unless it clearly is not."""
+    if measured is None or measured.value is None or measured.low <= 1.0 <= measured.high:
+        return 1.0
+    return measured.value
 
 
 def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:

@@ -40,7 +40,7 @@ def _make():
         name="table", bounds=box(0, 0, 250, 180), obstacles=tuple(obstacles), starts=(start,)
     )
     printer = Printer(name="bench", bed_width_mm=150, bed_depth_mm=120, height_mm=100)
-    made = make_rig(world, printer, RigOptions(), RigRequest(pictures=False))
+    made = make_rig(world, printer, RigOptions(style="plate"), RigRequest(pictures=False))
     return world, made.rig, made.files
 
 

@@ -35,6 +35,9 @@ from vinefab.rig.split import Cuts, cuts_of, grid_of
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
 
+WELD_MM = 2.0 * GRID_MM
+"""Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
+
 _SMALLER = 0.6
 _PEG_ROOT_MM = 1.0
 _CIRCLE_SEGMENTS = 6
@@ -209,8 +212,11 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, f
 
     depth_mm = _mark_depth_mm(options)
     pockets = [Pocket(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
+    hollow = is_hollow(piece, wall_mm)
     vertices, faces = built_of(
-        [replace(course, pieces=top_down(course.pieces)) for course in courses], pockets
+        [replace(course, pieces=top_down(course.pieces)) for course in courses],
+        pockets,
+        weld_mm=WELD_MM if hollow else 0.0,
     )
     standing = np.diag([1.0, -1.0, -1.0, 1.0])
     standing[:3, 3] = x_min, y_max, options.height_mm
@@ -221,7 +227,7 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, f
         faces=faces,
         to_map=plan.to_map() @ standing,
         volume_mm3=plan_volume_mm3(courses) - float(shapely.area(marks).sum()) * depth_mm,
-        hollow=is_hollow(piece, wall_mm),
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
+import shapely.affinity
 from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -200,14 +201,17 @@ def _entry_of_area(
     except BadInputError:  # closed by what makes solids printable: the pose is what is left
         return entry_of(replace(start, area=None), bounds, border, solids, options)
     entries = [entry_of(_across(start, p), bounds, border, solids, options) for p in pieces]
-    opened = shapely.union_all([entry.from_border for entry in entries])
+    opened = shapely.intersection(
+        shapely.union_all([entry.from_border for entry in entries]), _behind(start, bounds, options)
+    )
     if opened.is_empty:
         at_pose = entry_of(replace(start, area=None), bounds, border, solids, options)
         words = "only its pose has an entry, as its line or area is far from the bounds"
         return replace(at_pose, note="; ".join(filter(None, (words, at_pose.note))))
-    # No thin posts between openings that stand close together.
-    half_mm = 0.5 * options.entry_width_mm
-    opened = border.intersection(opened.buffer(half_mm).buffer(-half_mm).union(opened))
+    # No posts are left between openings that stand closer together than an entry is wide.
+    least_mm2 = options.entry_width_mm * options.border_mm
+    posts = [part for part in polygon_parts(border.difference(opened)) if part.area < least_mm2]
+    opened = shapely.union_all([opened, *posts])
     count, wide_mm = len(polygon_parts(opened)), opened.area / max(options.border_mm, _NEAR_MM)
     several = f"{count} openings, {wide_mm:.0f} mm together" if count > 1 else f"{wide_mm:.0f} mm"
     notes = [f"the border is open for its line or area: {several}"]
@@ -215,6 +219,17 @@ def _entry_of_area(
         notes.append("pieces of it further inside have no entry")
     notes += dict.fromkeys(e.note for e in entries if e.note and not e.from_border.is_empty)
     return Entry(from_border=opened, from_plate=Polygon(), note="; ".join(notes))
+
+
+def _behind(start: Start, bounds: Polygon, options: RigOptions) -> BaseGeometry:
+    """Return where robots come from: the bounds moved back, so that walls beside them stay."""
+    back = _backwards(start, 2.0 * options.border_mm).coords
+    (x_0, y_0), (x_1, y_1) = back
+    moved = [
+        shapely.affinity.translate(bounds, share * (x_1 - x_0), share * (y_1 - y_0))
+        for share in (0.5, 1.0)
+    ]
+    return shapely.union_all(moved)
 
 
 def _across(start: Start, piece: BaseGeometry) -> Start:

@@ -58,13 +58,16 @@ def stacked(
 
 
 def built_of(
-    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold] = ()
+    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold] = (), weld_mm: float = 0.0
 ) -> tuple[Floats, Ints]:
-    """Return corners and triangles of prisms joined into one solid, pockets taken out."""
+    """Return corners and triangles of prisms joined into one solid, pockets taken out.
+
+    With ``weld_mm``, corners and edges nearer than that to each other are joined.
+    """
     body = Manifold.batch_boolean([prism(course) for course in courses], OpType.Add)
     for pocket in pockets:
         body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
-    return mesh_of(body)
+    return mesh_of(body.simplify(weld_mm) if weld_mm else body)
 
 
 def mesh_of(body: Manifold) -> tuple[Floats, Ints]:

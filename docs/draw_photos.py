@@ -46,7 +46,13 @@ def main() -> None:
     for seed, (name, (design, pose, tilt_deg)) in enumerate(scenes.items(), 1):
         deployment = grow(design, Terrain.of(world), pose, options)
         look = renderer.Look(
-            tilt_deg=tilt_deg, turn_deg=70.0 * seed, pixels=PIXELS, noise=1.5, jpeg=80, seed=seed
+            tilt_deg=tilt_deg,
+            turn_deg=70.0 * seed,
+            pixels=PIXELS,
+            block=(50, 84, 176),
+            noise=1.5,
+            jpeg=80,
+            seed=seed,
         )
         _, camera, jpeg = renderer.render(renderer.Scene(world, deployment, design.build, look))
         jpeg = with_focal_length(jpeg, camera.focal_px)

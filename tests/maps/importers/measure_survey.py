@@ -15,6 +15,7 @@ import resource
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -121,7 +122,9 @@ def write(polygons, path):
         _write_dxf(rings, path)
     else:
         wkb = shapely.to_wkb(shapely.polygons([shapely.linearrings(ring) for ring in rings]))
-        raw.write(str(path), wkb, [], [], geometry_type="Polygon", crs=None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # no reference system: mm
+            raw.write(str(path), wkb, [], [], geometry_type="Polygon", crs=None)
 
 
 def _write_dxf(rings, path):

@@ -139,7 +139,7 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
         "(simulated)",
         "placed within 5 mm and 3 deg (assumed)",
         "head-on half-angle 1 to 15 deg (assumed)",
-        "so too good",
+        "the search's own estimate",
         "worst tenth",
         "from the map's start 20.00,100.00,0.00",
         "tree minus tree_as_plain_vine",

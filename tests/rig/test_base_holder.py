@@ -30,7 +30,7 @@ def spread(degrees, x_mm=100.0, y_mm=35.0, heading_deg=90.0):
 
 
 def made_of(world, printer, design=None, **sizes):
-    options = RigOptions(markers=sizes.pop("markers", "none"), **sizes)
+    options = RigOptions(**{"style": "plate", "markers": "none", **sizes})
     return make_rig(world, printer, options, RigRequest(design=design, pictures=False))
 
 

@@ -430,8 +430,8 @@ def _robot_lines(robot: AimedRobot) -> list[str]:
     low, high = best.interval
     lines = [
         f"  {robot.name} from {pose_text(best.pose)}: {best.mean:.4f} [{low:.4f}, {high:.4f}], "
-        f"worst tenth {best.worst_tenth:.4f}; the search saw {found.estimate:.4f} "
-        f"(best of {found.deployments:,} deployments, so too good)"
+        f"worst tenth {best.worst_tenth:.4f}; the search's own estimate "
+        f"{found.estimate:.4f} (the best of many in {found.deployments:,} deployments: biased)"
     ]
     if robot.start is not None and robot.gain is not None:
         lines.append(
@@ -457,7 +457,7 @@ def _team_lines(robot: AimedRobot) -> list[str]:
     lines.append(
         f"  chosen greedily: at least {100 * GREEDY_SHARE:.0f} % of what the best "
         f"{len(team.poses)} of these poses cover (1 - 1/e), and by this case's own bound at least "
-        f"{100 * team.least_share:.1f} %"
+        f"{team.least_percent:.1f} %"
     )
     return lines
 

@@ -139,6 +139,11 @@ class RobotSet:
         """At least this share of what the best set of as many candidates covers, by the bound."""
         return self.choice.covered[-1] / max(self.choice.bounds[-1], 1e-300)
 
+    @property
+    def least_percent(self) -> float:
+        """The same in percent with one decimal, rounded down."""
+        return math.floor(1000.0 * self.least_share) / 10.0
+
 
 def candidate_poses(landscape: PoseLandscape, most: int, extra: Floats) -> Floats:
     """Return poses to choose from: the same number at every place, the best headings first.

@@ -35,7 +35,7 @@ from vinefab.rig.split import Cuts, cuts_of, grid_of
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
 
-WELD_MM = 0.5 * GRID_MM
+WELD_MM = 2.0 * GRID_MM
 """Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
 
 _SMALLER = 0.6
@@ -227,7 +227,7 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, f
         faces=faces,
         to_map=plan.to_map() @ standing,
         volume_mm3=plan_volume_mm3(courses) - float(shapely.area(marks).sum()) * depth_mm,
-        hollow=hollow,
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
 
 

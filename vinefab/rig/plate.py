@@ -88,6 +88,7 @@ def _part(
     marks = engraved_marks(number, tile.plate) if depth_mm else polygon_parts(Polygon())
     low = np.array([*tile.plate.bounds[:2], 0.0])
     standing = hollowed(tile.solids, wall_mm)
+    hollow = shapely.area(standing).sum() < shapely.area(tile.solids).sum()
     plate, solids, grooves = (
         shapely.transform(pieces, lambda points: points - low[:2])
         for pieces in (polygon_parts(tile.plate), standing, marks)
@@ -114,7 +115,7 @@ def _part(
             + shapely.area(standing).sum() * options.height_mm
             - shapely.area(marks).sum() * depth_mm
         ),
-        hollow=bool(shapely.area(standing).sum() < shapely.area(tile.solids).sum()),
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
     return part, len(marks) > 0
 

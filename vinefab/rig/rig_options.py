@@ -34,8 +34,13 @@ class Printer:
     layer_mm: float = 0.2  # height of a layer
     shell_mm: float = 0.8  # thickness of the skin
     infill: float = 0.15  # share of the inside that is filled
-    flow_mm3_s: float = 6.0  # average extrusion rate
-    layer_change_s: float = 4.0  # extra time per layer
+    wall_speed_mm_s: float = 80.0
+    fill_speed_mm_s: float = 100.0
+    travel_speed_mm_s: float = 150.0
+    acceleration_mm_s2: float = 2000.0
+    # mean extrusion rate of whole parts; where one was measured, it takes the place of the speeds
+    flow_mm3_s: float | None = None
+    layer_change_s: float = 1.0  # extra time per layer
     filament_mm: float = 1.75  # diameter
     density_g_cm3: float = 1.24  # of the filament
 
@@ -45,7 +50,11 @@ class Printer:
         for name in ("least_wall_mm", "clearance_mm", "layer_mm", "shell_mm", "filament_mm"):
             positive(f"printer.{name}", getattr(self, name), 100.0)
         number("printer.infill", self.infill, 0.0, 1.0)
-        positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
+        for name in ("wall_speed_mm_s", "fill_speed_mm_s", "travel_speed_mm_s"):
+            positive(f"printer.{name}", getattr(self, name), 10_000.0, "mm/s")
+        positive("printer.acceleration_mm_s2", self.acceleration_mm_s2, 1e6, "mm/s2")
+        if self.flow_mm3_s is not None:
+            positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
         number("printer.layer_change_s", self.layer_change_s, 0.0, 3600.0, "s")
         positive("printer.density_g_cm3", self.density_g_cm3, 30.0, "g/cm3")
 
@@ -64,6 +73,10 @@ class PrinterForm(Form):
     layer_mm: QuantityForm | None = None
     shell_mm: QuantityForm | None = None
     infill: QuantityForm | None = None
+    wall_speed_mm_s: QuantityForm | None = None
+    fill_speed_mm_s: QuantityForm | None = None
+    travel_speed_mm_s: QuantityForm | None = None
+    acceleration_mm_s2: QuantityForm | None = None
     flow_mm3_s: QuantityForm | None = None
     layer_change_s: QuantityForm | None = None
     filament_mm: QuantityForm | None = None

@@ -11,7 +11,6 @@ is in any of the drawn polygons (scan lines, no union), its narrowest passage wi
 import argparse
 import json
 import math
-import resource
 import subprocess
 import sys
 import time
@@ -169,12 +168,21 @@ def _scan(image, points):
         image[line, left:right] = True
 
 
+def _peak_mb():
+    """Return the largest resident memory of this process (rusage counts the parent's too)."""
+    status = Path("/proc/self/status")
+    if not status.is_file():
+        return math.nan
+    line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024.0
+
+
 def imported(path):
     """Import a file, as the process that is measured does, and write what came out."""
     begin = time.process_time()
     world = import_map(Path(path), ImportOptions(drawn="free"))
     seconds = time.process_time() - begin
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    peak_mb = _peak_mb()
     begin = time.process_time()
     narrowest = narrow_passages(world.free_space, 1)[0]
     found = {

@@ -420,8 +420,8 @@ def _start_places(trial: PoseTrial, world: Map) -> tuple[BaseGeometry, BaseGeome
     for start in world.starts:
         x, y, across, up = start.pose.x_mm, start.pose.y_mm, start.spread_x_mm, start.spread_y_mm
         if start.area is not None:
-            free = trial.prepared.terrain.free_space()
-            shapes += start_pieces(start, free, trial.radius_mm)
+            # Where the trunk has no room in it, that start is left out, not refused.
+            shapes += start_pieces(start, trial.prepared.terrain.free_space())
         elif across and up:
             shapes.append(shapely.box(x - across, y - up, x + across, y + up))
         elif across or up:

@@ -195,8 +195,8 @@ def _branch_section(seen: Observation) -> Section:
         ),
         tables=(
             Table(
-                caption="Branches: lengths in mm; distances at equal arc lengths, in mm and in percent of "
-                "the length seen",
+                caption="Branches: lengths in mm; distances at equal arc lengths, in mm "
+                "and in percent of the length seen",
                 headings=(
                     "branch", "planned", "observed", "predicted", "stop observed",
                     "stop predicted", "mean mm", "Hausdorff mm", "mean %", "diameter mm",

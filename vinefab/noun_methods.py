@@ -95,8 +95,15 @@ def _map_document(world: Map) -> str:
         [ground_svg(world, box_mm=world.bounds.bounds), *starts],
         world.bounds.bounds,
         title=f"{world.name}: {size} mm",
-        legend=[START] if starts else [],
+        legend=[*([START] if starts else []), *_range_entry(world)],
     )
+
+
+def _range_entry(world: Map) -> list[tuple[str, str]]:
+    """Return what explains the ranges of a map's starts, if it has some."""
+    from vinefab.pages.plan_document import RANGE
+
+    return [RANGE] if any(start.has_spread for start in world.starts) else []
 
 
 def _contour_document(contour: Contour, title: str, *, filled: bool) -> str:
@@ -137,4 +144,5 @@ def _deployment_document(deployment: Deployment) -> str:
     if world and box_mm != world.bounds.bounds:
         names[1] = f"on a part of {world.name}, {world.size_mm[0]:g} x {world.size_mm[1]:g} mm"
     title = " ".join(filter(None, names))
-    return plan_document(parts, box_mm, title=title, legend=[*robot_legend(deployment), START])
+    legend = [*robot_legend(deployment), START, *(_range_entry(world) if world else ())]
+    return plan_document(parts, box_mm, title=title, legend=legend)

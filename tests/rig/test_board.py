@@ -12,7 +12,7 @@ from vinefab.rig.board import PEG_RECESS_MM, RIM_MM, build_board, pegs_in
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.rig_options import RigOptions
 
-BOARD = RigOptions(style="board", most_parts=200)
+BOARD = RigOptions(style="board", most_parts=200, wall_mm=0.0)
 
 
 @pytest.fixture

@@ -7,12 +7,15 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.plate import build_rig
+from vinefab.rig.rig_options import RigOptions
 
 
-@pytest.fixture
-def crooked(crooked_map, make_printer):
+@pytest.fixture(params=[0.0, None])
+def crooked(request, crooked_map, make_printer):
+    """A rig on plates, solid and hollow."""
+    wall_mm = request.param
     world = crooked_map(3, 6, 4)
-    return world, build_rig(world, make_printer(130.0, 130.0))
+    return world, build_rig(world, make_printer(130.0, 130.0), RigOptions(wall_mm=wall_mm))
 
 
 def test_a_good_rig_differs_by_less_than_a_thousandth(crooked):

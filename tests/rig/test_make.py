@@ -60,7 +60,7 @@ def test_what_cannot_be_printed_is_refused_before_anything_is_built(monkeypatch,
 
 def test_a_rig_is_fitted_to_a_size():
     world = _map(box(30, 60, 60, 90))
-    options = RigOptions(border_mm=5.0).fitted(world, 100.0)
+    options = RigOptions(style="plate", border_mm=5.0).fitted(world, 100.0)
     made = make_rig(world, PRINTER, options, BARE)
     assert options.scale == 0.5
     assert made.rig.parts[0].size_mm == pytest.approx((100.0, 85.0, 33.0))
@@ -115,18 +115,22 @@ def test_a_slanted_plate_is_no_empty_map():
 
 def test_pictures_drawing_and_page_come_with_the_files():
     world = _map(box(30, 60, 60, 90), box(90, 60, 150, 60.4))
-    made = make_rig(world, PRINTER, RigOptions(scale=1.5))
+    made = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
     beds = json.loads(made.files["rig.json"])["beds"]
     pictures = {bed["file"].replace(".3mf", ".png") for bed in beds}
-    names = {"assembly.svg", "assembly.pdf", "assembled.png", "report.html", *pictures}
+    pictures |= {"assembled.png", "base_holder.png"}
+    drawings = {
+        f"{name}.{kind}" for name in ("assembly", "markers", "plan") for kind in ("svg", "pdf")
+    }
+    names = {"report.html", *pictures, *drawings}
     assert names < set(made.files)
     assert made.files["assembly.pdf"].startswith(b"%PDF")
     for name in names:
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()
     assert "Test rig" in page
-    assert page.count("data:image/png") == 1 + len(pictures)
-    again = make_rig(world, PRINTER, RigOptions(scale=1.5))
+    assert page.count("data:image/png") == len(pictures)
+    again = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
     assert again.files == made.files
 
 

@@ -40,7 +40,7 @@ def _make():
         name="table", bounds=box(0, 0, 250, 180), obstacles=tuple(obstacles), starts=(start,)
     )
     printer = Printer(name="bench", bed_width_mm=150, bed_depth_mm=120, height_mm=100)
-    made = make_rig(world, printer, RigOptions(), RigRequest(pictures=False))
+    made = make_rig(world, printer, RigOptions(style="plate"), RigRequest(pictures=False))
     return world, made.rig, made.files
 
 
@@ -101,7 +101,7 @@ def test_the_part_list_is_a_table(made):
     lines = files["parts.csv"].decode().splitlines()
     rows = list(csv.DictReader(lines[1:]))
     assert [row["file"] for row in rows] == [stl_name(part) for part in rig.printed]
-    assert [row["number"] for row in rows] == ["1", "2", "3", "4", "", ""]
+    assert [row["number"] for row in rows] == ["1", "2", "3", "4", *[""] * 6]
     assert float(rows[0]["volume_cm3"]) == pytest.approx(rig.parts[0].volume_mm3 / 1e3, abs=0.01)
 
 

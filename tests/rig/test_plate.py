@@ -16,7 +16,13 @@ from vinefab.rig.rig_options import RigOptions
 from vinefab.rig.solid import engraved_marks, manifold_of
 from vinefab.rig.stl_format import STL
 
-PLAIN = RigOptions(mark_depth_mm=0.0)
+
+def _solid(**sizes):
+    """Return options of a solid rig on plates."""
+    return RigOptions(**({"style": "plate", "wall_mm": 0.0} | sizes))
+
+
+PLAIN = _solid(mark_depth_mm=0.0)
 """Without numbers on the underside: areas and volumes are those of plate and walls alone."""
 
 
@@ -44,7 +50,7 @@ def _walls(world):
 def test_the_volume_of_a_small_rig_is_plate_and_walls(make_map, make_printer):
     world = make_map(box(30, 60, 60, 90), box(120, 70, 150, 130))
     rig = build_rig(
-        world, make_printer(), RigOptions(border_mm=5.0, entry_width_mm=40.0, mark_depth_mm=0.0)
+        world, make_printer(), _solid(border_mm=5.0, entry_width_mm=40.0, mark_depth_mm=0.0)
     )
     plate_mm2 = 190.0 * 160.0
     walls_mm2 = 30.0 * 30.0 + 30.0 * 60.0 + (plate_mm2 - 180.0 * 150.0) - 40.0 * 5.0
@@ -56,7 +62,7 @@ def test_the_volume_of_a_small_rig_is_plate_and_walls(make_map, make_printer):
 
 def test_transform_puts_the_part_where_the_map_is(make_map, make_printer, faces_at):
     world = make_map(box(30, 60, 60, 90))
-    rig = build_rig(world, make_printer(), RigOptions(border_mm=5.0))
+    rig = build_rig(world, make_printer(), _solid(border_mm=5.0))
     assert rig.parts[0].to_map[:3, 3] == pytest.approx((5.0, 15.0, -3.0))
     assert rig.parts[0].vertices_mm.min(axis=0) == pytest.approx((0.0, 0.0, 0.0))
     assert _xor(faces_at(rig, 30.0).intersection(world.bounds), _walls(world)) < 0.1
@@ -79,7 +85,7 @@ def test_the_assembled_rig_is_the_map(crooked_map, make_printer, faces_at, bed_m
 
 
 def test_parts_do_not_run_into_each_other_and_leave_only_the_gaps(crooked_map, make_printer):
-    rig = build_rig(crooked_map(4, 6, 4), make_printer(130.0, 130.0, clearance_mm=0.3))
+    rig = build_rig(crooked_map(4, 6, 4), make_printer(130.0, 130.0, clearance_mm=0.3), _solid())
     assert len(rig.parts) > 4
     assert rig.counts["joints"] >= len(rig.parts)
     placed = [
@@ -101,7 +107,7 @@ def test_holes_in_obstacles_and_bounds(make_map, make_printer, faces_at):
     ring = box(40, 60, 90, 110).difference(box(50, 70, 80, 100))
     bounds = box(10, 20, 190, 170).difference(box(120, 80, 140, 100))
     world = make_map(ring, bounds=bounds)
-    rig = build_rig(world, make_printer())
+    rig = build_rig(world, make_printer(), _solid())
     inside = faces_at(rig, 30.0).intersection(box(10, 20, 190, 170))
     assert _xor(inside, ring.union(box(120, 80, 140, 100))) < 0.1
     assert faces_at(rig, 0.0).contains(Point(65, 85))
@@ -121,7 +127,7 @@ def test_holes_in_obstacles_and_bounds(make_map, make_printer, faces_at):
 def test_obstacles_at_the_border(make_map, make_printer, faces_at, obstacle):
     world = make_map(obstacle, box(100, 100, 120, 120))
     for printer in (make_printer(), make_printer(100.0, 100.0)):
-        rig = build_rig(world, printer)
+        rig = build_rig(world, printer, _solid())
         inside = faces_at(rig, 30.0).intersection(world.bounds)
         assert _xor(inside, _walls(world)) < 1e-3 * _walls(world).area
         assert _problems(rig) == []
@@ -130,7 +136,7 @@ def test_obstacles_at_the_border(make_map, make_printer, faces_at, obstacle):
 
 def test_obstacles_that_touch_in_a_corner_are_joined_and_counted(make_map, make_printer):
     world = make_map(box(40, 60, 60, 80), box(60, 80, 80, 100), box(80, 60, 100, 80))
-    rig = build_rig(world, make_printer())
+    rig = build_rig(world, make_printer(), _solid())
     assert rig.counts["bridges"] == 2
     assert any("touched in one point" in note for note in rig.notes)
     assert _problems(rig) == []
@@ -140,7 +146,7 @@ def test_a_cut_through_a_touching_corner_stays_closed(make_map, make_printer):
     obstacles = [box(x, y, x + 10, y + 10) for x in range(0, 300, 20) for y in range(20, 90, 20)]
     obstacles += [box(x + 10, y, x + 20, y + 10) for x in range(0, 300, 20) for y in (30, 50, 70)]
     world = make_map(*obstacles, bounds=box(0, 0, 320, 120), starts=())
-    rig = build_rig(world, make_printer(120.0, 90.0))
+    rig = build_rig(world, make_printer(120.0, 90.0), _solid())
     assert rig.counts["bridges"] > 100
     assert _problems(rig) == []
 
@@ -150,7 +156,7 @@ def test_a_notch_that_ends_on_a_cut_stays_closed(make_map, make_printer):
     # that touch where the notch ends.
     block = Polygon([(100, 50), (300, 50), (198, 80), (300, 110), (100, 110)])
     world = make_map(block, bounds=box(0, 0, 396, 150), starts=())
-    rig = build_rig(world, make_printer())
+    rig = build_rig(world, make_printer(), _solid())
     assert len(rig.parts) == 2
     assert rig.parts[1].to_map[0, 3] == 198.0
     assert _problems(rig) == []
@@ -159,10 +165,10 @@ def test_a_notch_that_ends_on_a_cut_stays_closed(make_map, make_printer):
 def test_slivers_and_slits_are_left_out_and_counted(make_map, make_printer, faces_at):
     slit = box(40, 60, 60, 80).difference(box(45, 70, 55, 70.02))
     world = make_map(box(100, 100, 140, 100.03), slit)
-    rig = build_rig(world, make_printer())
+    rig = build_rig(world, make_printer(), _solid())
     assert (rig.counts["slivers"], rig.counts["slits"]) == (1, 1)
     assert _xor(faces_at(rig, 30.0).intersection(world.bounds), box(40, 60, 60, 80)) < 0.1
-    kept = build_rig(world, make_printer(), RigOptions(sliver_mm=0.0))
+    kept = build_rig(world, make_printer(), _solid(sliver_mm=0.0))
     assert (kept.counts["slivers"], kept.counts["slits"]) == (0, 0)
     assert kept.volume_mm3 == pytest.approx(rig.volume_mm3 + 30.0 * (40 * 0.03 - 10 * 0.02))
     assert _problems(kept) == []
@@ -170,7 +176,7 @@ def test_slivers_and_slits_are_left_out_and_counted(make_map, make_printer, face
 
 def test_thin_walls_are_thickened_and_reported(make_map, make_printer, faces_at):
     dumbbell = shapely.union_all([box(30, 60, 50, 80), box(50, 70, 90, 70.5), box(90, 60, 110, 80)])
-    world, options = make_map(dumbbell), RigOptions(scale=0.9)
+    world, options = make_map(dumbbell), _solid(scale=0.9)
     rig = build_rig(world, make_printer(least_wall_mm=0.8), options)
     (place,) = rig.thin_places
     assert 50 < place.x_mm < 90
@@ -185,12 +191,12 @@ def test_thin_walls_are_thickened_and_reported(make_map, make_printer, faces_at)
     comparison = compare_with_map(rig, world)
     assert comparison.share < 1e-4
     assert comparison.thickened_mm2 == pytest.approx(wall.area * 40 / 30 - 40 * 0.5, rel=0.05)
-    assert build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.4)).thin_places == ()
+    assert build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.4), _solid()).thin_places == ()
 
 
 def test_numbers_are_grooves_that_a_printer_bridges(crooked_map, make_printer):
     world, printer = crooked_map(5, 6, 6), make_printer(110.0, 140.0)
-    rig, plain = build_rig(world, printer), build_rig(world, printer, PLAIN)
+    rig, plain = build_rig(world, printer, _solid()), build_rig(world, printer, PLAIN)
     assert rig.counts["unmarked"] == 0
     assert [part.number for part in rig.parts] == list(range(1, len(rig.parts) + 1))
     for part, bare in zip(rig.parts, plain.parts, strict=True):
@@ -223,7 +229,7 @@ def test_dust_has_no_room_for_a_number():
 
 
 def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):
-    rig = build_rig(make_map(box(30, 60, 60, 90)), make_printer(), RigOptions(scale=0.5))
+    rig = build_rig(make_map(box(30, 60, 60, 90)), make_printer(), _solid(scale=0.5))
     cube, arrow = rig.extras
     assert cube.size_mm == (20.0, 20.0, 20.0)
     assert _problems(replace(rig, parts=rig.extras)) == []
@@ -237,13 +243,13 @@ def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):
 
 
 def test_thin_border_is_reported(make_map, make_printer):
-    rig = build_rig(make_map(), make_printer(), RigOptions(border_mm=0.5))
+    rig = build_rig(make_map(), make_printer(), _solid(border_mm=0.5))
     assert any("border is thinner" in note for note in rig.notes)
 
 
 def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
     rig = build_rig(
-        make_map(starts=()), make_printer(), RigOptions(border_mm=5.0, mark_depth_mm=0.0)
+        make_map(starts=()), make_printer(), _solid(border_mm=5.0, mark_depth_mm=0.0)
     )
     border_mm2 = 190 * 160 - 180 * 150
     assert rig.volume_mm3 == pytest.approx(3.0 * 190 * 160 + 30.0 * border_mm2)
@@ -253,7 +259,7 @@ def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
 
 def test_tiles_without_joints_only_meet(crooked_map, make_printer):
     world, printer = crooked_map(4, 6, 4), make_printer(130.0, 130.0)
-    rig = build_rig(world, printer, RigOptions(joint="none", mark_depth_mm=0.0))
+    rig = build_rig(world, printer, _solid(joint="none", mark_depth_mm=0.0))
     assert rig.counts["joints"] == 0
     whole = build_rig(world, make_printer(2000, 2000), PLAIN)
     assert rig.volume_mm3 == pytest.approx(whole.volume_mm3, rel=1e-6)
@@ -261,7 +267,7 @@ def test_tiles_without_joints_only_meet(crooked_map, make_printer):
 
 def test_tiles_turn_on_the_bed_when_that_saves_parts(make_map, make_printer, faces_at):
     world = make_map(box(30, 60, 60, 90), bounds=box(10, 20, 290, 120))
-    rig = build_rig(world, make_printer(120.0, 320.0))
+    rig = build_rig(world, make_printer(120.0, 320.0), _solid())
     assert len(rig.parts) == 1
     assert rig.parts[0].size_mm == pytest.approx((108.0, 288.0, 33.0))
     assert _xor(faces_at(rig, 30.0).intersection(world.bounds), _walls(world)) < 0.1
@@ -271,7 +277,7 @@ def test_tiles_turn_on_the_bed_when_that_saves_parts(make_map, make_printer, fac
 
 def test_turned_tiles_join_too(crooked_map, make_printer, faces_at):
     world = crooked_map(8, 8, 2)
-    rig = build_rig(world, make_printer(120.0, 190.0))
+    rig = build_rig(world, make_printer(120.0, 190.0), _solid())
     assert rig.parts[0].to_map[0, 1] == 1.0
     assert len(rig.parts) == 2
     walls = _walls(world)
@@ -281,7 +287,7 @@ def test_turned_tiles_join_too(crooked_map, make_printer, faces_at):
 
 def test_scale_is_undone_by_the_transform(crooked_map, make_printer, faces_at):
     world = crooked_map(9, 7, 5)
-    rig = build_rig(world, make_printer(), RigOptions(scale=0.5))
+    rig = build_rig(world, make_printer(), _solid(scale=0.5))
     assert len(rig.parts) == 1
     assert rig.parts[0].size_mm == pytest.approx((148.0, 118.0, 33.0))
     walls = _walls(world)
@@ -292,7 +298,7 @@ def test_far_from_the_origin_nothing_is_lost(crooked_map, make_map, make_printer
     near = crooked_map(2, 4, 3)
     moved = [shapely.affinity.translate(p, 3e6, -3e6) for p in (near.bounds, *near.obstacles)]
     far = make_map(*moved[1:], bounds=moved[0], starts=())
-    closed = RigOptions(entry_width_mm=0.0)
+    closed = _solid(entry_width_mm=0.0)
     rig = build_rig(far, make_printer(), closed)
     volume_mm3 = build_rig(near, make_printer(), closed).volume_mm3
     assert rig.volume_mm3 == pytest.approx(volume_mm3, rel=1e-6)
@@ -300,7 +306,7 @@ def test_far_from_the_origin_nothing_is_lost(crooked_map, make_map, make_printer
 
 
 def test_the_same_map_gives_the_same_parts(crooked_map, make_printer):
-    first, second = (build_rig(crooked_map(6, 6, 4), make_printer()) for _ in range(2))
+    first, second = (build_rig(crooked_map(6, 6, 4), make_printer(), _solid()) for _ in range(2))
     assert len(first.parts) == len(second.parts)
     for one, other in zip(first.parts, second.parts, strict=True):
         assert one.name == other.name
@@ -331,7 +337,7 @@ def test_whatever_overlaps_comes_out_closed(make_map, make_printer, seed):
 
 def test_a_concave_hall_gives_one_part_for_each_piece(make_map, make_printer):
     comb = box(0, 0, 300, 40).union(box(0, 0, 40, 200)).union(box(260, 0, 300, 200))
-    rig = build_rig(make_map(bounds=comb, starts=()), make_printer(330.0, 150.0))
+    rig = build_rig(make_map(bounds=comb, starts=()), make_printer(330.0, 150.0), _solid())
     assert [(part.row, part.column) for part in rig.parts] == [(1, 1), (2, 1), (2, 1)]
     assert len({part.name for part in rig.parts}) == 3
     assert _problems(rig) == []
@@ -339,17 +345,17 @@ def test_a_concave_hall_gives_one_part_for_each_piece(make_map, make_printer):
 
 def test_too_tall_for_the_printer(make_map, make_printer):
     with pytest.raises(BadInputError, match=r"rig.height_mm is 98.* at most 97 mm"):
-        build_rig(make_map(), make_printer(), RigOptions(height_mm=98.0))
+        build_rig(make_map(), make_printer(), _solid(height_mm=98.0))
 
 
 def test_too_many_parts(crooked_map, make_printer):
     with pytest.raises(BadInputError, match=r"rig.parts is \d+; allowed: at most 5"):
-        build_rig(crooked_map(1, 10, 10), make_printer(), RigOptions(most_parts=5))
+        build_rig(crooked_map(1, 10, 10), make_printer(), _solid(most_parts=5))
 
 
 def test_a_bed_too_small_for_joints(make_map, make_printer):
     with pytest.raises(BadInputError, match=r"printer.bed"):
-        build_rig(make_map(), make_printer(50.0, 50.0))
+        build_rig(make_map(), make_printer(50.0, 50.0), _solid())
 
 
 @pytest.mark.parametrize(
@@ -366,4 +372,4 @@ def test_a_bed_too_small_for_joints(make_map, make_printer):
 )
 def test_options_out_of_range(key, value):
     with pytest.raises(BadInputError, match=f"rig.{key}"):
-        RigOptions(**{key: value})
+        _solid(**{key: value})

@@ -54,5 +54,5 @@ def test_the_estimate_is_the_formula(make_map, make_printer):
 
 def test_thin_parts_are_all_skin(make_map, make_printer):
     printer = make_printer(shell_mm=3.0)
-    rig = build_rig(make_map(), printer, RigOptions(mark_depth_mm=0.0))
+    rig = build_rig(make_map(), printer, RigOptions(mark_depth_mm=0.0, wall_mm=0.0))
     assert print_estimate(rig.parts, printer).plastic_mm3 == pytest.approx(rig.volume_mm3)

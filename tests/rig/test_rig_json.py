@@ -33,8 +33,8 @@ def test_a_good_rig_has_no_problems(made):
     assert facts == read_rig(made / "rig.json")
     assert facts.height_mm == 40.0
     assert facts.room_mm == (210.0, 210.0, 250.0)
-    assert len(facts.parts) == 4 + 2
-    assert [part.problems for part in facts.parts] == [()] * 6
+    assert len(facts.parts) == 4 + 2 + 4 + 3  # cube and arrow, markers, base holder
+    assert [part.problems for part in facts.parts] == [()] * 13
 
 
 def test_spoilt_parts_are_named(copied):
@@ -47,7 +47,7 @@ def test_spoilt_parts_are_named(copied):
     assert "truncated" in problems[0][0]
     assert problems[1] == ("there is no such file",)
     assert any("volume" in problem for problem in problems[2])
-    assert problems[3:] == [()] * 3
+    assert problems[3:] == [()] * 10
 
 
 def test_folders_that_are_no_rig(tmp_path, copied):

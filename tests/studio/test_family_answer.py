@@ -1,5 +1,6 @@
 import base64
 import math
+from threading import Event
 
 import numpy as np
 import pytest
@@ -85,10 +86,18 @@ def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
     monkeypatch.setattr(panel, "MOST_INTERPRETED", 0)
     family = {"environment": "pegs", "count": 6, "seed": 1}
-    told = []
-    whole = family_answer(
-        state_of("plain_vine", family=family), {}, lambda _, words: told.append(words)
-    )
+    told, announced, compile_task = [], Event(), panel._compile
+
+    def compiled_when_announced(task):
+        assert announced.wait(20.0)
+        compile_task(task)
+
+    def tell(_share, words):
+        told.append(words)
+        announced.set()
+
+    monkeypatch.setattr(panel, "_compile", compiled_when_announced)
+    whole = family_answer(state_of("plain_vine", family=family), {}, tell)
     assert (whole["evaluated"], whole["compiling"]) == (6, None)
     assert told[0] == "compiling the simulator, once on this computer"
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())

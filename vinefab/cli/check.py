@@ -1,6 +1,6 @@
 """``vinefab check``: the design rules."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -16,10 +16,12 @@ from vinefab.cli.common_options import (
     JsonOut,
     Quiet,
     RecipeIn,
+    StartIn,
     ensure_apart,
     ensure_kind,
     growth_choice,
     growth_from,
+    started_maps,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError
@@ -40,6 +42,7 @@ from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.map import Map
 from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
 
 
@@ -53,6 +56,7 @@ def check_command(
             "--map", "--maps", help="Deploy the design on this map first; may be repeated."
         ),
     ] = None,
+    start: StartIn = None,
     rig: Annotated[
         Path | None, typer.Option("--rig", help="A folder that vinefab rig wrote.")
     ] = None,
@@ -105,9 +109,8 @@ def check_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
-    worlds, given = [read_map(path) for path in maps or []], growth_from(growth)
-    if given and not worlds:
-        raise BadInputError("--growth", ", ".join(given), "to be given together with --map")
+    worlds, given = started_maps([read_map(p) for p in maps or []], start), growth_from(growth)
+    _refuse_without_map(worlds, {"--growth": ", ".join(given), "--start": ", ".join(start or [])})
     kept = _kept(keep, fix)
     ensure_kind("--svg", svg, (".svg",), force=force)
     ensure_kind("--png", png, (".png",), force=force)
@@ -143,6 +146,12 @@ def check_command(
         )  # fmt: skip
     scores = partial(score_change_lines, robot, maps=worlds, growth=given)
     return _write_fix(output, proposal, scores, fix)
+
+
+def _refuse_without_map(worlds: Sequence[Map], options: Mapping[str, str]) -> None:
+    for option, given in options.items():
+        if given and not worlds:
+            raise BadInputError(option, given, "to be given together with --map")
 
 
 def _kept(texts: list[str] | None, fix: Path | None) -> frozenset[str]:

@@ -4,7 +4,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,10 +25,12 @@ from vinefab.core.units import rad
 from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import locate
-from vinefab.model.map import Pose
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import StartPlace, start_from, with_starts
 
 if TYPE_CHECKING:
     from vinefab.growth.options import GrowthChoice
+    from vinefab.model.contacts import MeasuredContacts
 
 EXIT_FINDINGS = 1
 
@@ -70,9 +72,29 @@ HalfAngleIn = Annotated[
         help="Contacts closer to head-on than this stop a tip (assumed); short for --growth ...",
     ),
 ]
+ContactsIn = Annotated[
+    str | None,
+    typer.Option(
+        "--contacts",
+        metavar="FILE",
+        help="Numbers that photos measured (vinefab observe --fit), in place of assumed ones; "
+        "short for --growth contacts=FILE.",
+    ),
+]
 PoseIn = Annotated[
     str | None,
     typer.Option("--pose", help="Start as X,Y,DEG in mm and degrees; default: the map's start."),
+]
+
+StartIn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="START",
+        help="Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side', "
+        "'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md); may be "
+        "repeated.",
+    ),
 ]
 
 
@@ -179,6 +201,17 @@ def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
         raise error.at(option) from error
 
 
+def starts_from(texts: list[str] | None) -> list[Start | StartPlace]:
+    """Return what was given with ``--start``."""
+    return [start_from(text, "--start") for text in texts or []]
+
+
+def started_maps(worlds: Iterable[Map], texts: list[str] | None) -> tuple[Map, ...]:
+    """Return maps with the starts given with ``--start``; without any, with their own."""
+    starts = starts_from(texts)
+    return tuple(with_starts(world, starts, "--start") if starts else world for world in worlds)
+
+
 def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
     """Return numbers from a text like ``400,300``."""
     try:
@@ -191,14 +224,18 @@ def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
 
 
 def map_arguments(
-    maps: list[Path] | None, environment: str | None, count: int, parameter: list[str] | None
+    maps: list[Path] | None,
+    environment: str | None,
+    count: int,
+    parameter: list[str] | None,
+    start: list[str] | None = None,
 ) -> list[str]:
     """Return the arguments that select the same maps again."""
     arguments = [word for path in maps or [] for word in ("--maps", str(path))]
     if environment:
         arguments += ["--environment", environment, "--count", str(count)]
         arguments += [word for text in parameter or [] for word in ("--set", text)]
-    return arguments
+    return arguments + [word for text in start or [] for word in ("--start", text)]
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:
@@ -240,7 +277,22 @@ def growth_from(texts: list[str] | None, **shortcuts: object) -> dict[str, objec
             option = f"--{name.replace('_', '-')}"
             raise BadInputError(option, given, f"not beside --growth {name}={options[name]}")
         options[name] = given
+    if "contacts" in options:
+        # Read here, so that a wrong file is reported before any work and read only once.
+        options["contacts"] = _contacts_from(options["contacts"])
     return options
+
+
+def contacts_arguments(contacts: str | None) -> list[str]:
+    """Return the arguments that choose the same measured contacts again."""
+    return [] if contacts is None else ["--contacts", contacts]
+
+
+def _contacts_from(given: object) -> "MeasuredContacts":
+    # Commands that do not grow anything do not wait for the schemas of files.
+    from vinefab.model.files.contacts_toml import contacts_given  # noqa: PLC0415
+
+    return contacts_given(given)
 
 
 def growth_choice(

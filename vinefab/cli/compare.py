@@ -1,6 +1,7 @@
 """``vinefab compare``: designs side by side."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     Count,
     EnvironmentIn,
     Force,
@@ -18,10 +20,13 @@ from vinefab.cli.common_options import (
     MapsOptional,
     Quiet,
     SetIn,
+    StartIn,
+    contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
+    started_maps,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.growth.options import growth_arguments
@@ -44,6 +49,7 @@ def compare_command(
         list[str], typer.Argument(metavar="DESIGN...", help="Design files or shipped names.")
     ],
     maps: MapsOptional = None,
+    start: StartIn = None,
     environment: EnvironmentIn = None,
     count: Count = 100,
     parameter: SetIn = None,
@@ -55,6 +61,7 @@ def compare_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     out: Annotated[Path | None, typer.Option("--out", help="A page to write (HTML).")] = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -65,7 +72,9 @@ def compare_command(
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given_growth = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
@@ -73,7 +82,10 @@ def compare_command(
         robots = [read_design(design) for design in designs]
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
-        families = map_families([read_map(path) for path in maps or []], unseen)
+        if unseen is not None:
+            unseen = replace(unseen, worlds=started_maps(unseen.worlds, start))
+        given = started_maps([read_map(path) for path in maps or []], start)
+        families = map_families(given, unseen)
         choice = growth_choice(designs, robots, given_growth)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(robots, families, plan, show)
@@ -81,7 +93,7 @@ def compare_command(
             "vinefab",
             "compare",
             *designs,
-            *map_arguments(maps, environment, count, parameter),
+            *map_arguments(maps, environment, count, parameter, start),
         ]
         arguments += [
             "--measure",
@@ -90,6 +102,7 @@ def compare_command(
             str(poses),
             "--seed",
             str(seed),
+            *contacts_arguments(contacts),
             *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)

@@ -8,6 +8,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
@@ -15,10 +16,12 @@ from vinefab.cli.common_options import (
     JsonOut,
     PoseIn,
     Quiet,
+    StartIn,
     ensure_kind,
     growth_choice,
     growth_from,
     pose_from,
+    started_maps,
 )
 from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError
@@ -39,9 +42,11 @@ def grow_command(
     design: DesignIn,
     map_file: Annotated[Path, typer.Option("--map", help="The map file.")],
     pose: PoseIn = None,
+    start: StartIn = None,
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     children_of_stuck: Annotated[
         str | None, typer.Option(help="stop: they never emerge; deploy: they grow from there.")
     ] = None,
@@ -80,11 +85,15 @@ def grow_command(
         growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
         children_of_stuck=children_of_stuck,
     )
-    robot, start = read_design(design), pose_from(pose)
+    if pose is not None and start:
+        raise BadInputError("--pose", pose, "not beside --start")
+    robot, here = read_design(design), pose_from(pose)
     growth_choice([design], [robot], given)
-    result = deploy(robot, read_map(map_file), start, given)
+    (world,) = started_maps([read_map(map_file)], start)
+    result = deploy(robot, world, here, given)
     output.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
     if svg:
         write_bytes(svg, result.picture(svg.suffix, named=label), force=force)

@@ -57,6 +57,7 @@ COMMANDS = {
     "score": CommandEntry(
         "score_command", "score_command", "Score a design on a task over maps and poses."
     ),
+    "aim": CommandEntry("aim", "aim_command", "Search a map for the best place of a robot's base."),
     "optimize": CommandEntry(
         "optimize", "optimize_command", "Search for the best design of a run file."
     ),

@@ -13,18 +13,23 @@ from vinefab.cli.common_options import (
     Force,
     JsonOut,
     Quiet,
+    StartIn,
     ensure_apart,
     ensure_kind,
-    pose_from,
+    numbers_from,
+    started_maps,
+    starts_from,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
-from vinefab.core.units import deg
+from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
+from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES, PhotoOptions, points_from
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Start
+from vinefab.model.start_place import WAYS, area_notes, start_words
 from vinefab.prediction.map_info import info_lines, info_text, map_info
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
@@ -32,7 +37,7 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives th
 
 
 def map_group() -> typer.Typer:
-    """Return ``map`` with one subcommand per environment, ``import`` and ``info``."""
+    """Return ``map`` with one subcommand per environment, ``import``, ``start`` and ``info``."""
     ENVIRONMENTS.load_plugins()
     words = ["Generate or import a map.", "Example: vinefab map grid --seed 3 --out grid.geojson"]
     words += [f"Not loaded: {name} ({why})." for name, why in ENVIRONMENTS.broken.items()]
@@ -40,6 +45,7 @@ def map_group() -> typer.Typer:
     for name, environment in ENVIRONMENTS.items():
         maps.command(name, help=_help(name, environment))(_generator(environment))
     maps.command("import")(import_command)
+    maps.command("start")(start_command)
     maps.command("info")(info_command)
     return maps
 
@@ -52,14 +58,14 @@ def import_command(
         float | None,
         typer.Option(
             help="Millimetres of the map per unit of the source, instead of the unit that the "
-            "file names; ROS: per metre, default 1000; nothing named: mm."
+            "file names; ROS: per metre, default 1000; photo: per pixel; nothing named: mm."
         ),
     ] = None,
     simplify_mm: Annotated[
         float | None,
         typer.Option(
             help="Largest deviation of a wall; default: curves within 1/10000 of the drawing's "
-            "larger side and every corner kept; ROS: one cell."
+            "larger side and every corner kept; ROS and photos: one cell."
         ),
     ] = None,
     join_mm: Annotated[
@@ -72,6 +78,13 @@ def import_command(
     layer: Annotated[
         list[str] | None,
         typer.Option(help="Read only this layer (DXF) or group (SVG: id or label); repeatable."),
+    ] = None,
+    drawn: Annotated[
+        str | None,
+        typer.Option(
+            help="What the areas of a drawing are: obstacles (in bounds), or free: their union is "
+            "the free space and its holes are obstacles; default: guessed, and said."
+        ),
     ] = None,
     bounds: Annotated[
         str | None,
@@ -97,36 +110,138 @@ def import_command(
     ] = None,
     least_obstacle_mm2: Annotated[
         float | None,
-        typer.Option(help="ROS: leave out obstacles smaller than this, as noise; default: none."),
+        typer.Option(
+            help="ROS and photos: leave out obstacles smaller than this, as noise; default: none, "
+            "of a photo 1/20000 of its area."
+        ),
     ] = None,
-    start: Annotated[
-        str | None, typer.Option(help="Start as X,Y,DEG in the map; default: the roomiest place.")
+    start: StartIn = None,
+    points: Annotated[
+        str | None,
+        typer.Option(
+            help="Photo: places in it as 'X,Y;X,Y' in pixels: two with --distance-mm, or the four "
+            "corners of a rectangle with --rectangle-mm, lower left first, counter-clockwise."
+        ),
+    ] = None,
+    distance_mm: Annotated[
+        float | None, typer.Option(help="Photo: between the two --points.")
+    ] = None,
+    rectangle_mm: Annotated[
+        str | None, typer.Option(help="Photo: WIDTH,HEIGHT of the rectangle of four --points.")
+    ] = None,
+    marker_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Photo: side of its ArUco markers (4x4_50); one or more, lying anywhere."
+        ),
+    ] = None,
+    height_mm: Annotated[
+        float, typer.Option(help="Photo: height of obstacles above the points or markers.")
+    ] = 0.0,
+    obstacles: Annotated[
+        str,
+        typer.Option(help="Photo: obstacles are dark, light or a colour R,G,B[,TOLERANCE]."),
+    ] = "dark",
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Photo: brightness between floor and obstacles, 0 to 255; default: found."
+        ),
+    ] = None,
+    crop: Annotated[
+        str | None, typer.Option(help="Photo: import only LEFT,LOW,RIGHT,TOP, mm of the map.")
+    ] = None,
+    preview: Annotated[
+        Path | None,
+        typer.Option(help="Photo: a picture of it, rectified, with the walls drawn over (PNG)."),
     ] = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Import a map from a file of another program.
+    """Import a map from a file of another program, or from a photo.
 
-    Everything that was repaired or left out is counted and printed.
+    Everything that was repaired or left out is counted and printed. Without --start, robots start
+    at the roomiest place.
 
     Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
     """
     ensure_apart("--out", out, source, "the one to import")
     ensure_writable(out, force=force)
+    if preview:
+        ensure_kind("--preview", preview, (".png",), force=force)
+        ensure_apart("--preview", preview, source, "the one to import")
+    photo = PhotoOptions(
+        points_px=points_from("--points", points) if points else (),
+        distance_mm=distance_mm,
+        rectangle_mm=cast("Any", rectangle_mm and numbers_from("--rectangle-mm", rectangle_mm, 2)),
+        marker_mm=marker_mm,
+        height_mm=height_mm,
+        obstacles=obstacles,
+        threshold=threshold,
+        crop_mm=cast("Any", crop and numbers_from("--crop", crop, 4)),
+    )
+    starts = starts_from(start)
     options = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
         simplify_mm=simplify_mm,
         unknown=unknown,
         least_obstacle_mm2=least_obstacle_mm2,
-        start=pose_from(start, "--start"),
+        start=next((one.pose for one in starts if isinstance(one, Start)), None),
         join_mm=join_mm,
         layers=tuple(layer or ()),
+        drawn=cast("Any", drawn),
         bounds=cast("Any", bounds),
         margin_mm=margin_mm,
         wall_mm=wall_mm,
         open_lines=cast("Any", open_lines),
+        photo=photo,
     )
-    world = import_map(source, options)
+    output = CommandOutput(quiet=quiet, force=force)
+    if preview is None:
+        (world,) = started_maps([import_map(source, options)], start)
+        _save(world, out, output)
+        return
+    if source.suffix.lower() not in PHOTO_SUFFIXES:
+        allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
+        raise BadInputError("--preview", str(preview), allowed, source)
+    (world,), picture = _previewed(source, options, start)
+    _save(world, out, output)
+    write_bytes(preview, picture, force=force)
+    output.say(f"wrote {preview}")
+
+
+def _previewed(
+    source: Path, options: ImportOptions, start: list[str] | None
+) -> tuple[tuple[Map, ...], bytes]:
+    """Return the map in a photo, and the photo with the map's walls drawn over it."""
+    from vinefab.maps.importers.photo_map import read_photo_map  # noqa: PLC0415  loads scipy.optimize
+    from vinefab.pages.figure import png_bytes  # noqa: PLC0415  loads matplotlib
+    from vinefab.pages.photo_preview import photo_preview  # noqa: PLC0415
+
+    imported = read_photo_map(source, options)
+    return started_maps([imported.world], start), png_bytes(photo_preview(imported))
+
+
+def start_command(
+    *,
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map file.")],
+    out: OutFile,
+    start: StartIn = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
+
+    Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
+
+    Example: vinefab map start grid.geojson --start "left side, heading 0+-20" --out left.geojson
+
+    Example: vinefab map start grid.geojson --start "area 0,0 50,480, clear 20" --out area.geojson
+    """
+    if not start:
+        raise BadInputError("--start", None, WAYS)
+    ensure_writable(out, force=force)
+    (world,) = started_maps([read_map(map_file)], start)
     _save(world, out, CommandOutput(quiet=quiet, force=force))
 
 
@@ -136,6 +251,7 @@ def info_command(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Lay-flat width of a body to check.")
     ] = None,
+    start: StartIn = None,
     passages: Annotated[int, typer.Option(help="How many of the narrowest passages to find.")] = 5,
     json_out: JsonOut = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="A picture (SVG, or PNG).")] = None,
@@ -148,7 +264,8 @@ def info_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
-    info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
+    (world,) = started_maps([read_map(map_file)], start)
+    info = map_info(world, width_mm=width_mm, passages=passages)
     output.give_json(info_text(info))
     if svg:
         write_bytes(svg, info.picture(svg.suffix), force=force)
@@ -165,9 +282,10 @@ def _save(world: Map, out: Path, output: CommandOutput) -> None:
         f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
         f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
     )
-    for start in world.starts[:1]:
-        pose = start.pose
-        output.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{deg(pose.heading_rad):.1f}")
+    for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:
+        output.say(f"start: {start_words(start)}")
+    for note in area_notes([world]):
+        output.say(f"note: {note}")
     for key, value in world.facts.items():
         output.say(f"  {key}: {value}")
     output.say(f"wrote {out}")
@@ -181,7 +299,8 @@ def _generator(environment: Environment) -> Callable[..., None]:
         out, output = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
         ensure_writable(out, force=output.force)
         options = environment.options(**{name: given[name] for name in known})
-        _save(environment.make(given["seed"], options), out, output)
+        made = environment.make(given["seed"], options)
+        _save(started_maps([made], given["start"])[0], out, output)
 
     described = _described(environment.options)
     parameters = [_parameter("out", OutFile), _parameter("seed", Seed, default=0)]
@@ -191,6 +310,7 @@ def _generator(environment: Environment) -> Callable[..., None]:
             _parameter(name, Annotated[type(field.default), option], default=field.default)
         )
     parameters += [
+        _parameter("start", StartIn, default=None),
         _parameter("quiet", Quiet, default=False),
         _parameter("force", Force, default=False),
     ]

@@ -1,6 +1,7 @@
 """``vinefab report``: predictions as one page."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     Count,
     DesignIn,
     EnvironmentIn,
@@ -20,10 +22,13 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
     SetIn,
+    StartIn,
+    contacts_arguments,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
+    started_maps,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.growth.options import growth_arguments
@@ -42,6 +47,7 @@ def report_command(
     design: DesignIn,
     out: Annotated[Path, typer.Option("--out", help="The page to write (HTML).")],
     maps: MapsOptional = None,
+    start: StartIn = None,
     environment: EnvironmentIn = None,
     count: Count = 100,
     parameter: SetIn = None,
@@ -51,6 +57,7 @@ def report_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -60,22 +67,26 @@ def report_command(
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given_growth = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     ensure_writable(out, force=force)
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)
-        given = [read_map(path) for path in maps or []]
+        given = started_maps([read_map(path) for path in maps or []], start)
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        if unseen is not None:
+            unseen = replace(unseen, worlds=started_maps(unseen.worlds, start))
         families = map_families(given, unseen)
         options = growth_choice([design], [robot], given_growth).options
         plan = PredictionPlan(poses=poses, seed=seed, options=options)
         found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
         arguments = ["vinefab", "report", design, "--recipe", recipe]
-        arguments += map_arguments(maps, environment, count, parameter)
+        arguments += map_arguments(maps, environment, count, parameter, start)
         arguments += ["--poses", str(poses), "--seed", str(seed)]
-        arguments += [*growth_arguments(options), "--out", str(out)]
+        arguments += [*contacts_arguments(contacts), *growth_arguments(options), "--out", str(out)]
         origin = origin_of(shlex.join(arguments), [robot], profile, families)
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)

@@ -5,9 +5,18 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
+from vinefab.cli.common_options import (
+    EXIT_FINDINGS,
+    CommandOutput,
+    Force,
+    Quiet,
+    StartIn,
+    numbers_from,
+    started_maps,
+)
 from vinefab.core.atomic import write_folder
 from vinefab.fabrication.checking import check_lines
+from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
@@ -19,6 +28,7 @@ def rig_command(
     *,
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The map file.")],
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")],
+    start: StartIn = None,
     printer: Annotated[str, typer.Option(help="A printer file, or a shipped one's name.")] = (
         DEFAULT_PRINTER
     ),
@@ -29,13 +39,18 @@ def rig_command(
         str,
         typer.Option(
             help="plate: printed on a plate; board: printed loose, with pegs for a drilled board; "
-            "sheet: cut in layers on the laser."
+            "auto: the quicker of these; sheet: cut in layers on the laser."
         ),
-    ] = "plate",
+    ] = "auto",
     lid: Annotated[bool, typer.Option("--lid", help="Add a transparent lid (DXF).")] = False,
     height_mm: Annotated[float, typer.Option(help="Height of the obstacles.")] = 30.0,
     plate_mm: Annotated[float, typer.Option(help="Thickness of the base plate.")] = 3.0,
     border_mm: Annotated[float, typer.Option(help="Thickness of the wall around.")] = 4.0,
+    wall_mm: Annotated[
+        float | None,
+        typer.Option(help="Walls of hollow obstacles; 0: solid; default: the printer's least."),
+    ] = None,
+    top_mm: Annotated[float, typer.Option(help="Top of loose obstacles; 0: open.")] = 0.0,
     entry_mm: Annotated[float, typer.Option(help="Width of the entry; 0: none.")] = 40.0,
     scale: Annotated[float, typer.Option(help="Printed size over map size.")] = 1.0,
     fit_mm: Annotated[
@@ -48,6 +63,22 @@ def rig_command(
     peg_mm: Annotated[float, typer.Option(help="Diameter of pegs, or of pins.")] = 5.0,
     kerf_mm: Annotated[float, typer.Option(help="Width that the laser removes.")] = 0.2,
     sheet_mm: Annotated[str, typer.Option(help="WIDTH,DEPTH of the laser's sheets.")] = "1000,600",
+    markers: Annotated[
+        str | None,
+        typer.Option(
+            help="Corner markers for photos: print (tiles), paper (glued), engrave (into the "
+            "board) or none; default: engrave where there is a board, else print."
+        ),
+    ] = None,
+    marker_mm: Annotated[float, typer.Option(help="Side of a corner marker.")] = DEFAULT_MARKER_MM,
+    base_start: Annotated[
+        int | None,
+        typer.Option(help="Which start gets a holder for the robot's base; 0: none."),
+    ] = None,
+    collar_mm: Annotated[
+        float | None,
+        typer.Option(help="Diameter of the base's tube; default: the design's collar or trunk."),
+    ] = None,
     most_parts: Annotated[int, typer.Option(help="Refuse a rig of more parts.")] = 100,
     allow_empty: Annotated[
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
@@ -64,13 +95,15 @@ def rig_command(
     """
     output = CommandOutput(quiet=quiet, force=force)
     output.ensure_folder(out, RIG_MARK)
-    world = read_map(map_file)
+    (world,) = started_maps([read_map(map_file)], start)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(
         style=style,
         height_mm=height_mm,
         plate_mm=plate_mm,
         border_mm=border_mm,
+        wall_mm=wall_mm,
+        top_mm=top_mm,
         entry_width_mm=entry_mm,
         scale=scale,
         joint=joint,
@@ -80,6 +113,10 @@ def rig_command(
         sheet_width_mm=sheet_width_mm,
         sheet_depth_mm=sheet_depth_mm,
         most_parts=most_parts,
+        markers=markers,
+        marker_mm=marker_mm,
+        base_start=base_start,
+        collar_mm=collar_mm,
     )
     if fit_mm is not None:
         options = options.fitted(world, fit_mm)

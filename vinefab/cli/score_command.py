@@ -7,6 +7,7 @@ import typer
 from vinefab.cli.common_options import (
     BodyIn,
     CommandOutput,
+    ContactsIn,
     DesignIn,
     Force,
     GrowthIn,
@@ -14,9 +15,11 @@ from vinefab.cli.common_options import (
     JsonOut,
     MapsIn,
     Quiet,
+    StartIn,
     growth_choice,
     growth_from,
     parameters_from,
+    started_maps,
 )
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -28,6 +31,7 @@ def score_command(
     *,
     design: DesignIn,
     maps: MapsIn,
+    start: StartIn = None,
     task: Annotated[str, typer.Option(help="coverage, reach or anchoring.")] = "coverage",
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the poses.")] = 0,
@@ -37,6 +41,7 @@ def score_command(
     growth: GrowthIn = None,
     body: BodyIn = None,
     head_on_half_angle_deg: HalfAngleIn = None,
+    contacts: ContactsIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -47,8 +52,11 @@ def score_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
-    given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
-    robot, worlds = read_design(design), [read_map(path) for path in maps]
+    given = growth_from(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
+    robot = read_design(design)
+    worlds = started_maps([read_map(path) for path in maps], start)
     options = growth_choice([design], [robot], given).options
     result = score_design_on_task(robot, worlds, plan, options)
     output.give_json(score_text(result))

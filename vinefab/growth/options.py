@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,20 +10,25 @@ import numpy as np
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
+from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
 from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.files.contacts_toml import contacts_given
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
+from vinefab.physics.tube import inflated_radius_mm
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 
 CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
 """Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
-from the wall's tangent, so 15 is the most; how much less it is, is not known."""
+from the wall's tangent, so 15 is the most; how much less it is, is not known. Photos of a user's
+own robots replace them (`GrowthOptions.contact_angles_deg`)."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
 _NUMBERS = {
     "storage_kpa": (0.0, 1000.0, "kPa"),
     "fitted_diameter_mm": (1.0, 1000.0, "mm"),
+    "body_width_ratio": (0.5, 2.0, ""),
 }
 """Options that are plain numbers, with least, most and unit."""
 
@@ -55,6 +60,12 @@ class GrowthOptions:
     fitted_diameter_mm
         Inflated diameter of the tube that the constants of the growth pressure were fitted to; it
         was not published (assumed).
+    body_width_ratio
+        How far inflated bodies keep their centre lines from walls, against lay-flat width / pi: 1
+        for round tubes, more where laps and seams stand off. Pressures and areas do not change.
+    contacts
+        What photos of grown robots measured (`vinefab.model.contacts`), so that results say which
+        of these numbers are measured; None where all are assumed.
     """
 
     head_on_half_angle_rad: float | tuple[float, float] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
@@ -63,6 +74,8 @@ class GrowthOptions:
     pressure_stop: bool = True
     storage_kpa: float = 0.0
     fitted_diameter_mm: float = FITTED_DIAMETER_MM.value
+    body_width_ratio: float = field(default=1.0, metadata={"later": True})
+    contacts: MeasuredContacts | None = field(default=None, metadata={"later": True})
 
     def __post_init__(self) -> None:
         low_rad, high_rad = self.half_angle_range_rad
@@ -89,7 +102,9 @@ class GrowthOptions:
         Parameters
         ----------
         given
-            Any of the names in `content`; the head-on half-angle is a number or ``[low, high]``.
+            Any of the options' names; the head-on half-angle is a number or ``[low, high]``, and
+            ``contacts`` the file of measured contacts, its name or its numbers: they replace the
+            half-angle and the ratio of widths where these are not given beside them.
         base
             What the other options are; the defaults if None.
 
@@ -102,9 +117,12 @@ class GrowthOptions:
         """
         base = base or cls()
         for name in given:
-            if name not in base.content:
-                raise UnknownNameError("growth option", name, base.content)
+            if name not in GROWTH_NAMES:
+                raise UnknownNameError("growth option", name, GROWTH_NAMES)
         values: dict[str, Any] = dict(given)
+        if values.get("contacts") is not None:
+            values["contacts"] = contacts_given(values["contacts"])
+            values = {**_measured_values(values["contacts"]), **values}
         for name, (low, high, unit) in _NUMBERS.items():
             if name in values:
                 values[name] = _number(name, values[name], low, high, unit)
@@ -116,9 +134,19 @@ class GrowthOptions:
 
     @property
     def content(self) -> dict[str, object]:
-        """All options as files, records and pages have them."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self)[1:]}
+        """All options as files, records and pages have them; later ones where they say more."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        if self.body_width_ratio != 1.0:
+            plain["body_width_ratio"] = self.body_width_ratio
+        if self.contacts is not None:
+            plain["contacts"] = self.contacts.content
         return {HALF_ANGLE_DEG: self.half_angle_deg, **plain}
+
+    def radius_mm(self, width_mm: float) -> float:
+        """Return how far the centre line of a body of some lay-flat width keeps from walls."""
+        if self.body == "centerline":
+            return 0.0
+        return inflated_radius_mm(width_mm) * self.body_width_ratio
 
     @property
     def half_angle_range_rad(self) -> tuple[float, float]:
@@ -159,8 +187,45 @@ class GrowthOptions:
 
     @property
     def at_one_angle(self) -> "GrowthOptions":
-        """The options of a single growth: of a range of head-on half-angles, its low end."""
-        return replace(self, head_on_half_angle_rad=self.half_angle_range_rad[0])
+        """The options of a single growth: the measured half-angle, else the low end of a range."""
+        angle_rad, measured = self.half_angle_range_rad[0], self.measured_half_angle
+        if self.draws_half_angle and measured is not None and measured.value is not None:
+            angle_rad = rad(measured.value)
+        return replace(self, head_on_half_angle_rad=angle_rad)
+
+    @property
+    def measured_half_angle(self) -> MeasuredNumber | None:
+        """The measured half-angle if growth uses it; None where another one was given."""
+        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
+        if found is None:
+            return None
+        ends = self.half_angle_range_rad
+        low_rad, high_rad = (rad(angle_deg) for angle_deg in half_angle_ends_deg(found))
+        one_rad = low_rad if found.value is None else rad(found.value)
+        uses = ((low_rad, high_rad), (one_rad, one_rad))
+        return found if any(np.allclose(ends, use, rtol=0.0, atol=1e-9) for use in uses) else None
+
+    @property
+    def half_angle_standing(self) -> str:
+        """Where the half-angle comes from: ``assumed``, or ``measured`` and how."""
+        found = self.measured_half_angle
+        return "assumed" if found is None else _measured_standing(found)
+
+    @property
+    def contact_angles_deg(self) -> tuple[float, ...]:
+        """Head-on half-angles that predictions are shown for: over the measured interval."""
+        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
+        if found is None:
+            return CONTACT_ANGLES_DEG
+        low, high = half_angle_ends_deg(found)
+        steps = np.linspace(low, high, len(CONTACT_ANGLES_DEG)).tolist()
+        return tuple(dict.fromkeys((low, *(round(step, 2) for step in steps[1:-1]), high)))
+
+    @property
+    def contact_angles_standing(self) -> str:
+        """Where `contact_angles_deg` come from: ``assumed``, or ``measured`` and how."""
+        found = None if self.contacts is None else self.contacts.head_on_half_angle_deg
+        return "assumed" if found is None else _measured_standing(found)
 
     @property
     def half_angle_deg(self) -> float | list[float]:
@@ -179,6 +244,10 @@ class GrowthOptions:
     def deploys_stuck(self) -> bool:
         """Whether children of a stuck branch grow from where it stopped."""
         return self.children_of_stuck == "deploy"
+
+
+GROWTH_NAMES = (HALF_ANGLE_DEG, *(f.name for f in fields(GrowthOptions)[1:]))
+"""Names of the options in files and on the command line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,9 +294,11 @@ class GrowthChoice:
         if not self.options.draws_half_angle:
             return self
         options = self.options.at_one_angle
+        at_low_end = options.half_angle_range_rad[0] == self.options.half_angle_range_rad[0]
+        which = "the low end" if at_low_end else "the measured value"
         note = (
             f"head-on half-angle {options.half_angle_text}: "
-            f"the low end of its range, {self.options.half_angle_text}"
+            f"{which} of its range, {self.options.half_angle_text}"
         )
         return GrowthChoice(options=options, notes=(*self.notes, note))
 
@@ -254,7 +325,8 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     """Return by which rules designs grow, as it stands beside every score."""
     parts = [
         f"{options.body} body",
-        f"head-on half-angle {options.half_angle_text} (assumed)",
+        f"head-on half-angle {options.half_angle_text} ({options.half_angle_standing})",
+        *_width_text(options),
         _pressure_text(options, {design.build.pressure_kpa for design in designs}),
     ]
     if options.deploys_stuck:
@@ -263,13 +335,62 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
 
 
 def growth_arguments(options: GrowthOptions) -> list[str]:
-    """Return the arguments that choose the same growth options again."""
+    """Return the arguments that choose the same growth options again, but for measured contacts.
+
+    Those are a file, which only the caller knows, or stand in the design's origin.
+    """
     arguments = []
     for name, value in options.content.items():
+        if name == "contacts":
+            continue
         parts = value if isinstance(value, list) else [value]
         shown = ",".join(str(part).lower() for part in parts)
         arguments += ["--growth", f"{name}={shown}"]
     return arguments
+
+
+def half_angle_ends_deg(found: MeasuredNumber) -> tuple[float, float]:
+    """Return the range of half-angles that a measured one leaves open.
+
+    Where photos gave only a bound, the other end is the assumed one, as long as the bound allows.
+    """
+    least, most = CONTACT_ANGLES_DEG[0], CONTACT_ANGLES_DEG[-1]
+    if found.side == "upper":
+        return min(least, found.high), min(most, found.high)
+    if found.side == "lower":
+        return found.low, max(most, found.low)
+    return found.low, found.high
+
+
+def _measured_standing(found: MeasuredNumber) -> str:
+    """Return what of a range of half-angles was measured, and from what."""
+    words = f"measured: {found.text('deg')}"
+    low, high = half_angle_ends_deg(found)
+    other = {"both": "", "upper": f"; {low:g} deg assumed", "lower": f"; {high:g} deg assumed"}
+    if found.side == "upper" and high < found.high:
+        return f"{words}; {low:g} to {high:g} deg assumed"
+    return words + other[found.side]
+
+
+def _measured_values(contacts: MeasuredContacts) -> dict[str, Any]:
+    """Return the growth options that measured contacts give, as files have them."""
+    values: dict[str, Any] = {}
+    if contacts.head_on_half_angle_deg is not None:
+        values[HALF_ANGLE_DEG] = list(half_angle_ends_deg(contacts.head_on_half_angle_deg))
+    if contacts.body_width_ratio is not None and contacts.body_width_ratio.value is not None:
+        values["body_width_ratio"] = contacts.body_width_ratio.value
+    return values
+
+
+def _width_text(options: GrowthOptions) -> list[str]:
+    """Return how wide bodies are taken to be; nothing where that is lay-flat width / pi."""
+    ratio = options.body_width_ratio
+    if ratio == 1.0 or options.body == "centerline":
+        return []
+    found = None if options.contacts is None else options.contacts.body_width_ratio
+    is_measured = found is not None and found.value == ratio
+    standing = f"measured: {found.text()}" if found and is_measured else "assumed"
+    return [f"{ratio:g} of the nominal radius from walls ({standing})"]
 
 
 def _pressure_text(options: GrowthOptions, pressures_kpa: set[float]) -> str:

@@ -1,7 +1,6 @@
 """Plans: designs prepared for growth, once for all maps and poses."""
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -79,7 +78,7 @@ class Plan:
             edges, radii_mm = [0, len(tree)], [0.0]
         else:
             edges = np.searchsorted(tree.level, np.arange(1, design.depth + 2)).tolist()
-            radii_mm = [width_mm / math.pi for width_mm in design.build.widths_mm]
+            radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
         feed = Feed.of(design.build, options)
         return cls(
             tree=tree,

@@ -198,7 +198,7 @@ def import_(
     layers: Sequence[str] = (),
     **options: Any,  # noqa: ANN401  each has its own type, see `ImportOptions`
 ) -> Map:
-    """Return the map in a file of another program: DXF, SVG, CSV, GeoJSON, ROS (YAML).
+    """Return the map in a file of another program: DXF, SVG, CSV, GeoJSON, ROS (YAML), PNG, JPEG.
 
     Parameters
     ----------
@@ -212,8 +212,9 @@ def import_(
     layers
         Read only these layers (DXF) or groups (SVG).
     **options
-        ``simplify_mm``, ``join_mm``, ``bounds``, ``margin_mm``, ``wall_mm``, ``open_lines``,
-        ``unknown``, as in `vinefab.maps.importers.source_drawing.ImportOptions`.
+        ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
+        ``open_lines``, ``unknown``, ``photo``, as in
+        `vinefab.maps.importers.source_drawing.ImportOptions`.
 
     Raises
     ------

@@ -7,6 +7,7 @@ homotopy type as its medial axis", 2004.) So both ends lie at the nearest points
 at least one of them at a corner, unless the walls are parallel.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -26,6 +27,9 @@ _PARALLEL_RAD = 1e-6
 
 _WIDENING = 1.3
 """Two narrow places are one passage unless the free space between them widens by this factor."""
+
+_FEW_PIECES = 2.0
+"""The search begins with circles over no more median pieces of wall: few pairs to look at."""
 
 _PAIRS_AT_ONCE = 2_000_000
 _SAMPLES = 15
@@ -94,8 +98,10 @@ class _Walls:
         self.widest_mm = max(
             (_widest_mm(part, 0.01 * self.size_mm) for part in self.parts), default=0
         )
-        # The search begins here: a circle of this diameter meets about one wall.
-        self.typical_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
+        # The search begins here: a circle of this diameter meets about one wall, also where
+        # walls of short pieces are far apart.
+        spread_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
+        self.typical_mm = min(spread_mm, _FEW_PIECES * _median(shapely.length(self.lines)))
 
     def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
         """Return all passages within a range of widths, each shape (n, 2, 2), some twice.
@@ -203,6 +209,10 @@ class _Walls:
         start, along = self.start[wall], self.end[wall] - self.start[wall]
         share = np.sum((points - start) * along, axis=1) / np.sum(along * along, axis=1)
         return np.asarray(start + np.clip(share, 0.0, 1.0)[:, None] * along)
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values)) if len(values) else math.inf
 
 
 def _before(ring: Ints) -> Ints:

@@ -2,41 +2,23 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import area_notes, start_pieces
 
 _STREAM = 1201
 _TRIES = 1000
 _RAYS = 72
 _START_SPREAD_RAD = math.radians(30.0)
-
-
-def with_start(world: Map, start: Start) -> Map:
-    """Return a map with one start in place of its own.
-
-    Raises
-    ------
-    BadInputError
-        If the start is outside the bounds or inside an obstacle, as ``maps.start`` of a run file.
-    """
-    spot = shapely.Point(start.pose.x_mm, start.pose.y_mm)
-    solid = "outside the bounds"
-    if world.bounds.covers(spot):
-        if not shapely.contains(np.array(world.obstacles, dtype=np.object_), spot).any():
-            return replace(world, starts=(start,))
-        solid = "inside an obstacle"
-    where = f"({spot.x:g}, {spot.y:g}) mm"
-    allowed = f"a place in free space; it is {solid} of map {world.name!r}"
-    raise BadInputError("maps.start", where, allowed)
 
 
 def draw_poses(
@@ -52,7 +34,8 @@ def draw_poses(
 
     Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
     ``i``, so a longer draw begins with the shorter one. A start without spread gives its own pose,
-    and only once: growing twice from one pose is one sample.
+    and only once: growing twice from one pose is one sample. Of a start with an area, positions are
+    drawn evenly from the part that is free and has its clearance.
 
     Parameters
     ----------
@@ -66,10 +49,18 @@ def draw_poses(
         needed = "at least one start: a Point with role 'start'"
         raise BadInputError(f"map {world.name!r}: starts", "empty", needed)
     free = world.free_space if free is None else free
+    areas = {
+        place: _FreeArea.of(world, place, free, clearance_mm)
+        for place, start in enumerate(world.starts[:count])
+        if start.area is not None
+    }
     if clearance_mm > 0.0:
         free = shapely.buffer(free, -clearance_mm)
     shapely.prepare(free)
-    drawn = (_draw(world, index, child(seed, _STREAM, index), free) for index in range(count))
+    drawn = (
+        _draw(world, index, child(seed, _STREAM, index), areas.get(index % len(world.starts), free))
+        for index in range(count)
+    )
     return tuple(drawn if repeats else dict.fromkeys(drawn))
 
 
@@ -83,27 +74,34 @@ def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> l
     """
     alike = [world for world in maps if not any(start.has_spread for start in world.starts)]
     given = max((len(world.starts) for world in alike), default=count)
+    notes = area_notes(maps)
     if given >= count:
-        return []
+        return notes
     which = (
         "this start has" if len(maps) == 1 else f"starts of {len(alike)} of {len(maps)} maps have"
     )
     if repeats:
         return [
+            *notes,
             f"{which} no spread: its {count} deployments per map differ in the head-on half-angle "
-            "alone, so they are samples over contacts, not over starts"
+            "alone, so they are samples over contacts, not over starts",
         ]
     deployments = "1 deployment" if given == 1 else f"at most {given} deployments"
     return [
+        *notes,
         f"{which} no spread: {deployments} per map; give spread_heading_deg, spread_x_mm and "
         "spread_y_mm beside heading_deg in the map file, or in the start of a run file's [maps], "
-        "to draw more (see docs/maps.md)"
+        "or --start, to draw more (see docs/maps.md)",
     ]
 
 
-def _draw(world: Map, index: int, rng: np.random.Generator, free: BaseGeometry) -> Pose:
+def _draw(
+    world: Map, index: int, rng: np.random.Generator, free: "BaseGeometry | _FreeArea"
+) -> Pose:
     place = index % len(world.starts)
     start = world.starts[place]
+    if isinstance(free, _FreeArea):
+        return free.pose(start, rng)
     for _ in range(_TRIES):
         pose = _pose_within(start, rng)
         if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
@@ -122,6 +120,49 @@ def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
         y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
         heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _FreeArea:
+    """The free part of a start's area as segments or triangles, shape (n, 2 or 3, 2), to draw in.
+
+    A place is drawn in one step wherever it lies: thin areas take no longer than wide ones.
+    """
+
+    corners_mm: Floats
+    sizes: Floats  # lengths or areas added up, shape (n,)
+
+    @classmethod
+    def of(cls, world: Map, place: int, free: BaseGeometry, clearance_mm: float) -> "_FreeArea":
+        start = world.starts[place]
+        with located(f"map {world.name!r}: starts[{place + 1}]"):
+            pieces = start_pieces(start, free, clearance_mm)
+        if isinstance(start.area, Polygon):
+            covers = shapely.get_parts(shapely.constrained_delaunay_triangles(pieces))
+            points = shapely.get_coordinates(covers).reshape(-1, 4, 2)[:, :3]
+            sizes = shapely.area(covers)
+        else:
+            points, line = shapely.get_coordinates(pieces, return_index=True)
+            points = np.stack([points[:-1], points[1:]], axis=1)[line[1:] == line[:-1]]
+            sizes = np.hypot(*(points[:, 1] - points[:, 0]).T)
+        return cls(points, np.cumsum(sizes))
+
+    def pose(self, start: Start, rng: np.random.Generator) -> Pose:
+        """Return a pose with its place drawn evenly in the area."""
+        which, one, other = rng.random(3)
+        piece = int(np.searchsorted(self.sizes, which * self.sizes[-1], side="right"))
+        corners = self.corners_mm[min(piece, len(self.sizes) - 1)]
+        if len(corners) == 3 and one + other > 1.0:
+            one, other = 1.0 - one, 1.0 - other
+        spot = corners[0] + one * (corners[1] - corners[0])
+        if len(corners) == 3:
+            spot = spot + other * (corners[2] - corners[0])
+        turn = rng.uniform(-1.0, 1.0) * start.spread_heading_rad
+        return Pose(
+            x_mm=float(spot[0]),
+            y_mm=float(spot[1]),
+            heading_rad=start.pose.heading_rad + float(turn),
+        )
 
 
 def roomiest_start(free: Polygon, radius: LineString) -> Start:

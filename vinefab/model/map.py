@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.atomic import write_text
@@ -19,6 +19,9 @@ from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 
 _MANY_OBSTACLES = 1000
+
+START_CLEARANCE_MM = 15.0
+"""From walls, of positions drawn from an area: room for a trunk of up to 47 mm lay-flat width."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,27 +89,43 @@ class Start:
     Parameters
     ----------
     pose
-        The middle of the range.
+        What a single growth takes. The middle of the range; with an area, a free place in it and
+        the middle of the headings.
     spread_x_mm, spread_y_mm
-        Half-widths of the range of positions.
+        Half-widths of the range of positions; not beside an area.
     spread_heading_rad
         Half-width of the range of headings.
+    area
+        A line or a polygon in map coordinates: positions are drawn evenly from its free part.
+    clearance_mm
+        Least distance from walls of positions drawn from the area.
     """
 
     pose: Pose
     spread_x_mm: float = 0.0
     spread_y_mm: float = 0.0
     spread_heading_rad: float = 0.0
+    area: LineString | Polygon | None = None
+    clearance_mm: float = START_CLEARANCE_MM
 
     def __post_init__(self) -> None:
         number("start.spread_x_mm", self.spread_x_mm, 0.0, LARGEST_MM, "mm")
         number("start.spread_y_mm", self.spread_y_mm, 0.0, LARGEST_MM, "mm")
         number("start.spread_heading", self.spread_heading_rad, 0.0, 7.0, "rad")
+        number("start.clearance_mm", self.clearance_mm, 0.0, LARGEST_MM, "mm")
+        if self.area is None:
+            return
+        _check_start_area(self.area)
+        for name in ("spread_x_mm", "spread_y_mm"):
+            if getattr(self, name):
+                allowed = "left out: positions are drawn from the area"
+                raise BadInputError(f"start.{name}", getattr(self, name), allowed)
 
     @property
     def has_spread(self) -> bool:
         """Whether poses drawn from it differ."""
-        return max(self.spread_x_mm, self.spread_y_mm, self.spread_heading_rad) > 0.0
+        spread = max(self.spread_x_mm, self.spread_y_mm, self.spread_heading_rad)
+        return self.area is not None or spread > 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -245,6 +264,33 @@ class Map:
 
         return write_text(path_given("path", path), map_text(self), force=force)
 
+    def with_start(self, *starts: "Start | str") -> "Map":
+        """Return the map with other starts in place of its own.
+
+        Parameters
+        ----------
+        *starts
+            A `Start`, or words as of ``--start``: ``"250,15,90+-10"``, ``"left side"``, ``"line
+            20,20 20,480, heading 0+-20"``, ``"area 0,0 50,480"`` (docs/maps.md has all of them).
+
+        Raises
+        ------
+        BadInputError
+            If the words are no start, or nothing of a start is in free space.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> start = maps.pegs(seed=1).with_start("left side, heading 0+-20").starts[0]
+        >>> start.area, start.pose.heading_deg
+        (<LINESTRING (15 0, 15 440)>, 0.0)
+        """
+        # Starts in words are built on this module.
+        from vinefab.model.start_place import start_from, with_starts  # noqa: PLC0415
+
+        given = [one if isinstance(one, Start) else start_from(one) for one in starts]
+        return with_starts(self, given)
+
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
         drawn: str | None = front_door().svg_of(self)
@@ -259,11 +305,28 @@ def _unsound(polygons: tuple[Polygon, ...]) -> list[int]:
     return [int(index) for index in np.flatnonzero(~(near & plain & shapely.is_valid(items)))]
 
 
+def _check_start_area(area: BaseGeometry) -> None:
+    key = "start.area"
+    if isinstance(area, Polygon):
+        _check_polygon(key, area)
+        return
+    if not isinstance(area, LineString) or area.is_empty:
+        given = area.geom_type if isinstance(area, BaseGeometry) else type(area).__name__
+        raise BadInputError(key, given, "a LineString or a Polygon")
+    _check_near(key, area)
+    if area.length == 0.0:
+        raise BadInputError(key, "a line without length", "a line between different points")
+
+
 def _check_polygon(key: str, polygon: Polygon) -> None:
     if polygon.is_empty or polygon.geom_type != "Polygon":
         raise BadInputError(key, polygon.geom_type, "one polygon with an area")
-    box = polygon.bounds
-    if not all(abs(value) <= LARGEST_MM for value in box):
-        raise BadInputError(key, box, f"finite coordinates up to {LARGEST_MM:g} mm")
+    _check_near(key, polygon)
     if not polygon.is_valid:
         raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid")
+
+
+def _check_near(key: str, shape: BaseGeometry) -> None:
+    box = shape.bounds
+    if not all(abs(value) <= LARGEST_MM for value in box):
+        raise BadInputError(key, box, f"finite coordinates up to {LARGEST_MM:g} mm")

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import shapely
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
@@ -17,21 +18,25 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import (
     STOP_WORDS,
     Box,
+    StartMark,
     bounds_in,
     longer_mm,
     robot_view,
     rock_in,
+    start_marks,
 )
 
 TIP_MARKERS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^", Stop.PRESSURE: "s"}
 
 _FOOT_IN = 0.58
 """Room below a plan for the axis, before the legend begins."""
+
+RANGE_LABEL = "range of starts"
 
 MANY_TIPS = 100
 """From so many branches on, markers and lines are drawn finer."""
@@ -40,12 +45,34 @@ MANY_TIPS = 100
 def draw_map(axes: Axes, world: Map, box: Box | None = None) -> None:
     """Draw the bounds and the obstacles of a map, or those in and around a box of it.
 
-    Axes without limits of their own are set to show it.
+    So are the ranges of its starts. Axes without limits of their own are set to show it.
     """
     box = box or world.bounds.bounds
     fill_geometry(axes, rock_in(world, box), face=ROCK, edge=ROCK_EDGE)
     fill_geometry(axes, [bounds_in(world, box)], face="none", edge=INK)
+    for mark in start_marks(world, box):
+        draw_start_range(axes, mark)
     axes.autoscale_view()
+
+
+def draw_start_range(axes: Axes, mark: StartMark) -> None:
+    """Draw where poses are drawn from: all dashed, what is free filled, headings as a fan.
+
+    The pose itself is `draw_pose`.
+    """
+    if mark.fan is not None:
+        fill_geometry(axes, [mark.fan], face=START, edge="none", alpha=0.28, rank=2.6)
+    if mark.whole is None:
+        return
+    free = [piece for piece in mark.free if isinstance(piece, Polygon)]
+    fill_geometry(axes, free, face=START, edge="none", alpha=0.28, rank=2.5)
+    for piece in mark.free:
+        if not isinstance(piece, Polygon):
+            points = shapely.get_coordinates(piece)
+            axes.plot(*points.T, color=START, lw=4.0, alpha=0.55, zorder=2.5)
+    for line in shapely.get_rings(mark.whole) if isinstance(mark.whole, Polygon) else [mark.whole]:
+        points = shapely.get_coordinates(line)
+        axes.plot(*points.T, color=START, lw=0.9, ls=(0, (4, 3)), zorder=2.7, label=RANGE_LABEL)
 
 
 def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:
@@ -72,7 +99,7 @@ def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, 
 
 def draw_legend(axes: Axes) -> None:
     """Explain, below a plan, everything on it that has a label."""
-    handles, labels = axes.get_legend_handles_labels()
+    handles, labels = _named_once(axes)
     order = sorted(range(len(labels)), key=lambda i: (not labels[i].startswith("level"), labels[i]))
     width_in, height_in = axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
     axes.legend(
@@ -83,6 +110,14 @@ def draw_legend(axes: Axes) -> None:
         ncols=max(1, min(4, int(width_in / (0.55 + 0.063 * max(map(len, labels)))))),
         fontsize=8,
     )
+
+
+def _named_once(axes: Axes) -> tuple[list[Artist], list[str]]:
+    """Return what is to be explained: of several starts, the first."""
+    handles, labels = axes.get_legend_handles_labels()
+    first = dict(zip(reversed(labels), reversed(handles), strict=True))
+    kept = list(dict.fromkeys(labels))
+    return [first[label] for label in kept], kept
 
 
 def _draw_contacts(axes: Axes, deployment: Deployment, size: float) -> None:

@@ -73,13 +73,19 @@ def plan_axes(
     return figure, axes
 
 
-def svg_bytes(figure: Figure) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes."""
+def svg_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes.
+
+    With ``whole_page`` the page is as large as the figure says, for drawings at true scale.
+    """
     stream = io.BytesIO()
     _shorten_texts(figure)
     with house_style():
         figure.savefig(
-            stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
+            stream,
+            format="svg",
+            bbox_inches=None if whole_page else "tight",
+            metadata={"Date": None, "Creator": GENERATOR},
         )
     # matplotlib repeats every text in a comment, with characters that XML forbids.
     valid = _NOT_XML.sub(b"?", stream.getvalue())
@@ -94,15 +100,15 @@ def _shortened(path: re.Match[bytes]) -> bytes:
     return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
 
 
-def pdf_bytes(figure: Figure) -> bytes:
-    """Return a figure as a page of PDF; the same figure gives the same bytes."""
+def pdf_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
+    """Return a figure as a page of PDF, see `svg_bytes`; the same figure gives the same bytes."""
     stream = io.BytesIO()
     _shorten_texts(figure)
     with house_style():
         figure.savefig(
             stream,
             format="pdf",
-            bbox_inches="tight",
+            bbox_inches=None if whole_page else "tight",
             metadata={"CreationDate": None, "Creator": GENERATOR},
         )
     return stream.getvalue()

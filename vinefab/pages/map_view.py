@@ -1,12 +1,17 @@
 """What part of a map a picture shows, without detail too fine to be seen; loads no plotting."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.errors import BadInputError
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Start
+from vinefab.model.start_place import pieces_on, start_range
 
 Box = tuple[float, float, float, float]
 """Least x, least y, greatest x, greatest y, mm."""
@@ -16,6 +21,11 @@ SMALL = 0.4
 
 UNSEEN = 4e-4
 """Detail below this share of a picture's longer side is left out: a fifth of a point on paper."""
+
+FAN = 0.1
+"""Reach of the sector of headings at a start, as a share of a picture's longer side."""
+
+_FAN_POINTS = 33
 
 
 def robot_view(world: Map, deployment: Deployment) -> Box:
@@ -72,6 +82,48 @@ def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
     near = [polygon for polygon in polygons if window.intersects(polygon)]
     inside = [p if window.covers(p) else shapely.intersection(p, window) for p in near]
     return list(shapely.simplify(inside, UNSEEN * longest_mm))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartMark:
+    """What a picture shows of the range that poses are drawn from, beside the pose."""
+
+    whole: BaseGeometry | None  # line, polygon or box of positions; None for a single one
+    free: tuple[BaseGeometry, ...]  # the pieces of it that positions are drawn from
+    fan: BaseGeometry | None  # the headings, as a sector around the pose; None for a single one
+
+
+def start_marks(world: Map, box: Box) -> list[StartMark]:
+    """Return the ranges of a map's starts, as they are drawn in a box of it."""
+    reach_mm = FAN * longer_mm(box)
+    return [
+        StartMark(
+            whole=start_range(start),
+            free=_free_of(world, start),
+            fan=_fan(start, reach_mm) if start.spread_heading_rad else None,
+        )
+        for start in world.starts
+    ]
+
+
+def _free_of(world: Map, start: Start) -> tuple[BaseGeometry, ...]:
+    if start.area is None:
+        whole = start_range(start)
+        return () if whole is None else (whole,)
+    try:
+        return tuple(pieces_on(world, start))
+    except BadInputError:  # obstacles may have been moved over it: that is to be seen
+        return ()
+
+
+def _fan(start: Start, reach_mm: float) -> Polygon:
+    """Return the sector of a start's headings; a circle for all of them."""
+    pose, spread_rad = start.pose, min(start.spread_heading_rad, math.pi)
+    angles = pose.heading_rad + spread_rad * np.linspace(-1.0, 1.0, _FAN_POINTS)
+    x = pose.x_mm + reach_mm * np.cos(angles)
+    y = pose.y_mm + reach_mm * np.sin(angles)
+    base = [] if spread_rad == math.pi else [(pose.x_mm, pose.y_mm)]
+    return Polygon([*base, *zip(x.tolist(), y.tolist(), strict=True)])
 
 
 STOP_WORDS = {

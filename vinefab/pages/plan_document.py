@@ -31,6 +31,10 @@ START: LegendEntry = (
     '<g class="pose"><circle class="handle base" r="3"/></g>',
     "start",
 )
+RANGE: LegendEntry = (
+    '<g class="range"><path class="fan" d="M-7-4H7V4H-7Z"/></g>',
+    "range of starts",
+)
 
 
 def plan_document(

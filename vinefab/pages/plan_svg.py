@@ -33,9 +33,11 @@ from vinefab.pages.map_view import (
     STOP_WORDS,
     UNSEEN,
     Box,
+    StartMark,
     bounds_in,
     longer_mm,
     rock_in,
+    start_marks,
 )
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -65,7 +67,7 @@ CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
 
 
 def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) -> str:
-    """Return bounds and obstacles of a map as ``<g class="ground">``.
+    """Return bounds, obstacles and the ranges of starts of a map as ``<g class="ground">``.
 
     Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
     the bounds another one without. Without ``detail`` all of them are one path, simplified for a
@@ -83,7 +85,8 @@ def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) ->
         rock = [f'<path class="rock merged" d="{"".join(_rings_paths(solid))}"/>'] if solid else []
     edge = "".join(_rings_paths(bounds))
     free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
-    return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
+    starts = "".join(_range_svg(mark) for mark in start_marks(world, box_mm or world.bounds.bounds))
+    return f'<g class="ground">{free}{"".join(rock)}{line}{starts}</g>'
 
 
 def robot_svg(
@@ -155,6 +158,26 @@ def pose_svg(pose: Pose, size_mm: float) -> str:
         f'<path class="handle heading" d="M{_text(size_mm)} 0L{neck} {barb}V-{barb}Z"/>'
         f'<circle class="handle base" r="{dot}"/></g>'
     )
+
+
+def _range_svg(mark: StartMark) -> str:
+    """Return where poses are drawn from as ``<g class="range">``; nothing for a single pose."""
+    parts = []
+    if mark.fan is not None:
+        parts.append(f'<path class="fan" d="{_line_path(mark.fan)}"/>')
+    if mark.whole is not None:
+        areas = [piece for piece in mark.free if isinstance(piece, Polygon)]
+        parts += [f'<path class="fan" d="{path}"/>' for path in _rings_paths(areas)]
+        lines = [piece for piece in mark.free if not isinstance(piece, Polygon)]
+        parts += [f'<path class="places" d="{_line_path(line)}"/>' for line in lines]
+        parts.append(f'<path class="whole" d="{_line_path(mark.whole)}"/>')
+    return f'<g class="range">{"".join(parts)}</g>' if parts else ""
+
+
+def _line_path(shape: BaseGeometry) -> str:
+    """Return a line, or the rings of a polygon, as the ``d`` of a path."""
+    lines = shapely.get_rings(shape) if isinstance(shape, Polygon) else [shape]
+    return "".join(_chain_path(_placed(shapely.get_coordinates(line))) for line in lines)
 
 
 def view_box(box_mm: Box, rim_mm: float = 0.0) -> str:

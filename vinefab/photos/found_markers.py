@@ -1,6 +1,6 @@
 """Corner markers found in a photo, with OpenCV (extra ``vision``)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -154,35 +154,27 @@ def marker_points(
     )
 
 
-def square_points(photo: Photo, side_mm: float) -> ControlPoints:
-    """Return the corners of all markers of a side, lying anywhere on a plane, as control points.
+def square_points(found: Mapping[int, Floats], side_mm: float) -> ControlPoints:
+    """Return the corners of markers of one size that lie anywhere on a plane, as control points.
 
-    The map's axes are those of the marker with the lowest number, its lower left corner is the
-    origin. Where the others lie and the perspective are fitted together: each is a square.
+    The map's axes are those of the marker with the lowest number; the lower left corner of the box
+    around all is the origin. Where the others lie and the perspective are fitted together.
 
-    Raises
-    ------
-    BadInputError
-        If no marker is seen.
+    Parameters
+    ----------
+    found
+        From `find_markers`; at least one.
     """
-    found = find_markers(photo)
-    if not found:
-        raise BadInputError(
-            "markers", "0 in the photo", "one ArUco marker (DICT_4X4_50), with white around it",
-            photo.name,
-        )
     seen = np.array([found[number] for number in sorted(found)])
-    placed = _placed_squares(seen)
-    return ControlPoints(
-        points_px=seen.reshape(-1, 2), points_mm=side_mm * placed.reshape(-1, 2)
-    )
+    placed = side_mm * _placed_squares(seen).reshape(-1, 2)
+    return ControlPoints(points_px=seen.reshape(-1, 2), points_mm=placed - placed.min(axis=0))
 
 
 _SQUARE = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 
 
 def _placed_squares(seen: Floats) -> Floats:
-    """Return the corners of squares of side one, shape (n, 4, 2), the first upright at the origin."""
+    """Return the corners of squares of side one, shape (n, 4, 2); the first is upright."""
     first = fitted_homography(ControlPoints(points_px=seen[0], points_mm=_SQUARE))
     if len(seen) == 1:
         return _SQUARE[None]
@@ -194,7 +186,9 @@ def _placed_squares(seen: Floats) -> Floats:
 
     def off(values: Floats) -> Floats:
         matrix = np.append(values[:8], 1.0).reshape(3, 3)
-        return (projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)).ravel()
+        return (
+            projected(matrix, _squares(values[8:]).reshape(-1, 2)) - seen.reshape(-1, 2)
+        ).ravel()
 
     fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=5000)
     return _squares(fit.x[8:])

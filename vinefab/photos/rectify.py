@@ -1,6 +1,7 @@
 """Photos made into plans."""
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from vinefab.core.errors import BadInputError
@@ -9,11 +10,14 @@ from vinefab.photos.photo import MOST_MEGAPIXELS, Photo
 from vinefab.photos.photo_camera import PhotoCamera, projected
 from vinefab.photos.plan_view import PlanView
 
+AreaMm = tuple[float, float, float, float]
+"""Left, low, right and top in map coordinates."""
+
 
 def rectified(
     photo: Photo,
     camera: PhotoCamera,
-    area_mm: tuple[float, float, float, float],
+    area_mm: AreaMm,
     *,
     plane_mm: float | None = None,
     mm_per_pixel: float | None = None,
@@ -29,8 +33,7 @@ def rectified(
     mm_per_pixel
         When None, as fine as the photo is where it is finest.
     """
-    plane = camera.z_mm if plane_mm is None else plane_mm
-    homography = camera.at(plane)
+    homography = camera.at(camera.z_mm if plane_mm is None else plane_mm)
     left, low, right, top = area_mm
     positive("area_mm", right - left)
     positive("area_mm", top - low)
@@ -46,18 +49,47 @@ def rectified(
     source = Image.fromarray(photo.pixels)
     source = source.reduce(times) if times > 1 else source
     matrix = np.diag([1.0 / times, 1.0 / times, 1.0]) @ homography @ to_map
-    plan = source.transform(
-        (columns, rows),
+    return PlanView(
+        pixels=np.asarray(_transformed(source, matrix, (columns, rows))),
+        mm_per_pixel=step,
+        left_mm=left,
+        top_mm=top,
+    )
+
+
+def _transformed(source: Image.Image, matrix: Floats, size_px: tuple[int, int]) -> Image.Image:
+    return source.transform(
+        size_px,
         Image.Transform.PERSPECTIVE,
         (matrix / matrix[2, 2]).ravel()[:8].tolist(),
         Image.Resampling.BICUBIC,
         fillcolor="white",
     )
-    pixels = np.asarray(plan)
-    return PlanView(pixels=pixels, mm_per_pixel=step, left_mm=left, top_mm=top)
 
 
-def most_pixels_per_mm(homography: Floats, area_mm: tuple[float, float, float, float]) -> float:
+def shown_in(
+    photo: Photo, camera: PhotoCamera, view: PlanView, plane_mm: float
+) -> NDArray[np.bool_]:
+    """Return which pixels of a plan its photo shows, shape (rows, columns)."""
+    rows, columns = view.pixels.shape[:2]
+    corners = view.to_map(np.array([(0.0, 0.0), (columns, 0.0), (0.0, rows)]))
+    to_map = np.eye(3)
+    to_map[:2, 0] = (corners[1] - corners[0]) / columns
+    to_map[:2, 1] = (corners[2] - corners[0]) / rows
+    to_map[:2, 2] = corners[0]
+    matrix = camera.at(plane_mm) @ to_map
+    across = np.arange(columns) + 0.5
+    shown = np.empty((rows, columns), dtype=np.bool_)
+    for row in range(rows):  # a row at a time: all of them would take ten times the photo
+        depth = matrix[2, 0] * across + matrix[2, 1] * (row + 0.5) + matrix[2, 2]
+        column_px = (matrix[0, 0] * across + matrix[0, 1] * (row + 0.5) + matrix[0, 2]) / depth
+        row_px = (matrix[1, 0] * across + matrix[1, 1] * (row + 0.5) + matrix[1, 2]) / depth
+        shown[row] = (column_px >= 0.0) & (column_px <= photo.width_px)
+        shown[row] &= (row_px >= 0.0) & (row_px <= photo.height_px)
+    return shown
+
+
+def most_pixels_per_mm(homography: Floats, area_mm: AreaMm) -> float:
     """Return how many pixels of a photo a millimetre of the plane has where it has most."""
     left, low, right, top = area_mm
     corners = np.array([(left, low), (right, low), (right, top), (left, top)])

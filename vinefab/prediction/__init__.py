@@ -4,5 +4,5 @@ Other rooms may use `deploy` (one deployment: `deploy`, `growth_options`, `deplo
 `scoring` (`score_design_on_task`), `family_deployments` (`MapFamily`, `unseen_maps`,
 `PredictionPlan`, `deploy_family`), `measures` (the measures and their `Spread`), `predict`
 (`predict` and its page), `prediction_json`, `comparison` (`compare_designs`), `map_info`,
-`fix_proposal` (`propose_fix`) and `provenance` (`origin_of`).
+`aiming` (`aim_robots`), `fix_proposal` (`propose_fix`) and `provenance` (`origin_of`).
 """

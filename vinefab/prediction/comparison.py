@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import CONTACT_ANGLES_DEG, growth_text
+from vinefab.growth.options import growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -40,10 +40,10 @@ from vinefab.prediction.measures import (
 )
 from vinefab.prediction.prediction_width import (
     CONTACT_MEASURES,
-    CONTACT_WORDS,
     ContactRange,
     contact_chart,
     contact_range,
+    contact_words,
 )
 from vinefab.prediction.provenance import Origin, repeat_section
 
@@ -151,10 +151,11 @@ class DesignComparison:
         """Return a design's range of a measure over what contacts may be like, in words."""
         if measure not in CONTACT_MEASURES:
             return ""
-        ends = self.contacts[self.names.index(name)].ends(measure)
-        low, high = (measure.number(value) for value in ends)
-        least, most = CONTACT_ANGLES_DEG[0], CONTACT_ANGLES_DEG[-1]
-        return f"  ({low} to {high} over half-angles of {least:g} to {most:g} deg, assumed)"
+        contacts = self.contacts[self.names.index(name)]
+        low, high = (measure.number(value) for value in contacts.ends(measure))
+        least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
+        over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
+        return f"  ({low} to {high} over {over})"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:
         """Return names and means, the best first; designs without any value are left out."""
@@ -346,7 +347,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     )
     table = Table(
         caption=f"Mean {shown.title} over the same maps and poses (simulated)",
-        headings=("design", *(f"{angle:g} deg" for angle in CONTACT_ANGLES_DEG)),
+        headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
         rows=rows,
     )
     picture = Picture(
@@ -356,7 +357,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     )
     return Section(
         title="Over what contacts may be like",
-        paragraphs=(CONTACT_WORDS,),
+        paragraphs=(contact_words(found.contacts[0]),),
         tables=(table,),
         pictures=(picture,),
     )

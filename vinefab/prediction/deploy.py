@@ -8,7 +8,6 @@ of s at its base, at most its own length. Growth to a length passes through the 
 smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,7 +26,6 @@ from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
-from vinefab.physics.tube import inflated_diameter_mm
 
 MOST_FRAMES = 1000
 
@@ -168,10 +166,11 @@ def without_room(
     if options.deploys_stuck:
         can_emerge |= deployment.deployed[parent]
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
-    return tuple(_place(design, deployment, branch, int(parent[branch])) for branch in lost)
+    radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
+    return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)
 
 
-def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
+def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) -> list[str]:
     """Return in how many deployments the trunk never left its start; nothing if it always did.
 
     Parameters
@@ -183,7 +182,7 @@ def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
     stayed = count - sum(left)
     if not stayed:
         return []
-    diameter_mm = inflated_diameter_mm(design.build.widths_mm[0])
+    diameter_mm = 2.0 * options.radius_mm(design.build.widths_mm[0])
     where = "" if count == 1 else f" in {stayed} of {count} deployments"
     return [
         f"the trunk never leaves its start{where}: no room for its inflated body of "
@@ -191,10 +190,14 @@ def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
     ]
 
 
-def wedged(design: Design, deployment: Deployment) -> tuple[BranchPlace, ...]:
+def wedged(
+    design: Design, deployment: Deployment, options: GrowthOptions
+) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
-    return tuple(_place(design, deployment, branch, branch) for branch in stuck)
+    inflated = replace(options, body="inflated")
+    radii_mm = [inflated.radius_mm(width_mm) for width_mm in design.build.widths_mm]
+    return tuple(_place(radii_mm, deployment, branch, branch) for branch in stuck)
 
 
 def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
@@ -207,7 +210,9 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     return [f"{title}: {', '.join(named[:MOST_NAMED])}{more} mm"]
 
 
-def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> BranchPlace:
+def _place(
+    radii_mm: Sequence[float], deployment: Deployment, branch: int, ended: int
+) -> BranchPlace:
     """Return a branch with the tip of the branch ``ended``, or the pose if that is none."""
     x_mm, y_mm = deployment.pose.x_mm, deployment.pose.y_mm
     if ended >= 0:
@@ -217,7 +222,7 @@ def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> B
         branch=deployment.tree.ids[branch],
         x_mm=x_mm,
         y_mm=y_mm,
-        radius_mm=design.build.widths_mm[level - 1] / math.pi,
+        radius_mm=radii_mm[level - 1],
     )
 
 
@@ -255,7 +260,9 @@ class DeployedDesign:
             **self.options.content,
             "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
-            "wedged": [place.content() for place in wedged(self.design, self.deployment)],
+            "wedged": [
+                place.content() for place in wedged(self.design, self.deployment, self.options)
+            ],
         }
 
     def summary(self) -> list[str]:
@@ -268,9 +275,9 @@ class DeployedDesign:
             f"growth: {growth_text(self.options, [self.design])}",
             *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
-            *stayed_text([bool(self.deployment.deployed[0])], self.design),
+            *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
             *places_text("no room to start for branch", self.without_room),
-            *places_text("wedged: branch", wedged(self.design, self.deployment)),
+            *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
             *self._tight_exits(),
         ]
 

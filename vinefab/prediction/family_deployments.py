@@ -198,7 +198,7 @@ def deployment_notes(
             for family in prepared
             for has_room in trunks_with_room(design, family.maps, family.poses, plan.options)
         ]
-        notes += [f"{name}{note}" for note in stayed_text(left, design)]
+        notes += [f"{name}{note}" for note in stayed_text(left, design, plan.options)]
     return tuple(notes)
 
 

@@ -15,7 +15,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     recipe_cautions,
 )
-from vinefab.growth.options import CONTACT_ANGLES_DEG, growth_text
+from vinefab.growth.options import growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
@@ -394,10 +394,7 @@ def _measured(
     width = ""
     if contacts is not None:
         least, greatest = (measure.number(value) for value in contacts.ends(measure))
-        width = (
-            f"; {least} to {greatest} over head-on half-angles of {CONTACT_ANGLES_DEG[0]:g} to "
-            f"{CONTACT_ANGLES_DEG[-1]:g} deg (assumed)"
-        )
+        width = f"; {least} to {greatest} over {contacts.over}"
     return Headline(
         name=measure.title,
         value=measure.text(spread.mean),

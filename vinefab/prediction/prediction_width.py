@@ -14,7 +14,7 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Block
-from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
@@ -59,12 +59,25 @@ class ContactRange:
 
     label: str  # of the map family
     deployments: int  # at each half-angle
-    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, as `CONTACT_ANGLES_DEG`
+    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each half-angle
+    angles_deg: tuple[float, ...]  # the head-on half-angles
+    standing: str  # where their ends come from: ``assumed``, or ``measured`` and how
 
     def ends(self, measure: Measure) -> tuple[float, float]:
         """Return the least and the greatest mean of a measure over the range."""
         means = [value.mean for value in self.values[measure.key]]
         return min(means), max(means)
+
+    @property
+    def over(self) -> str:
+        """The range in a few words: ``head-on half-angles of 1 to 15 deg (assumed)``."""
+        return contact_angles_words(self.angles_deg, self.standing)
+
+
+def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
+    """Return a range of head-on half-angles in a few words, with its standing."""
+    short = standing.partition(":")[0]
+    return f"head-on half-angles of {angles_deg[0]:g} to {angles_deg[-1]:g} deg ({short})"
 
 
 def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
@@ -72,7 +85,7 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
     prepared = prepared.distinct
     names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
     columns: dict[str, list[ContactValue]] = {measure.key: [] for measure in CONTACT_MEASURES}
-    for angle_deg in CONTACT_ANGLES_DEG:
+    for angle_deg in options.contact_angles_deg:
         at_angle = replace(options, head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
         for measure, values in zip(CONTACT_MEASURES, table, strict=True):
@@ -81,6 +94,8 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         label=prepared.label,
         deployments=len(names),
         values={key: tuple(values) for key, values in columns.items()},
+        angles_deg=options.contact_angles_deg,
+        standing=options.contact_angles_standing,
     )
 
 
@@ -121,7 +136,8 @@ class PressureReach:
     grown_percent: float  # mean length grown
     stopped_percent: float  # share of the branches that ran out of pressure
     full_percent: float  # share of the deployments in which no branch did
-    needed_kpa: float  # pressure with which 95 % of the deployments grow to every tip
+    # pressure with which 95 % of the deployments grow to every tip; None if no trunk ever left
+    needed_kpa: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,8 +172,9 @@ def pressure_range(
         ("loosely", 0.0, LOOSE_PRESSURE),
         ("tightly", FITTED.storage_kpa.value, TIGHT_PRESSURE),
     ):
-        needed_kpa = measured.values[measure.key]
-        usual_kpa = float(np.nanpercentile(needed_kpa, 95.0)) if len(needed_kpa) else np.nan
+        values = measured.values[measure.key]
+        known_kpa = values[np.isfinite(values)]
+        usual_kpa = float(np.percentile(known_kpa, 95.0)) if len(known_kpa) else None
         for diameter_mm in _DIAMETERS_MM:
             pressed = replace(
                 options,
@@ -173,7 +190,9 @@ def pressure_range(
                     grown_percent=grown,
                     stopped_percent=stopped,
                     full_percent=full,
-                    needed_kpa=usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
+                    needed_kpa=None
+                    if usual_kpa is None
+                    else usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
                 )
             )
     return PressureRange(
@@ -211,10 +230,13 @@ def contact_chart(shown: Mapping[str, ContactRange], measure: Measure) -> Figure
             values = found.values[measure.key]
             low, high = [v.low for v in values], [v.high for v in values]
             colour = LEVEL_COLOURS[index % len(LEVEL_COLOURS)]
-            axes.fill_between(CONTACT_ANGLES_DEG, low, high, color=colour, alpha=0.16, linewidth=0)
-            axes.plot(CONTACT_ANGLES_DEG, [v.mean for v in values], "o-", color=colour, label=name)
-        axes.set_xticks(CONTACT_ANGLES_DEG)
-        axes.set_xlabel("head-on half-angle (degrees, assumed)")
+            angles = found.angles_deg
+            axes.fill_between(angles, low, high, color=colour, alpha=0.16, linewidth=0)
+            axes.plot(angles, [v.mean for v in values], "o-", color=colour, label=name)
+        (first, *_) = shown.values()
+        axes.set_xticks(first.angles_deg)
+        standing = first.standing.partition(":")[0]
+        axes.set_xlabel(f"head-on half-angle (degrees, {standing})")
         axes.set_ylabel(measure.label)
         if len(shown) > 1:
             axes.legend(fontsize=8)
@@ -229,10 +251,22 @@ CONTACT_WORDS = (
 )
 
 
+def contact_words(found: ContactRange) -> str:
+    """Return what a range of half-angles means, and where it comes from."""
+    if found.standing == "assumed":
+        return CONTACT_WORDS
+    return (
+        "Whether a tip that meets a wall slides on or stops there was measured on photos of grown "
+        f"robots ({found.standing}). Every number here holds for one half-angle "
+        "within which a tip stops, and the same poses. What the photos leave open is the width of "
+        "a prediction."
+    )
+
+
 def width_section(contacts: ContactRange, pressure: PressureRange | None) -> Section:
     """Return how wide predictions are over contacts and pressure."""
     tables = [_contact_table(contacts)]
-    words = [CONTACT_WORDS]
+    words = [contact_words(contacts)]
     if pressure is not None:
         tables.append(_pressure_table(pressure))
         words.append(
@@ -265,7 +299,7 @@ def _contact_table(found: ContactRange) -> Table:
     return Table(
         caption=f"Means over {found.label}, {found.deployments} deployments at each half-angle, "
         "with 95 % intervals over maps (simulated)",
-        headings=("measure", *(f"{angle:g} deg" for angle in CONTACT_ANGLES_DEG)),
+        headings=("measure", *(f"{angle:g} deg" for angle in found.angles_deg)),
         rows=rows,
     )
 
@@ -278,7 +312,7 @@ def _pressure_table(found: PressureRange) -> Table:
             f"{reach.grown_percent:.1f} %",
             f"{reach.stopped_percent:.1f} %",
             f"{reach.full_percent:.1f} %",
-            f"{reach.needed_kpa:.1f} kPa",
+            "nothing grew" if reach.needed_kpa is None else f"{reach.needed_kpa:.1f} kPa",
         )
         for reach in found.reaches
     )
@@ -297,7 +331,8 @@ def width_content(contacts: ContactRange, pressure: PressureRange | None) -> dic
     """Return both ranges as they stand in JSON, rounded as they are shown."""
     return {
         "contacts": {
-            "head_on_half_angle_deg": list(CONTACT_ANGLES_DEG),
+            "head_on_half_angle_deg": list(contacts.angles_deg),
+            **({} if contacts.standing == "assumed" else {"standing": contacts.standing}),
             "deployments": contacts.deployments,
             "means": {
                 measure.key: [measure.rounded(v.mean) for v in contacts.values[measure.key]]
@@ -315,7 +350,7 @@ def width_content(contacts: ContactRange, pressure: PressureRange | None) -> dic
                     "grown_percent": round(reach.grown_percent, 1),
                     "stopped_percent": round(reach.stopped_percent, 1),
                     "full_percent": round(reach.full_percent, 1),
-                    "needed_kpa": round(reach.needed_kpa, 1),
+                    "needed_kpa": None if reach.needed_kpa is None else round(reach.needed_kpa, 1),
                 }
                 for reach in pressure.reaches
             ],

@@ -7,6 +7,7 @@ from vinefab.core.hashing import sha256_of
 from vinefab.core.units import deg
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.laser import LaserProfile, Quantity, Standing
@@ -86,14 +87,18 @@ Numbers = tuple[tuple[str, Quantity], ...]
 
 def model_assumptions(options: GrowthOptions) -> Numbers:
     """Return the numbers of the models behind predictions, by name with unit."""
-    return (*_growth_numbers(options), *_pressure_numbers(), *_task_numbers())
+    contacts = _contact_numbers(options)
+    return (*_growth_numbers(options), *contacts, *_pressure_numbers(), *_task_numbers())
 
 
 def _growth_numbers(options: GrowthOptions) -> Numbers:
     angles = dict.fromkeys(deg(angle_rad) for angle_rad in options.half_angle_range_rad)
+    found, name = options.measured_half_angle, "growth.head_on_half_angle_deg"
     return (
         *(
-            _assumed("growth.head_on_half_angle_deg", angle, "real robots: at most about 15")
+            _assumed(name, angle, "real robots: at most about 15")
+            if found is None or angle not in _ends_of(found)
+            else (name, _of_photos(found, angle))
             for angle in angles
         ),
         _assumed(
@@ -101,6 +106,33 @@ def _growth_numbers(options: GrowthOptions) -> Numbers:
         ),
         _assumed("making.angle_tolerance_deg", ANGLE_TOLERANCE_DEG, "measure your robots"),
     )
+
+
+def _ends_of(found: MeasuredNumber) -> list[float]:
+    """Return what was measured of a number: value and interval, or the one bound."""
+    bounds = {"both": [found.low, found.high], "upper": [found.high], "lower": [found.low]}
+    return [*([] if found.value is None else [found.value]), *bounds[found.side]]
+
+
+def _contact_numbers(options: GrowthOptions) -> Numbers:
+    """Return how wide bodies are, and what photos measured beside what growth uses."""
+    contacts, ratio = options.contacts, options.body_width_ratio
+    found = None if contacts is None else contacts.body_width_ratio
+    rows = list[tuple[str, Quantity]]()
+    if found is not None and found.value == ratio:
+        rows.append(("growth.body_width_ratio", _of_photos(found, ratio)))
+    elif ratio != 1.0:
+        rows.append(_assumed("growth.body_width_ratio", ratio, "given with the command"))
+    friction = None if contacts is None else contacts.tip_friction
+    if friction is not None:
+        name = "contact.tip_friction"
+        rows += [(name, _of_photos(friction, end)) for end in _ends_of(friction)]
+    return tuple(rows)
+
+
+def _of_photos(found: MeasuredNumber, value: float) -> Quantity:
+    source = f"{found.text()}; {found.source}"
+    return Quantity(value=value, standing=Standing.MEASURED, source=source)
 
 
 def _pressure_numbers() -> Numbers:

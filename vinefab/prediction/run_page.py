@@ -31,6 +31,7 @@ from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.run_winner import (
     PLACED_OFF,
     contact_ends,
+    contacts_over,
     interval_words,
     placed_off_range,
     unseen_family,
@@ -223,7 +224,7 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
     ]
     if not found:
         return tuple(headlines)
-    unseen, angles = found["unseen"], found["head_on_half_angles_deg"]
+    unseen = found["unseen"]
     contact, placed = contact_ends(found), placed_off_range(found)
     first = Headline(
         name=f"{task} on {unseen['label']}",
@@ -232,8 +233,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
         "maps (simulated)",
     )
     ranges = (
-        ("over contacts", contact, f"mean there at head-on half-angles of {angles[0]:g} to "
-         f"{angles[-1]:g} deg (assumed; simulated)"),
+        ("over contacts", contact,
+         f"mean there at {contacts_over(found).removesuffix(')')}; simulated)"),
         ("placed off", placed, f"mean there with the body placed up to {PLACED_OFF:g} mm or "
          f"{PLACED_OFF:g} deg off (assumed; simulated)"),
     )  # fmt: skip
@@ -301,14 +302,22 @@ def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: 
     return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
 
 
+_KNOWN = {
+    True: "Whether a tip that meets a wall slides on or stops there is not known,",
+    False: "Whether a tip that meets a wall slides on or stops there is known from photos only as "
+    "far as the range says,",
+}
+
+
 def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     """Return how wide the prediction is; nothing where nothing was predicted."""
     found = run.result.prediction
     if not found:
         return ()
     angles = found["head_on_half_angles_deg"]
+    standing = found.get("head_on_half_angles_standing", "assumed")
     contacts = Table(
-        caption=f"Mean {found['task']} score over the head-on half-angle (assumed), with 95 % "
+        caption=f"Mean {found['task']} score over the head-on half-angle ({standing}), with 95 % "
         "intervals over maps, from the same poses (simulated)",
         headings=("where", *(f"{angle:g} deg" for angle in angles)),
         rows=tuple(
@@ -323,7 +332,7 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         rows=tuple(_placed_row(row) for row in found["placed_off"]),
     )
     words = (
-        "Whether a tip that meets a wall slides on or stops there is not known, nor how well a "
+        f"{_KNOWN[standing == 'assumed']} nor how well a "
         "body is placed: what a robot will do lies in these ranges. Positive headings turn the "
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."

@@ -14,18 +14,23 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.growth.batch import Launches, TerrainSet
-from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
+from vinefab.model.start_place import StartPlace, start_text, with_starts
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
     PreparedFamily,
     unseen_maps,
 )
-from vinefab.prediction.prediction_width import ContactValue, contact_value
+from vinefab.prediction.prediction_width import (
+    ContactValue,
+    contact_angles_words,
+    contact_value,
+)
 from vinefab.prediction.sensitivity import (
     HEADING_STEPS_DEG,
     SIDEWAYS_STEPS_MM,
@@ -69,10 +74,11 @@ class WinnerTrial:
         return score.scores
 
     def over_contacts(self, family: PreparedFamily) -> tuple[ContactValue, ...]:
-        """Return the mean score at every half-angle of `CONTACT_ANGLES_DEG`."""
+        """Return the mean score at every half-angle that predictions are shown for."""
         names = names_of(family)
         at_angles = [
-            replace(self.growth, head_on_half_angle_rad=rad(angle)) for angle in CONTACT_ANGLES_DEG
+            replace(self.growth, head_on_half_angle_rad=rad(angle))
+            for angle in self.growth.contact_angles_deg
         ]
         return tuple(contact_value(self.scores(family, growth), names) for growth in at_angles)
 
@@ -150,7 +156,8 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     unseen, note = unseen_family(settings, fresh)
     content = {
         "task": settings.task.name,
-        "head_on_half_angles_deg": list(CONTACT_ANGLES_DEG),
+        "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
+        **_angles_standing(settings.growth),
         "trained_half_angle_deg": settings.growth.half_angle_deg,
         "unseen": _family_content(trial, unseen),
         "training": _family_content(trial, fresh),
@@ -160,6 +167,18 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     pieces = _pieces_content(trial.design, settings)
     content = {**content, **({"pieces": pieces} if pieces else {})}
     return {**content, "origin": _origin(content)}
+
+
+def _angles_standing(growth: GrowthOptions) -> dict[str, str]:
+    """Return where the half-angles come from; nothing where they are assumed, as they were."""
+    standing = growth.contact_angles_standing
+    return {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
+
+
+def contacts_over(content: Mapping[str, Any]) -> str:
+    """Return over which half-angles a winner was tried, in words."""
+    standing = content.get("head_on_half_angles_standing", "assumed")
+    return contact_angles_words(content["head_on_half_angles_deg"], standing)
 
 
 def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
@@ -204,7 +223,8 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
     if not settings.maps.files and not note:
         environment, options = settings.maps.environment, settings.maps.options
         try:
-            return _prepared(unseen_maps(environment, UNSEEN, 0, options), settings, 1, 0), note
+            family = _started(unseen_maps(environment, UNSEEN, 0, options), settings)
+            return _prepared(family, settings, 1, 0), note
         except BadInputError as error:
             note = f"on no unseen maps, because one of them cannot be used: {error}"
     worlds = tuple(prepared.world for prepared in fresh.maps)
@@ -220,9 +240,19 @@ def _own_places(settings: RunSettings) -> str:
     """Return why a run that names places has no unseen maps; empty if it names none."""
     if len(targets_mm(settings)):
         return "on no unseen maps, because the run's targets are points of its own"
-    if settings.maps.start is not None:
+    start = settings.maps.start
+    if start is not None and not (isinstance(start, StartPlace) and start.side):
         return "on no unseen maps, because the run's start is a place on its own"
     return ""
+
+
+def _started(family: MapFamily, settings: RunSettings) -> MapFamily:
+    """Return unseen maps with the side that a run starts from."""
+    start = settings.maps.start
+    if start is None:
+        return family
+    worlds = tuple(with_starts(world, (start,), "maps.start") for world in family.worlds)
+    return replace(family, label=f"{family.label} from the {start_text(start)}", worlds=worlds)
 
 
 def _with_whole_range(settings: RunSettings) -> RunSettings:
@@ -283,8 +313,7 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what a winner is expected to do elsewhere as lines for the user."""
     unseen, training = content["unseen"], content["training"]
     low, high = placed_off_range(content)
-    angles = content["head_on_half_angles_deg"]
-    over = f"over head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg (assumed)"
+    over = f"over {contacts_over(content)}"
     lines = [
         f"on {family['label']}, {family['deployments']} deployments (simulated): mean "
         f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"

@@ -57,7 +57,7 @@ def score_design_on_task(
     varied = options.draws_half_angle
     poses = poses_on(prepared_maps, plan.poses, seeds, repeats=varied)
     score = score_design(design, prepared_maps, poses, task, options)
-    stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design)
+    stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design, options)
     return replace(
         _with_parts(score, task, map_weights([len(places) for places in poses])),
         growth=options.content,

@@ -302,7 +302,9 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
             knob="lengths", step=step, unit="%", design=other, options=options, poses=poses
         )
     for step in HEAD_ON_STEPS_DEG:
-        low_rad, high_rad = (angle + rad(step) for angle in options.half_angle_range_rad)
+        low_rad, high_rad = (
+            min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
+        )
         wider = replace(options, head_on_half_angle_rad=(low_rad, high_rad))
         yield PredictionVariant(
             knob="head-on half-angle", step=step, unit="deg",

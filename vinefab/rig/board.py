@@ -1,7 +1,7 @@
 """A rig of loose obstacles on a drilled board: printed with pegs, or cut in layers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
+from vinefab.rig.open_shell import cavities_in, corbelled, label_of, shell_wall_mm, walls_of
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import (
@@ -21,13 +22,24 @@ from vinefab.rig.rig_plan import (
     snapped_union,
     without_slivers,
 )
-from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
+from vinefab.rig.solid import (
+    Course,
+    Pocket,
+    built_of,
+    engraved_marks,
+    extra_parts,
+    plan_volume_mm3,
+)
 from vinefab.rig.split import Cuts, cuts_of, grid_of
 
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
 
+WELD_MM = 2.0 * GRID_MM
+"""Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
+
 _SMALLER = 0.6
+_PEG_ROOT_MM = 1.0
 _CIRCLE_SEGMENTS = 6
 
 
@@ -131,21 +143,23 @@ def build_board(
     supports; the number is engraved into the top. With style ``sheet`` nothing is printed but
     what stands beside the rig: the pieces are cut in layers.
     """
-    printed = options.style == "board"
+    printed = options.style != "sheet"
     machine = printer if printed else laser_as_printer(options)
     width_mm, depth_mm = (options.scale * side + 2.0 * options.border_mm for side in world.size_mm)
     grid_of((width_mm, depth_mm), machine, options)
     plan = plan_of(world, machine, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, machine, options)
     pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
-    parts = tuple(_part(piece, len(pieces), plan, options) for piece in pieces) if printed else ()
+    wall_mm = shell_wall_mm(printer, options) if printed else 0.0
+    job = options, wall_mm
+    parts = tuple(_part(piece, len(pieces), plan, job) for piece in pieces) if printed else ()
     counts = {f"{count} pegs": sum(len(one.pegs) == count for one in pieces) for count in (0, 1, 2)}
     rig = Rig(
         name=world.name,
         parts=parts,
         printer=printer,
         options=options,
-        style=options.style,
+        style="board" if printed else "sheet",
         extras=extra_parts(plan.plate.bounds, plan.to_map(-options.plate_mm)),
         plate=plan.on_map(plan.plate),
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
@@ -184,12 +198,11 @@ def _notes(
     return plan.notes + tuple(text for text, holds in conditions.items() if holds)
 
 
-def _part(piece: LoosePiece, count: int, plan: RigPlan, options: RigOptions) -> RigPart:
-    outline, depth_mm = piece.outline, options.mark_depth_mm
-    x_min, _, _, y_max = outline.bounds
-    marks = engraved_marks(piece.number, outline, from_below=False)
-    pegs = polygon_parts(*(peg.outline for peg in piece.pegs), shapely.Polygon())
-    peg_mm = options.plate_mm - PEG_RECESS_MM
+def _part(piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, float]) -> RigPart:
+    """Return a loose piece as it is printed: what will be its top lies on the bed."""
+    options, wall_mm = job
+    x_min, _, _, y_max = piece.outline.bounds
+    courses, marks = courses_of(piece, options, wall_mm)
 
     def top_down(pieces: Polygons) -> Polygons:
         def flipped(points: Floats) -> Floats:
@@ -197,22 +210,67 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, options: RigOptions) -> 
 
         return np.asarray(shapely.transform(pieces, flipped), dtype=object)
 
-    pockets = []
-    if depth_mm and len(marks):
-        pockets = [Pocket(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)]
-    vertices, faces = stacked(
-        top_down(polygon_parts(outline)), top_down(pegs), options.height_mm, peg_mm, pockets
+    depth_mm = _mark_depth_mm(options)
+    pockets = [Pocket(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
+    hollow = is_hollow(piece, wall_mm)
+    vertices, faces = built_of(
+        [replace(course, pieces=top_down(course.pieces)) for course in courses],
+        pockets,
+        weld_mm=WELD_MM if hollow else 0.0,
     )
     standing = np.diag([1.0, -1.0, -1.0, 1.0])
     standing[:3, 3] = x_min, y_max, options.height_mm
-    cut_mm3 = shapely.area(marks).sum() * depth_mm
     return RigPart(
         name=f"piece_{piece.number:0{max(2, len(str(count)))}d}",
         number=piece.number,
         vertices_mm=vertices,
         faces=faces,
         to_map=plan.to_map() @ standing,
-        volume_mm3=float(
-            outline.area * options.height_mm + shapely.area(pegs).sum() * peg_mm - cut_mm3
-        ),
+        volume_mm3=plan_volume_mm3(courses) - float(shapely.area(marks).sum()) * depth_mm,
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
+
+
+def is_hollow(piece: LoosePiece, wall_mm: float) -> bool:
+    """Tell whether a piece has room for a cavity."""
+    return wall_mm > 0.0 and len(cavities_in(piece.outline, wall_mm)) > 0
+
+
+def courses_of(
+    piece: LoosePiece, options: RigOptions, wall_mm: float
+) -> tuple[list[Course], Polygons]:
+    """Return what a piece is built of as printed, top down, and the grooves in its top.
+
+    The top of a shell is open but for a tongue that bears the number; below each peg courses reach
+    out from the walls, so that nothing needs supports.
+    """
+    outline, high_mm = piece.outline, options.height_mm
+    walls = walls_of(outline, wall_mm)
+    hollow = len(walls.interiors) > len(outline.interiors)
+    tongued = hollow and not options.top_mm
+    tongue, marks = polygon_parts(Polygon()), polygon_parts(Polygon())
+    if options.mark_depth_mm and tongued:
+        tongue, marks = label_of(piece.number, outline, wall_mm)
+    elif options.mark_depth_mm:
+        marks = engraved_marks(piece.number, outline, from_below=False)
+    pegs = [peg.outline for peg in piece.pegs]
+    courses = [Course(pieces=polygon_parts(walls), low_mm=0.0, high_mm=high_mm)]
+    if hollow:
+        closed, thick_mm = (tongue, 2.0 * options.mark_depth_mm) if tongued else (
+            polygon_parts(outline), options.top_mm
+        )
+        if len(closed):
+            courses.append(Course(pieces=closed, low_mm=0.0, high_mm=thick_mm))
+        courses += corbelled(walls, outline, pegs, high_mm, wall_mm)
+    if pegs:
+        # From the middle of what carries them: bodies that overlap join surely.
+        peg_mm = options.plate_mm - PEG_RECESS_MM
+        low_mm, up_mm = high_mm - _PEG_ROOT_MM, high_mm + peg_mm
+        courses.append(Course(pieces=polygon_parts(*pegs), low_mm=low_mm, high_mm=up_mm))
+    return courses, marks
+
+
+def _mark_depth_mm(options: RigOptions) -> float:
+    """Return how deep grooves are: at most half of a thin top."""
+    half_mm = 0.5 * (options.top_mm or 2.0 * options.mark_depth_mm)
+    return min(options.mark_depth_mm, half_mm)

@@ -34,6 +34,9 @@ class RigComparison:
     leaning_mm2: float
     # area within the bounds without plate below: gaps of joints, holes of entries
     floor_missing_mm2: float
+    # area within walls that is left empty: cavities, which no robot can touch. Excess and missing
+    # are those of the walls' outside, cavities filled
+    hollow_mm2: float
     # excess, missing and leaning together, over ``wall_mm2`` (but at least over 1 % of the bounds'
     # area, so that an almost empty map is not judged by the rounding of its border)
     share: float
@@ -42,22 +45,31 @@ class RigComparison:
 def compare_with_map(rig: Rig, world: Map) -> RigComparison:
     """Move all parts to their places, cut them at half their height and compare with the map.
 
-    Works on the parts' triangles and transforms only, not on the plan that they were made from.
+    What is compared is the outside that a robot can touch: a hole of a part in which the map has
+    no free space is a cavity and counts as filled. Works on the parts' triangles and transforms only, not on the plan that they were made from.
     Walls are upright, which two more cuts confirm; so a share of areas is one of volumes.
     """
     options = rig.options
     bodies = [_body(part) for part in rig.parts]
     inside = shapely.Polygon(world.bounds.exterior)
-    middle = compare_walls(rig, world, _cut(rig, bodies, 0.5 * options.height_mm / options.scale))
-    leaning_mm2 = _leaning_mm2(rig, bodies)
+    free = _free_space(rig, world)
+    cuts = [
+        _cut(rig, bodies, share * options.height_mm / options.scale) for share in (0.5, *_HEIGHTS)
+    ]
+    outsides = [[_filled(shape, free) for shape in cut] for cut in cuts]
+    built, outside = (shapely.union_all(shapes) for shapes in (cuts[0], outsides[0]))
+    middle = compare_walls(rig, world, outside)
+    areas = [np.array([shape.area for shape in shapes]) for shapes in outsides]
+    leaning_mm2 = float(sum(np.abs(area - areas[0]).sum() for area in areas[1:]))
     missing_mm2 = 0.0
     if rig.style == "plate":
-        floor = _cut(rig, bodies, -0.25 * options.plate_mm / options.scale)
+        floor = shapely.union_all(_cut(rig, bodies, -0.25 * options.plate_mm / options.scale))
         missing_mm2 = inside.difference(floor).area
     return replace(
         middle,
         leaning_mm2=leaning_mm2,
         floor_missing_mm2=missing_mm2,
+        hollow_mm2=outside.intersection(inside).area - built.intersection(inside).area,
         share=middle.share + leaning_mm2 / max(middle.wall_mm2, _LEAST_WALL_SHARE * inside.area),
     )
 
@@ -79,6 +91,7 @@ def compare_walls(rig: Rig, world: Map, built: BaseGeometry) -> RigComparison:
         thickened_mm2=thickened.intersection(inside).area,
         leaning_mm2=0.0,
         floor_missing_mm2=0.0,
+        hollow_mm2=0.0,
         share=off_mm2 / max(walls.area, _LEAST_WALL_SHARE * inside.area),
     )
 
@@ -103,27 +116,31 @@ def _areas(geometry: BaseGeometry) -> BaseGeometry:
     return shapely.MultiPolygon(list(polygon_parts(geometry)))
 
 
-def _leaning_mm2(rig: Rig, bodies: list[Manifold]) -> float:
-    """Return how much area the walls gain or lose between top and bottom, in map units."""
-    top_mm = rig.options.height_mm / rig.options.scale
-    areas = [
-        np.array(
-            [
-                body.slice(_height_in(part, share * top_mm)).area()
-                for part, body in zip(rig.parts, bodies, strict=True)
-            ]
-        )
-        for share in (0.5, *_HEIGHTS)
-    ]
-    return float(sum(np.abs(area - areas[0]).sum() for area in areas[1:])) / rig.options.scale**2
+def _free_space(rig: Rig, world: Map) -> BaseGeometry:
+    """Return where a robot can be, less a rim for rounding and what was thickened."""
+    rim = _RIM_MM / rig.options.scale
+    free = shapely.difference(world.free_space, _widened(_areas(rig.thickened), rim))
+    free = shapely.buffer(free, -rim, join_style="mitre")
+    shapely.prepare(free)
+    return free
 
 
-def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> BaseGeometry:
-    cuts = [
+def _filled(shape: BaseGeometry, free: BaseGeometry) -> BaseGeometry:
+    """Return a cross-section without its cavities: the holes that no free space reaches."""
+    pieces = polygon_parts(shape, shapely.Polygon())
+    for index in np.flatnonzero(shapely.get_num_interior_rings(pieces) > 0):
+        rings = np.asarray(pieces[index].interiors, dtype=object)
+        open_there = shapely.intersects(free, shapely.polygons(rings))
+        pieces[index] = shapely.Polygon(pieces[index].exterior, list(rings[open_there]))
+    return shapely.MultiPolygon(list(pieces))
+
+
+def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> list[BaseGeometry]:
+    """Return each part's cross-section at a height of the map, where it stands."""
+    return [
         _moved(part, outlines_at(body, _height_in(part, z_mm)))
         for part, body in zip(rig.parts, bodies, strict=True)
     ]
-    return shapely.union_all(cuts)
 
 
 def _height_in(part: RigPart, z_mm: float) -> float:

@@ -1,7 +1,7 @@
 """What a laser cuts for a rig: the drilled board, a lid, and obstacles in layers of sheet."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,9 +18,10 @@ from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
 from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
+from vinefab.rig.corner_tiles import BoardMarkers
 from vinefab.rig.part import Rig
 from vinefab.rig.printing import packed_on_beds
-from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts
 from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
@@ -42,11 +43,17 @@ class LayerCopy:
 
 
 def board_jobs(
-    name: str, plate: BaseGeometry, pieces: tuple[LoosePiece, ...], options: RigOptions
+    name: str,
+    plate: BaseGeometry,
+    pieces: tuple[LoosePiece, ...],
+    options: RigOptions,
+    markers: BoardMarkers | None = None,
 ) -> list[Job]:
     """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline."""
     pegs = [peg for piece in pieces for peg in piece.pegs]
-    outlines = polygon_parts(*(peg.outline for peg in pegs), Polygon())
+    markers = markers or BoardMarkers()
+    plate = shapely.union(plate, markers.pads, grid_size=GRID_MM)
+    outlines = polygon_parts(*(peg.outline for peg in pegs), *markers.squares, Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
@@ -54,7 +61,9 @@ def board_jobs(
         near = [piece for piece in pieces if tile.intersects(piece.outline)]
         marks = [line for piece in near for line in _piece_marks(piece, tile)]
         holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
-        marks += _compass(tile, number, [piece.outline for piece in near])
+        marks += _lines_within(tile, markers.marks)
+        taken = [*(piece.outline for piece in near), *markers.squares]
+        marks += _compass(tile, number, taken)
         jobs.append(_job(f"{name} board {number}", tile, (marks, holes, gap_mm), options))
     return jobs
 
@@ -187,7 +196,12 @@ def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
     """Yield a piece's outline and number, as far as they lie on a tile of the board."""
     rings = shapely.get_rings(piece.outline)
     shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
-    for shape in (*shapes, *_number_marks(piece)):
+    yield from _lines_within(tile, (*shapes, *_number_marks(piece)))
+
+
+def _lines_within(tile: Polygon, lines: Sequence[LineString]) -> Iterator[LineString]:
+    """Yield what lies on a tile of lines, joined where they meet themselves."""
+    for shape in lines:
         cut = shapely.line_merge(shapely.intersection(shape, tile))
         for line in shapely.get_parts(cut):
             if isinstance(line, LineString) and line.length > 0.0:
@@ -278,13 +292,18 @@ def standing_mm(rig: Rig) -> float:
 
 
 def laser_cut_files(
-    rig: Rig, world: Map, pieces: tuple[LoosePiece, ...], *, lid: bool
+    rig: Rig,
+    world: Map,
+    pieces: tuple[LoosePiece, ...],
+    markers: BoardMarkers | None = None,
+    *,
+    lid: bool,
 ) -> LaserCutFiles:
     """Return what is cut for a rig."""
     options, named = rig.options, list[tuple[str, list[Job]]]()
     plate, copies = _on_plan(rig.plate, rig, world), list[LayerCopy]()
     if rig.style != "plate":
-        named.append(("board", board_jobs(rig.name, plate, pieces, options)))
+        named.append(("board", board_jobs(rig.name, plate, pieces, options, markers)))
     if rig.style == "sheet":
         jobs, copies = layer_jobs(rig.name, pieces, layers_of(rig), options)
         named.append(("layers", jobs))

@@ -1,6 +1,6 @@
 """From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 
@@ -16,15 +16,18 @@ from vinefab.model.map import Map
 from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
+from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
-from vinefab.rig.plate import build_rig
+from vinefab.rig.open_shell import shell_words
+from vinefab.rig.plate import build_rig, refuse_early
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
+from vinefab.rig.true_scale import true_scale_files
 
 RIG_MARK = "rig.json"
 """The file by which the folder of a rig is known again."""
@@ -44,6 +47,7 @@ class RigFiles:
     comparison: RigComparison  # of the assembled rig with the map
     report: CheckReport  # of the rules about rigs
     estimate: PrintEstimate
+    why_style: str  # which style was chosen and what the other would take
     section: Section | None = None  # the rig's part of a report, if pictures were drawn
 
     def summary(self) -> list[str]:
@@ -52,8 +56,10 @@ class RigFiles:
         return [
             self._size_line(),
             f"printing: {self.estimate.words()} (computed from assumed settings of the printer)",
-            f"every STL and 3MF read back closed and oriented; assembled, the walls differ from "
-            f"the map by {100 * self.comparison.share:.4f} %",
+            self.why_style,
+            *([shell_words(rig)] if shell_words(rig) else []),
+            f"every STL and 3MF read back closed and oriented; assembled, the outsides of the "
+            f"walls differ from the map by {100 * self.comparison.share:.4f} %",
             *(f"note: {note}" for note in rig.notes),
             *check_lines(self.report)[:-1],
         ]
@@ -101,8 +107,9 @@ def make_rig(
         _refuse_empty(world)
     report_progress = progress or _no_progress
     report_progress(0.0, "building solids")
-    rig, pieces = _built(world, printer, options)
-    cut = laser_cut_files(rig, world, pieces, lid=request.lid)
+    rig, pieces, why_style = _built(world, printer, options)
+    rig, fixtures = with_fixtures(rig, world, request.design)
+    cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
     layered = rig.style == "sheet"
     comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
@@ -124,11 +131,14 @@ def make_rig(
         report=report,
         jobs=cut.jobs,
         copies=cut.copies,
+        why_style=why_style,
+        fixtures=fixtures,
     )
     section: Section | None = None
     if report.blocking:
         files = {}
     else:
+        files |= true_scale_files(rig, world, fixtures, pieces)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
             drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
@@ -146,12 +156,49 @@ def make_rig(
         comparison=comparison,
         report=report,
         estimate=printing.total,
+        why_style=why_style,
         section=section,
     )
 
 
-def _built(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[LoosePiece, ...]]:
-    """Return a rig in the style of its options, and its loose pieces if it has any."""
+def _built(
+    world: Map, printer: Printer, options: RigOptions
+) -> tuple[Rig, tuple[LoosePiece, ...], str]:
+    """Return a rig in the style of its options, its loose pieces, and why it has this style."""
+    if options.style != "auto":
+        return *_in_style(world, printer, options), f"style {options.style}: as asked for"
+    refuse_early(world, printer, options)
+    made: dict[str, tuple[Rig, tuple[LoosePiece, ...]]] = {}
+    refused: dict[str, BadInputError] = {}
+    for style in ("plate", "board"):
+        try:
+            made[style] = _in_style(world, printer, replace(options, style=style))
+        except BadInputError as error:
+            refused[style] = error
+    if not made:
+        raise refused["plate"]
+    takes = {style: printing_of(rig).total for style, (rig, _) in made.items()}
+    chosen = min(takes, key=lambda style: takes[style].time_s)
+    other = "plate" if chosen == "board" else "board"
+    why = f"style {chosen}: {_STYLE_WORDS[chosen]}; style {other} was refused"
+    if other in takes:
+        why = (
+            f"style {chosen}, {_STYLE_WORDS[chosen]}, is the quicker to print: "
+            f"{takes[chosen].words()}; style {other}, {_STYLE_WORDS[other]}: "
+            f"{takes[other].words()} (estimates, without markers and holder)"
+        )
+    else:
+        why += f": {refused[other]}"
+    return *made[chosen], why
+
+
+_STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
+
+
+def _in_style(
+    world: Map, printer: Printer, options: RigOptions
+) -> tuple[Rig, tuple[LoosePiece, ...]]:
+    """Return a rig, and its loose pieces if it has any."""
     if options.style == "plate":
         return build_rig(world, printer, options), ()
     return build_board(world, printer, options)

@@ -19,10 +19,10 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.drawing import fill_geometry
+from vinefab.pages.drawing import draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.pages.map_view import UNSEEN
+from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.printing import BASIS, Bed, Printing
@@ -34,6 +34,9 @@ _TINTS: tuple[Colour, ...] = ((120, 164, 190), (196, 168, 118), (142, 176, 140),
 _EXTRA: Colour = (234, 176, 0)
 _TABLE: Colour = (214, 219, 222)
 _BOARD: Colour = (232, 222, 204)
+_MARKER: Colour = (24, 24, 24)
+_WHITE: Colour = (250, 250, 250)
+_HAIR_MM = 0.01
 
 
 def assembled_png(rig: Rig, *, width_px: int = 1400) -> bytes:
@@ -46,7 +49,8 @@ def assembled_png(rig: Rig, *, width_px: int = 1400) -> bytes:
                 vertices_mm=points,
                 faces=part.faces,
                 colour=_tint(part),
-                light_from_mm=0.5 * rig.options.height_mm if part.number else -np.inf,
+                light_from_mm=_light_from_mm(part, points, 0.5 * rig.options.height_mm),
+                below=_WHITE if part.colour_change_mm else None,
             )
         )
         if part.number:
@@ -67,12 +71,27 @@ def bed_png(rig: Rig, bed: Bed, *, width_px: int = 700) -> bytes:
                 vertices_mm=points,
                 faces=part.faces,
                 colour=_tint(part),
-                light_from_mm=0.5 * part.size_mm[2] if part.number else -np.inf,
+                light_from_mm=_light_from_mm(part, points, 0.5 * part.size_mm[2]),
+                below=_WHITE if part.colour_change_mm else None,
             )
         )
         if part.number:
             labels.append(Label(text=str(part.number), at_mm=_spot(part, points)))
     return relief_png(solids, labels, width_px=width_px)
+
+
+_CAP_LIFT_MM = 12.0
+
+
+def base_png(rig: Rig, *, width_px: int = 900) -> bytes | None:
+    """Return a picture of the base holder from behind the entry, its cap lifted; None without."""
+    solids: list[Prism] = []
+    for part in rig.extras:
+        if part.name.startswith("base_"):
+            lift_mm = _CAP_LIFT_MM if part.name == "base_cap" else 0.0
+            points = _on_map(part, rig.options.scale) + np.array([0.0, 0.0, lift_mm])
+            solids.append(Prism(vertices_mm=points, faces=part.faces, colour=_TINTS[len(solids)]))
+    return relief_png(solids, width_px=width_px, rise_deg=40.0) if solids else None
 
 
 def layered_png(rig: Rig, *, width_px: int = 1400) -> bytes:
@@ -88,10 +107,22 @@ def _board(rig: Rig) -> list[Prism]:
     """Return the board that loose obstacles stand on; tiles bring their own plate."""
     if rig.style == "plate":
         return []
-    scale, plate_mm = rig.options.scale, rig.options.plate_mm
-    pieces = polygon_parts(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, polygon_parts(Polygon()), plate_mm, 0.0)
-    return [Prism(vertices_mm=vertices - (0.0, 0.0, plate_mm), faces=faces, colour=_BOARD)]
+    plate_mm = rig.options.plate_mm
+    board = _slab(rig, shapely.union(rig.plate, rig.pads), (-plate_mm, 0.0), _BOARD)
+    cells = _slab(rig, rig.cells, (-_HAIR_MM, 5.0 * _HAIR_MM), _MARKER)
+    return [*board, *cells]
+
+
+def _slab(
+    rig: Rig, shape: BaseGeometry, heights_mm: tuple[float, float], colour: Colour
+) -> list[Prism]:
+    """Return a shape of the map as a slab of the rig; none of an empty one."""
+    scale, (low_mm, high_mm) = rig.options.scale, heights_mm
+    pieces = polygon_parts(shapely.transform(shape, lambda points: scale * points), Polygon())
+    if not len(pieces):
+        return []
+    vertices, faces = stacked(pieces, polygon_parts(Polygon()), high_mm - low_mm, 0.0)
+    return [Prism(vertices_mm=vertices + np.array([0.0, 0.0, low_mm]), faces=faces, colour=colour)]
 
 
 def _spot(part: RigPart, points_mm: Floats) -> tuple[float, float, float]:
@@ -106,8 +137,17 @@ def _spot(part: RigPart, points_mm: Floats) -> tuple[float, float, float]:
     return x_mm, y_mm, z_mm
 
 
+def _light_from_mm(part: RigPart, points_mm: Floats, floor_mm: float) -> float:
+    """Return below which height the tops of a part are drawn pale, or in its first colour."""
+    if part.colour_change_mm:
+        return float(points_mm[:, 2].min()) + part.colour_change_mm + _HAIR_MM
+    return floor_mm if part.number else -np.inf
+
+
 def _tint(part: RigPart) -> Colour:
     """Return a colour in which neighbouring tiles differ."""
+    if part.colour_change_mm:
+        return _MARKER
     if not part.number:
         return _EXTRA
     if part.row:
@@ -153,6 +193,10 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
         for number, outline in outlines.items():
             size = 14 if len(outlines) < 30 else max(3.0, 90.0 / len(outlines) ** 0.5)
             _draw_part(axes, number, on_rig(outline), size)
+        for mark in start_marks(world, world.bounds.bounds):
+            whole = None if mark.whole is None else on_rig(mark.whole)
+            free, fan = tuple(map(on_rig, mark.free)), mark.fan and on_rig(mark.fan)
+            draw_start_range(axes, StartMark(whole=whole, free=free, fan=fan))
         for start in world.starts:
             point = on_rig(shapely.Point(start.pose.x_mm, start.pose.y_mm))
             axes.plot(
@@ -233,8 +277,10 @@ MOST_BEDS = 24
 def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> Section:
     """Return the section about a rig."""
     sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
+    marked = rig.options.marker_kind != "none"
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
+        ("base_holder.png", "The base holder: dial, block, and cap, lifted here.", False),
         ("assembly.svg", "Where each part goes; the arrow points to the map's north.", True),
         *(
             (f"{bed.name}.png", f"{bed.name}: {bed.estimate.words()} (estimate)", False)
@@ -246,6 +292,9 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
         title="Test rig",
         paragraphs=(
             f"Printing on {rig.printer.name} takes about {printing.total.words()}: {BASIS}.",
+            "plan.svg and plan.pdf are the rig's plan at true scale with markers and a ruler: lay "
+            "the rig onto it, or draw the map on paper."
+            + (" markers.svg and .pdf are paper markers." if marked else ""),
             *(f"Note: {note}." for note in rig.notes),
         ),
         pictures=tuple(
@@ -291,6 +340,8 @@ def rig_pictures(
     plan = assembly_plan(rig, world, outlines)
     files = {"assembly.svg": svg_bytes(plan), "assembly.pdf": pdf_bytes(plan)}
     files["assembled.png"] = layered_png(rig) if rig.style == "sheet" else assembled_png(rig)
+    base = base_png(rig)
+    files |= {"base_holder.png": base} if base else {}
     for done, bed in enumerate(printing.beds, 1):
         progress(0.5 + 0.5 * done / (len(printing.beds) + 1), f"drawing {bed.name}")
         files[f"{bed.name}.png"] = bed_png(rig, bed)

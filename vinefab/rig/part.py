@@ -40,6 +40,9 @@ class RigPart:
     # that are no tiles
     row: int = 0
     column: int = 0
+    shell_wall_mm: float = 0.0  # thickness of the walls around what is left empty; 0: solid
+    # height at which the filament is changed for another colour; 0: one colour
+    colour_change_mm: float = 0.0
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)
@@ -63,11 +66,58 @@ class RigPart:
         return float(span[0]), float(span[1]), float(span[2])
 
     @property
+    def hollow(self) -> bool:
+        """Whether anything in the part is left empty."""
+        return self.shell_wall_mm > 0.0
+
+    @property
     def area_mm2(self) -> float:
         """Area of the whole surface."""
         corners = self.vertices_mm[self.faces]
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return float(0.5 * np.linalg.norm(doubled, axis=1).sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UprightFaces:
+    """The sides of a part, as an estimate of its printing needs them."""
+
+    area_mm2: float
+    # upright edges between two sides: height, and the angle by which a line turns there
+    heights_mm: Floats
+    turns_rad: Floats
+    rings: float  # mean number of closed outlines in a layer
+
+
+def upright_faces(part: RigPart) -> UprightFaces:
+    """Return the sides of a part, from its triangles."""
+    corners = part.vertices_mm[part.faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(doubled, axis=1)
+    upright = np.abs(doubled[:, 2]) < _LEANING * length
+    faces = part.faces[upright]
+    normals = doubled[upright, :2] / np.maximum(length[upright], 1e-12)[:, None]
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    same = (edges[order][1:] == edges[order][:-1]).all(axis=1)
+    first = order[:-1][same]
+    one, other = normals[owner[first]], normals[owner[order[1:][same]]]
+    rise_mm = np.abs(np.diff(part.vertices_mm[edges[first], 2], axis=1)[:, 0])
+    cross, dot = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1)
+    turns = np.abs(np.arctan2(cross, dot))
+    bent = (turns > _LEANING) & (rise_mm > 0.0)
+    # A convex outline turns by a whole circle in each layer, others by somewhat more.
+    rings = float((turns * rise_mm)[bent].sum()) / (2.0 * np.pi * max(part.size_mm[2], 1e-9))
+    return UprightFaces(
+        area_mm2=float(0.5 * length[upright].sum()),
+        heights_mm=rise_mm[bent],
+        turns_rad=turns[bent],
+        rings=max(1.0, rings),
+    )
+
+
+_LEANING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +143,9 @@ class Rig:
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
+    # what a board has beside it for its corner markers, and their black cells, in map coordinates
+    pads: BaseGeometry = field(default_factory=Polygon)
+    cells: BaseGeometry = field(default_factory=Polygon)
     # what stands on it, obstacles and border, in map coordinates
     walls: BaseGeometry = field(default_factory=Polygon)
     # what was added there, in map coordinates

@@ -9,6 +9,7 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
+from vinefab.rig.open_shell import hollowed, shell_wall_mm
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import RigPlan, plan_of, polygon_parts
@@ -40,9 +41,11 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     if options.joint == "dovetail":
         joints = dovetails_of(plan, cuts, options.gap_mm(printer))
     least_mm = options.sliver_mm, 0.5 * printer.nozzle_mm
+    # A top would have to be bridged over nothing: with one, obstacles on plates stay filled.
+    wall_mm = 0.0 if options.top_mm else shell_wall_mm(printer, options)
     tiles = list(rig_tiles(plan, cuts, joints, least_mm))
     parts = [
-        _part(number, len(tiles), tile, (plan, cuts, options))
+        _part(number, len(tiles), tile, (plan, cuts, options, wall_mm))
         for number, tile in enumerate(tiles, 1)
     ]
     return Rig(
@@ -77,16 +80,18 @@ def refuse_early(world: Map, printer: Printer, options: RigOptions) -> None:
 
 
 def _part(
-    number: int, count: int, tile: RigTile, job: tuple[RigPlan, Cuts, RigOptions]
+    number: int, count: int, tile: RigTile, job: tuple[RigPlan, Cuts, RigOptions, float]
 ) -> tuple[RigPart, bool]:
     """Return a tile as a solid, and whether its number found room."""
-    plan, cuts, options = job
+    plan, cuts, options, wall_mm = job
     depth_mm = options.mark_depth_mm
     marks = engraved_marks(number, tile.plate) if depth_mm else polygon_parts(Polygon())
     low = np.array([*tile.plate.bounds[:2], 0.0])
+    standing = hollowed(tile.solids, wall_mm)
+    hollow = shapely.area(standing).sum() < shapely.area(tile.solids).sum()
     plate, solids, grooves = (
         shapely.transform(pieces, lambda points: points - low[:2])
-        for pieces in (polygon_parts(tile.plate), tile.solids, marks)
+        for pieces in (polygon_parts(tile.plate), standing, marks)
     )
     pockets = [Pocket(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
     vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, pockets)
@@ -107,9 +112,10 @@ def _part(
         to_map=plan.to_map(-options.plate_mm) @ _back(turn, low - turn.T @ shift),
         volume_mm3=float(
             tile.plate.area * options.plate_mm
-            + shapely.area(tile.solids).sum() * options.height_mm
+            + shapely.area(standing).sum() * options.height_mm
             - shapely.area(marks).sum() * depth_mm
         ),
+        shell_wall_mm=wall_mm if hollow else 0.0,
     )
     return part, len(marks) > 0
 

@@ -35,6 +35,7 @@ class Prism:
     faces: Ints  # triangles, shape (m, 3), counter-clockwise seen from outside
     colour: Colour  # of its top; sides are darker, floors (below ``light_from_mm``) lighter
     light_from_mm: float = -math.inf  # upward faces below this height are drawn pale
+    below: Colour | None = None  # colour of those faces, if another
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +158,9 @@ def _standing(
                 corners = [tuple(corner) for corner in triangle]
                 on_mask.polygon(corners, fill=1)
                 on_side.polygon(corners, fill=_shaded(solid.colour, _EDGE))
-    for solid in solids:
+    for solid, found in zip(solids, tops, strict=True):
+        if max(found, default=-math.inf) < levels[0]:
+            continue  # lower than the others here: its sides must not colour theirs
         edges, outward = _rims(solid)
         facing = outward @ np.array([[cos, sin], [-sin, cos]])
         light = 0.62 + 0.3 * (facing @ _LIGHT)
@@ -174,7 +177,9 @@ def _roof(
     mask, top = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, PAPER)
     on_mask, on_top = ImageDraw.Draw(mask), ImageDraw.Draw(top)
     for solid, found in zip(solids, tops, strict=True):
-        colour = _pale(solid.colour) if level < solid.light_from_mm else solid.colour
+        colour = solid.colour
+        if level < solid.light_from_mm:
+            colour = solid.below or _pale(solid.colour)
         for triangle in camera.flat(found.get(level, np.zeros((0, 3, 3)))):
             corners = [tuple(corner) for corner in triangle]
             on_mask.polygon(corners, fill=1)

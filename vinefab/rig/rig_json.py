@@ -22,7 +22,9 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
+from vinefab.rig.fixtures import Fixtures
 from vinefab.rig.laser_cut import LayerCopy
+from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
@@ -43,6 +45,8 @@ class RigRecord:
     report: CheckReport
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
     copies: tuple[LayerCopy, ...] = ()
+    why_style: str = ""  # which style was chosen and what the other would take
+    fixtures: Fixtures = field(default_factory=Fixtures)
 
 
 def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
@@ -66,6 +70,12 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "printer": _fields(rig.printer),
         "options": _fields(rig.options),
         "style": rig.style,
+        "why_style": record.why_style,
+        "shells": {
+            "parts": sum(part.hollow for part in rig.parts),
+            "solid_parts": sum(not part.hollow for part in rig.parts),
+            "words": shell_words(rig),
+        },
         "parts": layered_parts(record)
         or [_part_content(index, part, record, digests) for index, part in enumerate(rig.parts)],
         "extras": [
@@ -91,6 +101,8 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             }
             for name, job in record.jobs.items()
         ],
+        "markers": _markers_content(record),
+        "base_holder": _base_content(record),
         "estimate": {"basis": BASIS, **_fields(printing.total)},
         "volume_mm3": _round(rig.volume_mm3),
         "joint_gap_mm3": _round(rig.joint_gap_mm3),
@@ -101,6 +113,41 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "notes": list(rig.notes),
     }
     return json_text(SCHEMA, content)
+
+
+def _markers_content(record: RigRecord) -> list[dict[str, object]]:
+    """Return the corner markers: corners from the upper left clockwise, in map coordinates."""
+    options = record.rig.options
+    return [
+        {
+            "number": marker.number,
+            "corners_mm": marker.corners_mm,
+            "z_mm": _round(marker.z_mm),
+            "side_printed_mm": options.marker_mm,
+            "made": options.marker_kind,
+        }
+        for marker in record.fixtures.markers
+    ]
+
+
+def _base_content(record: RigRecord) -> dict[str, object] | None:
+    """Return the base holder, in printed millimetres; the pose in map coordinates."""
+    base = record.fixtures.base
+    if base is None:
+        return None
+    pose = record.world.starts[base.start - 1].pose
+    return {
+        "start": base.start,
+        "pose": {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": _round(pose.heading_deg)},
+        "tube_mm": _round(base.tube.diameter_mm),
+        "tube_standing": base.tube.standing,
+        "bore_mm": _round(base.bore_mm),
+        "axis_mm": _round(base.axis_mm),
+        "reach_mm": _round(base.reach_mm),
+        "headings_deg": list(base.headings_deg),
+        "screws": {"thread": "M3", "count": 2, "least_length_mm": _round(base.screw_mm)},
+        "parts": [part.name for part in base.parts],
+    }
 
 
 def parts_text(rig: Rig, printing: Printing) -> str:
@@ -183,6 +230,8 @@ def _part_content(
         "volume_mm3": _round(part.volume_mm3),
         "size_mm": [_round(size) for size in part.size_mm],
         "triangles": len(part.faces),
+        "hollow": part.hollow,
+        "colour_change_mm": _round(part.colour_change_mm),
         "transform_to_map": part.to_map,
     }
 

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import number, positive, whole
+from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.profile_toml import QuantityForm
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
@@ -33,8 +34,13 @@ class Printer:
     layer_mm: float = 0.2  # height of a layer
     shell_mm: float = 0.8  # thickness of the skin
     infill: float = 0.15  # share of the inside that is filled
-    flow_mm3_s: float = 6.0  # average extrusion rate
-    layer_change_s: float = 4.0  # extra time per layer
+    wall_speed_mm_s: float = 80.0
+    fill_speed_mm_s: float = 100.0
+    travel_speed_mm_s: float = 150.0
+    acceleration_mm_s2: float = 2000.0
+    # mean extrusion rate of whole parts; where one was measured, it takes the place of the speeds
+    flow_mm3_s: float | None = None
+    layer_change_s: float = 1.0  # extra time per layer
     filament_mm: float = 1.75  # diameter
     density_g_cm3: float = 1.24  # of the filament
 
@@ -44,7 +50,11 @@ class Printer:
         for name in ("least_wall_mm", "clearance_mm", "layer_mm", "shell_mm", "filament_mm"):
             positive(f"printer.{name}", getattr(self, name), 100.0)
         number("printer.infill", self.infill, 0.0, 1.0)
-        positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
+        for name in ("wall_speed_mm_s", "fill_speed_mm_s", "travel_speed_mm_s"):
+            positive(f"printer.{name}", getattr(self, name), 10_000.0, "mm/s")
+        positive("printer.acceleration_mm_s2", self.acceleration_mm_s2, 1e6, "mm/s2")
+        if self.flow_mm3_s is not None:
+            positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
         number("printer.layer_change_s", self.layer_change_s, 0.0, 3600.0, "s")
         positive("printer.density_g_cm3", self.density_g_cm3, 30.0, "g/cm3")
 
@@ -63,6 +73,10 @@ class PrinterForm(Form):
     layer_mm: QuantityForm | None = None
     shell_mm: QuantityForm | None = None
     infill: QuantityForm | None = None
+    wall_speed_mm_s: QuantityForm | None = None
+    fill_speed_mm_s: QuantityForm | None = None
+    travel_speed_mm_s: QuantityForm | None = None
+    acceleration_mm_s2: QuantityForm | None = None
     flow_mm3_s: QuantityForm | None = None
     layer_change_s: QuantityForm | None = None
     filament_mm: QuantityForm | None = None
@@ -83,9 +97,12 @@ def read_printer(name_or_path: str | Path) -> Printer:
         return Printer(name=path.stem, **given)
 
 
-STYLES = ("plate", "board", "sheet")
+STYLES = ("auto", "plate", "board", "sheet")
+"""What ``auto`` stands for is chosen in `vinefab.rig.make`: plate or board, the quicker to print."""
 
 JOINTS = ("dovetail", "none")
+
+MARKERS = ("print", "paper", "engrave", "none")
 
 GRID_MM = 1e-3
 """Plans are snapped to this grid: far below what a printer can do, far above what single
@@ -99,7 +116,7 @@ class RigOptions:
     Parameters
     ----------
     style
-        ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
+        ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
         board that a laser cuts and drills) or ``sheet`` (obstacles cut from sheet in layers).
     plate_mm
         Thickness of the base plate, of the board, of the sheet.
@@ -113,6 +130,11 @@ class RigOptions:
     entry_reach_mm
         A start at most this far from the bounds, measured backwards along its heading, gets an
         opening in the border; one further away gets a round hole through the plate.
+    wall_mm
+        Thickness of the walls of hollow obstacles and borders, whole lines of the printer's nozzle;
+        None: its least wall in whole lines; 0: solid.
+    top_mm
+        Thickness of the closed top of loose obstacles; 0: open.
     scale
         Rig millimetres per map millimetre.
     clearance_mm
@@ -134,6 +156,17 @@ class RigOptions:
         out, and counted.
     most_parts
         A rig that needs more parts is refused.
+    markers
+        Corner markers by which a photo is rectified: ``print`` (tiles with raised black cells),
+        ``paper`` (tiles with a recess for a paper marker; on a board, its outline), ``engrave``
+        (into the board) or ``none``. When None: engraved where there is a board, else printed.
+    marker_mm
+        Side of a marker, its black frame included.
+    base_start
+        Number, from 1, of the start that gets a holder for the robot's base; 0: none. When None:
+        the first start, if a holder can stand there.
+    collar_mm
+        Outer diameter of the base's tube, which the tail is slipped over; the design's when None.
 
     Raises
     ------
@@ -141,12 +174,14 @@ class RigOptions:
         If a value is out of range.
     """
 
-    style: str = "plate"
+    style: str = "auto"
     plate_mm: float = 3.0
     height_mm: float = 30.0
     border_mm: float = 4.0
     entry_width_mm: float = 40.0
     entry_reach_mm: float = 60.0
+    wall_mm: float | None = None
+    top_mm: float = 0.0
     scale: float = 1.0
     clearance_mm: float | None = None
     joint: str = "dovetail"
@@ -158,6 +193,10 @@ class RigOptions:
     bed_margin_mm: float = 5.0
     sliver_mm: float = 0.05
     most_parts: int = 100
+    markers: str | None = None
+    marker_mm: float = DEFAULT_MARKER_MM
+    base_start: int | None = None
+    collar_mm: float | None = None
 
     def __post_init__(self) -> None:
         number("rig.plate_mm", self.plate_mm, 0.2, 100.0, "mm")
@@ -165,6 +204,9 @@ class RigOptions:
         number("rig.border_mm", self.border_mm, 0.2, 1000.0, "mm")
         number("rig.entry_width_mm", self.entry_width_mm, 0.0, 10_000.0, "mm")
         number("rig.entry_reach_mm", self.entry_reach_mm, 0.0, 10_000.0, "mm")
+        if self.wall_mm is not None:
+            number("rig.wall_mm", self.wall_mm, 0.0, 100.0, "mm")
+        number("rig.top_mm", self.top_mm, 0.0, self.height_mm, "mm")
         positive("rig.scale", self.scale, 1e3, "rig mm per map mm")
         if self.clearance_mm is not None:
             number("rig.clearance_mm", self.clearance_mm, 0.0, 5.0, "mm")
@@ -183,6 +225,24 @@ class RigOptions:
         number("rig.bed_margin_mm", self.bed_margin_mm, 0.0, 1000.0, "mm")
         number("rig.sliver_mm", self.sliver_mm, 0.0, 1.0, "mm")
         whole("rig.most_parts", self.most_parts, 1, MOST_PARTS)
+        self._check_fixtures()
+
+    def _check_fixtures(self) -> None:
+        number("rig.marker_mm", self.marker_mm, 12.0, 1000.0, "mm")
+        if self.markers is not None and self.markers not in MARKERS:
+            raise BadInputError("rig.markers", self.markers, f"one of {', '.join(MARKERS)}")
+        if self.markers == "engrave" and self.style == "plate":
+            allowed = "print, paper or none for style plate, which has no board"
+            raise BadInputError("rig.markers", self.markers, allowed)
+        if self.base_start is not None:
+            whole("rig.base_start", self.base_start, 0, 10_000)
+        if self.collar_mm is not None:
+            number("rig.collar_mm", self.collar_mm, 3.0, 300.0, "mm")
+
+    @property
+    def marker_kind(self) -> str:
+        """How the corner markers are made: what was asked for, or what suits the style."""
+        return self.markers or ("print" if self.style == "plate" else "engrave")
 
     def gap_mm(self, printer: Printer) -> float:
         """Return the gap around what is pushed into each other."""

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
-from manifold3d import CrossSection, FillRule, Manifold, Mesh64
+from manifold3d import CrossSection, FillRule, Manifold, Mesh64, OpType
 from shapely import LineString, Polygon
 from shapely.affinity import scale, translate
 from shapely.geometry.base import BaseGeometry
@@ -26,6 +27,16 @@ class Pocket:
     high_mm: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """An upright prism of a solid."""
+
+    pieces: Polygons  # its outline, in plan
+    # lower and upper end
+    low_mm: float
+    high_mm: float
+
+
 def stacked(
     plate: Polygons,
     solids: Polygons,
@@ -38,12 +49,29 @@ def stacked(
     The plate fills z from 0 to ``plate_mm``, what stands on it reaches from there up by
     ``height_mm``.
     """
-    body = _extruded(plate, plate_mm)
+    courses = [Course(pieces=plate, low_mm=0.0, high_mm=plate_mm)]
     if len(solids):
         # From the middle of the plate: bodies that overlap join more surely than ones that touch.
-        body += _extruded(solids, 0.5 * plate_mm + height_mm).translate((0, 0, 0.5 * plate_mm))
+        top_mm = plate_mm + height_mm
+        courses.append(Course(pieces=solids, low_mm=0.5 * plate_mm, high_mm=top_mm))
+    return built_of(courses, pockets)
+
+
+def built_of(
+    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold] = (), weld_mm: float = 0.0
+) -> tuple[Floats, Ints]:
+    """Return corners and triangles of prisms joined into one solid, pockets taken out.
+
+    With ``weld_mm``, corners and edges nearer than that to each other are joined.
+    """
+    body = Manifold.batch_boolean([prism(course) for course in courses], OpType.Add)
     for pocket in pockets:
-        body -= pocket if isinstance(pocket, Manifold) else _prism(pocket)
+        body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
+    return mesh_of(body.simplify(weld_mm) if weld_mm else body)
+
+
+def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
+    """Return corners, as single precision holds them, and triangles of a solid."""
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -63,9 +91,22 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()
 
 
-def _prism(pocket: Pocket) -> Manifold:
-    body = _extruded(pocket.pieces, pocket.high_mm - pocket.low_mm)
-    return body.translate((0.0, 0.0, pocket.low_mm))
+def plan_volume_mm3(courses: Sequence[Course]) -> float:
+    """Return the volume that courses take together, from the areas of their plans."""
+    heights = sorted({height for one in courses for height in (one.low_mm, one.high_mm)})
+    volume_mm3 = 0.0
+    for low_mm, high_mm in pairwise(heights):
+        here = [one for one in courses if one.low_mm <= low_mm and one.high_mm >= high_mm]
+        if here:
+            area_mm2 = shapely.union_all(np.concatenate([one.pieces for one in here])).area
+            volume_mm3 += area_mm2 * (high_mm - low_mm)
+    return volume_mm3
+
+
+def prism(slab: Pocket | Course) -> Manifold:
+    """Return a prism as a solid."""
+    body = _extruded(slab.pieces, slab.high_mm - slab.low_mm)
+    return body.translate((0.0, 0.0, slab.low_mm))
 
 
 def _extruded(pieces: Polygons, height_mm: float) -> Manifold:

@@ -19,6 +19,7 @@ from vinefab.maps.poses import spread_notes
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
+from vinefab.model.start_place import share_around
 from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit, in_work_units
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
@@ -594,12 +595,16 @@ def _timed(penalty: PenaltyOfBatch, designs: DesignBatch) -> tuple[Floats, Work]
 
 
 def with_pose_range(world: Map, share: float) -> Map:
-    """Return a map whose starts spread poses over a share of their range."""
+    """Return a map whose starts spread poses over a share of their range.
+
+    Of an area, the part around the pose that a single growth takes.
+    """
     if share == 1.0:
         return world
     starts = [
         replace(
             start,
+            area=share_around(start, share),
             spread_x_mm=share * start.spread_x_mm,
             spread_y_mm=share * start.spread_y_mm,
             spread_heading_rad=min(math.tau, share * start.spread_heading_rad),

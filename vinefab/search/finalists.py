@@ -8,7 +8,6 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -169,7 +168,7 @@ def _over_contacts(
     x = np.array([finalist.x for finalist in finalists])
     count = sum(len(places) for places in conditions.poses)
     means = []
-    for angle_deg in CONTACT_ANGLES_DEG:
+    for angle_deg in evaluator.growth.contact_angles_deg:
         at_angle = replace(conditions, half_angles_rad=(rad(angle_deg),) * count)
         evaluations = begin(x, at_angle)()
         means.append(evaluator.composites(evaluations.score, conditions.weights))

@@ -302,13 +302,13 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
 
 def _check_start(evaluator: Evaluator, radius_mm: float) -> None:
     """Refuse a start that the run gives its maps where the trunk has no room on one of them."""
-    start = evaluator.spec.settings.maps.start
-    if start is None or radius_mm == 0.0:
+    if evaluator.spec.settings.maps.start is None or radius_mm == 0.0:
         return
     for prepared in evaluator.maps:
-        base_mm = prepared.terrain.starts_mm([start.pose])
+        pose = prepared.world.starts[0].pose
+        base_mm = prepared.terrain.starts_mm([pose])
         if not prepared.terrain.have_room(base_mm, radius_mm).all():
-            where = f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm"
+            where = f"({pose.x_mm:g}, {pose.y_mm:g}) mm"
             wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
             allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
             raise BadInputError("maps.start", where, allowed)

@@ -1,5 +1,6 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, replace
@@ -15,12 +16,12 @@ from vinefab.core.registry import with_parameters
 from vinefab.core.rng import child
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.maps.poses import with_start
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
+from vinefab.model.start_place import with_starts
 from vinefab.search.evaluator import Penalty
 from vinefab.search.loop import Search, why_stop
 from vinefab.search.manufacturability import (
@@ -90,7 +91,7 @@ def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
     """Return maps with the start that a run gives them, or with their own."""
     if maps.start is None:
         return tuple(worlds)
-    return tuple(with_start(world, maps.start) for world in worlds)
+    return tuple(with_starts(world, (maps.start,), "maps.start") for world in worlds)
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
@@ -253,10 +254,13 @@ def _repeat_line(best: Design) -> list[str]:
     if "seed_of_score" not in best.origin:
         return []
     task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
-    given = "task parameters and start" if "start" in best.origin else "task parameters"
+    words = str(best.origin.get("start", ""))
+    said = bool(words) and not words.startswith("x_mm")  # as --start takes it
+    start = f"--start {shlex.quote(words)} " if said else ""
+    given = "task parameters and start" if words and not said else "task parameters"
     return [
         f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
-        f"--map ..., with the training maps in their order and the run's {given}"
+        f"{start}--map ..., with the training maps in their order and the run's {given}"
     ]
 
 

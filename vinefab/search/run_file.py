@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.units import rad
@@ -28,6 +28,7 @@ from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
 from vinefab.model.files.shipped import names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
+from vinefab.model.start_place import StartPlace, shape_of, start_from
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import make_other_task
 from vinefab.search.front import check_objectives
@@ -64,14 +65,36 @@ RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
 class StartForm(Form):
-    """``start`` of ``[maps]``: a pose, and half-widths of the range that poses are drawn from."""
+    """``start`` of ``[maps]`` as a table: a pose and the range around it, a side, line or area."""
 
-    x_mm: float
-    y_mm: float
-    heading_deg: float
-    spread_x_mm: float = 0.0
-    spread_y_mm: float = 0.0
+    x_mm: float | None = None
+    y_mm: float | None = None
+    heading_deg: float | None = None
+    spread_x_mm: float | None = None
+    spread_y_mm: float | None = None
     spread_heading_deg: float = 0.0
+    side: str | None = None
+    inset_mm: float | None = None
+    line: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = None
+    area: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = None
+    clearance_mm: float | None = None
+
+
+def _words_or_table(value: object) -> object:
+    if isinstance(value, str | Mapping):
+        return value
+    raise ValueError('a table, or words such as "left side"')
+
+
+def _form_of_start(value: object) -> str:
+    return "Words" if isinstance(value, str) else "Table"
+
+
+_StartForms = Annotated[
+    Annotated[str, Tag("Words")] | Annotated[StartForm, Tag("Table")],
+    Discriminator(_form_of_start),
+    BeforeValidator(_words_or_table),
+]
 
 
 class MapsForm(Form):
@@ -82,7 +105,7 @@ class MapsForm(Form):
     seed: int | None = None
     options: dict[str, Any] | None = None
     files: list[str] | None = None
-    start: StartForm | None = None
+    start: _StartForms | None = None
 
 
 class RunPartForm(Form):
@@ -145,6 +168,9 @@ class RunGrowthForm(Form):
     pressure_stop: bool | None = None
     storage_kpa: float | None = None
     fitted_diameter_mm: float | None = None
+    body_width_ratio: float | None = None
+    # a file of measured contacts, relative to the run file, or its name; or the numbers themselves
+    contacts: str | dict[str, Any] | None = None
 
 
 class OptimizerForm(RunPartForm):
@@ -210,7 +236,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         task=PartSettings(name=form.task.name, parameters=parameters),
         space=_space(form.space),
         build=_build(form.build),
-        growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
+        growth=_growth(form.growth, path.parent),
         optimizer=PartSettings(
             name=form.optimizer.name or _default_optimizer(form),
             parameters=form.optimizer.model_extra or {},
@@ -229,6 +255,14 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _growth(form: RunGrowthForm, folder: Path) -> GrowthOptions:
+    given = form.model_dump(exclude_none=True)
+    if isinstance(given.get("contacts"), str):
+        beside = folder / given["contacts"]
+        given["contacts"] = str(beside) if beside.is_file() else given["contacts"]
+    return GrowthOptions.of(given)
 
 
 def _default_optimizer(form: RunForm) -> str:
@@ -320,21 +354,77 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
     return MapSettings(count=len(files), files=paths, start=start)
 
 
-def _start_of(form: StartForm) -> Start:
-    key = "maps.start"
-    heading_deg = number(f"{key}.heading_deg", form.heading_deg, -1e6, 1e6, "deg")
+_START_KEY = "maps.start"
+_PLACES = ("side", "line", "area")
+
+
+def _start_of(form: str | StartForm) -> Start | StartPlace:
+    if isinstance(form, str):
+        return start_from(form, _START_KEY)
+    given = form.model_dump(exclude_none=True)
+    places = [name for name in _PLACES if name in given]
+    if not places:
+        return _start_pose(form)
+    if len(places) > 1:
+        raise BadInputError(f"{_START_KEY}.{places[1]}", given[places[1]], "not beside another one")
+    for name in ("x_mm", "y_mm", "spread_x_mm", "spread_y_mm"):
+        if name in given:
+            allowed = f"not beside {places[0]}: poses are drawn from it"
+            raise BadInputError(f"{_START_KEY}.{name}", given[name], allowed)
+    try:
+        return _start_place(form, places[0])
+    except BadInputError as error:
+        name = error.key.removeprefix(f"{_START_KEY}.").removeprefix("start.")
+        key = f"{_START_KEY}.{places[0] if name in ('area', 'x', 'y') else name}"
+        raise BadInputError(key, error.value, error.allowed) from error
+
+
+def _start_place(form: StartForm, name: str) -> StartPlace:
+    points = form.line if name == "line" else form.area
+    if points is not None and len(points) < 2:
+        raise BadInputError("start.area", points, "two or more points")
+    return StartPlace(
+        side=form.side,
+        area=None if points is None else shape_of(name, points),
+        inset_mm=form.inset_mm,
+        clearance_mm=form.clearance_mm,
+        heading_rad=None if form.heading_deg is None else rad(_heading_deg(form)),
+        spread_heading_rad=_spread_rad(form),
+    )
+
+
+def _start_pose(form: StartForm) -> Start:
+    key = _START_KEY
+    for name in ("x_mm", "y_mm", "heading_deg"):
+        if getattr(form, name) is None:
+            raise BadInputError(f"{key}.{name}", None, "it must be given, or side, line or area")
+    for name in ("inset_mm", "clearance_mm"):
+        if getattr(form, name) is not None:
+            allowed = "beside side, line or area only"
+            raise BadInputError(f"{key}.{name}", getattr(form, name), allowed)
     return Start(
         pose=Pose(
-            x_mm=number(f"{key}.x_mm", form.x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
-            y_mm=number(f"{key}.y_mm", form.y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
-            heading_rad=rad(heading_deg),
+            x_mm=_length_mm(form, "x_mm", -LARGEST_MM),
+            y_mm=_length_mm(form, "y_mm", -LARGEST_MM),
+            heading_rad=rad(_heading_deg(form)),
         ),
-        spread_x_mm=number(f"{key}.spread_x_mm", form.spread_x_mm, 0.0, LARGEST_MM, "mm"),
-        spread_y_mm=number(f"{key}.spread_y_mm", form.spread_y_mm, 0.0, LARGEST_MM, "mm"),
-        spread_heading_rad=rad(
-            number(f"{key}.spread_heading_deg", form.spread_heading_deg, 0.0, 360.0, "deg")
-        ),
+        spread_x_mm=_length_mm(form, "spread_x_mm", 0.0),
+        spread_y_mm=_length_mm(form, "spread_y_mm", 0.0),
+        spread_heading_rad=_spread_rad(form),
     )
+
+
+def _length_mm(form: StartForm, name: str, least_mm: float) -> float:
+    return number(f"{_START_KEY}.{name}", getattr(form, name) or 0.0, least_mm, LARGEST_MM, "mm")
+
+
+def _heading_deg(form: StartForm) -> float:
+    return number(f"{_START_KEY}.heading_deg", form.heading_deg or 0.0, -1e6, 1e6, "deg")
+
+
+def _spread_rad(form: StartForm) -> float:
+    key = f"{_START_KEY}.spread_heading_deg"
+    return rad(number(key, form.spread_heading_deg, 0.0, 360.0, "deg"))
 
 
 def _space(form: SpaceForm) -> SpaceSettings:

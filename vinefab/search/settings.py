@@ -10,6 +10,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, number, positive, whole
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.map import Start
+from vinefab.model.start_place import StartPlace, start_from, start_record
 from vinefab.search.costs import COSTS
 from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
@@ -35,7 +36,8 @@ class MapSettings:
     files
         Map files in place of generated maps.
     start
-        The start of every map, with its spread, in place of its own.
+        The start of every map, with its spread, in place of its own; or a place that is found on
+        each of them, ``"left side"``.
     """
 
     environment: str = "grid"
@@ -43,9 +45,11 @@ class MapSettings:
     seed: int = 1
     options: Mapping[str, object] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
-    start: Start | None = field(default=None, metadata=LATER)
+    start: Start | StartPlace | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
+        if isinstance(self.start, str):
+            object.__setattr__(self, "start", start_from(self.start, "maps.start"))
         whole("maps.count", self.count, 1, 1000)
         whole("maps.seed", self.seed, 0, 2**62)
 
@@ -309,10 +313,13 @@ def targets_mm(settings: RunSettings) -> Floats:
 
 def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
+    if isinstance(settings, Start | StartPlace):
+        return start_record(settings)
     if is_dataclass(settings):
         values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-        later = [f.name for f in fields(settings) if f.metadata.get("later")]
-        return {n: plain_settings(v) for n, v in values.items() if v or n not in later}
+        later = {f.name: f.default for f in fields(settings) if f.metadata.get("later")}
+        said = {n: v for n, v in values.items() if n not in later or (v and v != later[n])}
+        return {n: plain_settings(v) for n, v in said.items()}
     if isinstance(settings, Mapping):
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):

@@ -172,7 +172,10 @@ def _world(state: StudioState, kind: Export) -> Map | None:
     first = world.starts[0] if world.starts else Start(pose=pose)
     if first.pose == pose and world.starts:
         return world
-    return replace(world, starts=(replace(first, pose=pose), *world.starts[1:]))
+    # A start that was moved away from its line or area stands where it is shown.
+    moved = (first.pose.x_mm, first.pose.y_mm) != (pose.x_mm, pose.y_mm)
+    first = replace(first, pose=pose, area=None if moved else first.area)
+    return replace(world, starts=(first, *world.starts[1:]))
 
 
 def _saved_design(design: Design, given: object, roots: tuple[Path, ...]) -> str:

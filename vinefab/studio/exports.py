@@ -60,7 +60,7 @@ class ExportSource:
     def growth_given(self) -> dict[str, object]:
         """The growth options that the design would not be grown with by itself."""
         usual = GrowthChoice.of([self.design]).options.content
-        return {n: value for n, value in self.growth.content.items() if value != usual[n]}
+        return {n: value for n, value in self.growth.content.items() if value != usual.get(n)}
 
     def as_read(self) -> "ExportSource":
         """Return the same with the design and the map that reading ``inputs`` gives."""

@@ -24,6 +24,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import start_record
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.colours import HEAT_COLOURS
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
@@ -244,7 +245,7 @@ def _text(source: Mapping[str, Any]) -> str:
 
 def _key(source: str, world: Map) -> str:
     solid = shapely.to_wkb([world.bounds, *world.obstacles], hex=True).tolist()
-    starts = [repr(start) for start in world.starts]
+    starts = [start_record(start) for start in world.starts]
     return f"{world.name}:{fingerprint(source, solid, starts)}"
 
 

@@ -158,9 +158,9 @@ def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
     lost = without_room(state.design, deployment, state.growth)
     return [
-        *stayed_text([bool(deployment.deployed[0])], state.design),
+        *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
         *places_text("no room for the body of", lost),
-        *places_text("stuck in a corner", wedged(state.design, deployment)),
+        *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),
     ]
 
 

@@ -12,6 +12,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, positive, whole
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
+from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
 from vinefab.tasks.exact_areas import disc_union, free_disc_areas_mm2, seen_areas
 from vinefab.tasks.fast_areas import Raster, SightLines
 from vinefab.tasks.map_context import MapContext
@@ -67,6 +68,12 @@ class Coverage:
     def for_search(self) -> "Coverage":
         """Return the task with fast areas, unless its parameters say how to measure them."""
         return replace(self, area="fast") if self.area == "auto" else self
+
+    def cover(self, context: MapContext) -> Cover:
+        """Return what several robots see together: free space alone, and nothing is subtracted."""
+        edges_mm = context.edges_mm if self.clip == "sight" else None
+        grid = CellGrid.of(context, self.radius_mm)
+        return TipCover(grid=grid, radius_mm=self.radius_mm, edges_mm=edges_mm)
 
     @property
     def lowest(self) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
@@ -14,9 +15,8 @@ from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
-from vinefab.physics.tube import inflated_radius_mm
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
@@ -80,16 +80,25 @@ class PreparedMap:
 
 def _around_starts(world: Map) -> BaseGeometry:
     """Return the bounds minus the obstacles that a pose drawn from a map's starts could lie in."""
-    boxes = shapely.box(
-        [start.pose.x_mm - start.spread_x_mm for start in world.starts],
-        [start.pose.y_mm - start.spread_y_mm for start in world.starts],
-        [start.pose.x_mm + start.spread_x_mm for start in world.starts],
-        [start.pose.y_mm + start.spread_y_mm for start in world.starts],
-    )
+    boxes = np.array([_reach_box(start) for start in world.starts], dtype=np.object_)
     near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
     free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
     shapely.prepare(free)
     return free
+
+
+def _reach_box(start: Start) -> Polygon:
+    """Return a box around all that says which poses may be drawn from a start."""
+    if start.area is not None:
+        x_min, y_min, x_max, y_max = start.area.bounds
+        reach_x_mm = reach_y_mm = start.clearance_mm + 1.0
+    else:
+        x_min = x_max = start.pose.x_mm
+        y_min = y_max = start.pose.y_mm
+        reach_x_mm, reach_y_mm = start.spread_x_mm, start.spread_y_mm
+    return shapely.box(
+        x_min - reach_x_mm, y_min - reach_y_mm, x_max + reach_x_mm, y_max + reach_y_mm
+    )
 
 
 def poses_on(
@@ -125,7 +134,7 @@ def trunks_with_room(
     """Tell for each pose whether a design's trunk has room there to leave its start at all."""
     if options.body == "centerline":
         return [True for places in poses for _ in places]
-    radius_mm = inflated_radius_mm(design.build.widths_mm[0])
+    radius_mm = options.radius_mm(design.build.widths_mm[0])
     rows = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm)
         for prepared, places in zip(maps, poses, strict=True)

@@ -14,6 +14,7 @@ from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
+from vinefab.tasks.covered_cells import BodyCover, CellGrid, Cover, TargetCover
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
@@ -69,6 +70,18 @@ class Reach:
             allowed = f"a point in free space of every map; it is {solid} of {world.name!r}"
             key = f"task.target_mm[{place + 1}]"
             raise BadInputError(key, f"({x_mm:g}, {y_mm:g}) mm", allowed)
+
+    def cover(self, context: MapContext) -> Cover:
+        """Return what several robots reach together."""
+        if not self.target_mm:
+            return BodyCover(grid=CellGrid.of(context, self.buffer_mm), radius_mm=self.buffer_mm)
+        targets = np.array(self.target_mm)
+        tips = self.reached_by == "tip"
+        return TargetCover(
+            targets_mm=targets,
+            away_mm=lambda chains: nearest_mm(chains, targets, tips=tips),
+            tolerance_mm=self.tolerance_mm,
+        )
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the share, 0 to 1, and as terms what was reached and the grown length."""

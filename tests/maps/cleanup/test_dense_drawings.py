@@ -50,5 +50,5 @@ def test_thousands_of_outlines_in_each_other_are_refused(tmp_path, fill):
     path = tmp_path / "m.svg"
     rings = (f'<circle cx="150" cy="100" r="{1 + 0.04 * k}"/>' for k in range(2_000))
     path.write_text(f'{SVG}<g fill="{fill}">{"".join(rings)}</g></svg>')
-    with pytest.raises(BadInputError, match=r"2000 outlines, over \d+ pairs overlap.*--layer"):
+    with pytest.raises(BadInputError, match=r"2000 outlines, over \d+ pairs overlap.*leave out"):
         import_map(path, ImportOptions())

@@ -1,14 +1,21 @@
 """What every registered importer promises."""
 
+import io
+import warnings
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.maps.importers import importers
 from vinefab.maps.importers.importers import IMPORTERS, import_map, import_suffixes
+from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.map import Map
 
@@ -57,25 +64,57 @@ def ros_image() -> bytes:
     return b"P5 10 6 255\n" + cells.tobytes()
 
 
+@cache
+def gis_sample(suffix: str) -> bytes:
+    """Return a file that GDAL wrote; of a Shapefile ``.shx`` is the index that lies beside it."""
+    raw = pytest.importorskip("pyogrio.raw")
+    shapes = shapely.to_wkb(np.array([shapely.Polygon(ring) for ring in (ROOM, PILLAR)]))
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # no reference system: mm
+        path = Path(folder) / f"sample{suffix}"
+        written = path.with_suffix(".shp" if suffix == ".shx" else suffix)
+        raw.write(str(written), shapes, [], [], geometry_type="Polygon")
+        return path.read_bytes()
+
+
+def photo_sample() -> bytes:
+    pixels = np.full((60, 100), 240, dtype=np.uint8)
+    pixels[20:40, 40:60] = 20
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "PNG")
+    return file.getvalue()
+
+
 SAMPLES = {
     "csv": csv_sample,
     "dxf": dxf_sample,
+    "flatgeobuf": partial(gis_sample, ".fgb"),
     "geojson": geojson_sample,
+    "geopackage": partial(gis_sample, ".gpkg"),
+    "photo": photo_sample,
     "ros": ros_sample,
+    "shapefile": partial(gis_sample, ".shp"),
     "svg": svg_sample,
 }
 """The smallest file of each format that shows the room with its pillar."""
 
 NAMES = sorted(IMPORTERS)
+SCALED = PhotoOptions(points_px=((0.0, 0.0), (0.0, 60.0)), distance_mm=60.0)
 EVERY_SUFFIX = [(name, suffix) for name in NAMES for suffix in IMPORTERS[name].suffixes]
 
 
 def imported(folder: Path, suffix: str, data: bytes) -> Map:
-    """Import data as a file with a suffix; the image that ROS maps name lies beside it."""
+    """Import data as a file with a suffix; what ROS maps and Shapefiles need lies beside it."""
     (folder / "cells.pgm").write_bytes(ros_image())
+    if suffix.lower() == ".shp":
+        (folder / "sample.shx").write_bytes(gis_sample(".shx"))
     path = folder / f"sample{suffix}"
     path.write_bytes(data)
-    options = ImportOptions(scale_mm_per_unit=1000.0 if suffix in (".yaml", ".yml") else None)
+    kind = suffix.lower()
+    options = ImportOptions(
+        scale_mm_per_unit=1000.0 if kind in IMPORTERS["ros"].suffixes else None,
+        photo=SCALED if kind in IMPORTERS["photo"].suffixes else None,
+    )
     return import_map(path, options)
 
 
@@ -148,3 +187,50 @@ def test_no_file_cut_short_is_a_crash(tmp_path: Path, name: str) -> None:
 def test_an_unknown_suffix_is_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInputError, match=r"plan\.txt.*ending in .*\.yaml.*\.svg"):
         import_map(Path("plan.txt"), ImportOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("plan.pdf", "Inkscape.*pdftocairo"),
+        ("plan.AI", "Inkscape"),
+        ("plan.dwg", "save it as DXF"),
+        ("arena.stl", "cut it at one height"),
+        ("cave.kml", "in degrees: project it"),
+        ("cave.dbf", "give the .shp"),
+        ("cave.th2", "export map"),
+        ("plan.tiff", "save it as PNG"),
+        ("plan.svgz", "unpack it"),
+        ("world.pgm", "world.yaml with the lines image: world.pgm, resolution"),
+        ("plan.xlsx", "save the sheet as CSV"),
+    ],
+)
+def test_a_kind_of_file_that_is_near_gets_a_hint(name: str, words: str) -> None:
+    with pytest.raises(BadInputError, match=words) as caught:
+        import_map(Path(name), ImportOptions())
+    assert "\n" not in str(caught.value)
+
+
+def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
+    (tmp_path / "world.yaml").write_bytes(ros_sample())
+    with pytest.raises(BadInputError, match=r"give world\.yaml, which lies beside it"):
+        import_map(tmp_path / "world.pgm", ImportOptions())
+
+
+@pytest.mark.parametrize(
+    ("document", "kind"),
+    [
+        ('{"type": "Topology", "arcs": []}', "TopoJSON"),
+        ('{"geometryType": "esriGeometryPolygon", "features": []}', "Esri JSON"),
+    ],
+)
+def test_other_json_is_named(tmp_path: Path, document: str, kind: str) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(document)
+    with pytest.raises(BadInputError, match=f"{kind}.*ogr2ogr"):
+        import_map(path, ImportOptions())
+
+
+def test_no_hint_is_about_a_kind_that_is_read() -> None:
+    near = {end for ends in importers._ADVICE for end in ends.split()}
+    assert not near & {suffix.removeprefix(".") for suffix in import_suffixes()}

@@ -17,20 +17,39 @@ from vinefab.maps.cleanup.drawn_shapes import (
     Changes,
     Shape,
     SourceFrame,
+    as_areas,
     polygons_of,
     ring_polygons,
     without_repeats,
 )
-from vinefab.maps.cleanup.joining import Line, join, open_places, refuse_open, walls_along
-from vinefab.maps.cleanup.nesting import Enclosed, SolidRegion, enclose, painted
+from vinefab.maps.cleanup.free_areas import enclosed_by, free_areas, plainly_free
+from vinefab.maps.cleanup.joining import (
+    Line,
+    closing_gap_mm,
+    join,
+    open_places,
+    refuse_open,
+    walls_along,
+)
+from vinefab.maps.cleanup.nesting import (
+    Enclosed,
+    SolidRegion,
+    contained,
+    different_parts,
+    enclose,
+    painted,
+)
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
 BOUNDS = ("outline", "largest", "wall", "box")
+DRAWN = ("obstacles", "free")
 _GRID_MM = 1e-6
 _LEAST_CLEARANCE_MM = 2e-3
 _MOST_NAMED = 20
 _MANY_OBSTACLES = 2000
+_LEAST_CONNECTED_SHARE = 0.5
+"""Of drawn areas: what is less connected is not called free space, even as advice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +65,17 @@ class AssembleOptions:
         Largest distance by which walls move when corners are left out; 0 keeps every corner.
     sliver_mm2
         Obstacles and holes of less area are left out.
+    most_join_mm
+        The largest ``join_mm`` that a user may give: messages advise no more.
+    drawn
+        What the areas of the drawing are: ``obstacles`` (and bounds), or ``free``: their union is
+        the free space, its holes are obstacles. None: ``obstacles``, but ``free`` where no
+        outline contains all others and nothing else can be meant.
     bounds
-        ``outline``: the largest outline, free inside, must contain everything else. ``largest``:
-        the same, but what lies outside of it is left out. ``wall``: the largest outline is the
-        outer face of a solid wall and the outlines in it are rooms. ``box``: a rectangle around
-        everything.
+        ``outline`` or None: the largest outline, free inside, must contain everything else.
+        ``largest``: the same, but what lies outside of it is left out. ``wall``: the largest
+        outline is the outer face of a solid wall and the outlines in it are rooms. ``box``: a
+        rectangle around everything.
     margin_mm
         Between the drawing and the rectangle.
     wall_mm
@@ -64,7 +89,9 @@ class AssembleOptions:
     join_mm: float
     sliver_mm2: float
     simplify_mm: float = 0.0
-    bounds: Literal["outline", "largest", "wall", "box"] = "outline"
+    most_join_mm: float = LARGEST_MM
+    drawn: Literal["obstacles", "free"] | None = None
+    bounds: Literal["outline", "largest", "wall", "box"] | None = None
     margin_mm: float = 0.0
     wall_mm: float | None = None
     open_lines: Literal["refuse", "drop"] = "refuse"
@@ -77,8 +104,13 @@ class AssembleOptions:
         number("margin_mm", self.margin_mm, 0.0, LARGEST_MM, "mm")
         if self.wall_mm is not None:
             positive("wall_mm", self.wall_mm)
-        if self.bounds not in BOUNDS:
+        if self.bounds not in (None, *BOUNDS):
             raise BadInputError("bounds", self.bounds, ", ".join(BOUNDS))
+        if self.drawn not in (None, *DRAWN):
+            raise BadInputError("drawn", self.drawn, " or ".join(DRAWN))
+        for name in ("bounds", "wall_mm") if self.drawn == "free" else ():
+            if getattr(self, name) is not None:
+                raise BadInputError(name, getattr(self, name), "nothing with --drawn free")
         if self.open_lines not in ("refuse", "drop"):
             raise BadInputError("open", self.open_lines, "refuse or drop")
 
@@ -89,21 +121,27 @@ def assemble(
     frame: SourceFrame,
     options: AssembleOptions,
     facts: Mapping[str, object],
+    *,
+    layered: bool = False,
 ) -> Map:
     """Return the map that a drawing shows.
 
     Loose lines are joined into outlines, self-crossing outlines repaired and duplicates removed.
     The outline that contains all others becomes the bounds, outlines in it become obstacles and
-    outlines in those holes; overlapping obstacles are merged. What is ambiguous is refused with
-    its position in the coordinates of the source.
+    outlines in those holes; overlapping obstacles are merged. Where the areas are the free space,
+    their union is. What is ambiguous is refused with its position in the coordinates of the
+    source.
+
+    Parameters
+    ----------
+    layered
+        Whether the source has layers to choose from.
     """
-    changes = Changes(frame)
-    solid = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
-    if not solid:
-        raise BadInputError("drawing", "no outlines", "at least one closed outline")
-    enclosed = enclose(solid, options.bounds, options.margin_mm, options.join_mm, changes)
+    changes = Changes(frame, layered=layered)
+    enclosed = _enclosed(shapes, options, changes)
     obstacles = _on_grid(list(enclosed.obstacles), options.sliver_mm2, changes)
-    (bounds,) = polygons_of(shapely.set_precision(enclosed.bounds, _GRID_MM)) or [enclosed.bounds]
+    rounded = polygons_of(shapely.set_precision(enclosed.bounds, _GRID_MM))
+    bounds = max(rounded, key=lambda part: part.area, default=enclosed.bounds)
     world = Map(name=name, bounds=bounds, obstacles=tuple(obstacles))
     start, free_facts = _start(world, options)
     return Map(
@@ -120,6 +158,53 @@ def assemble(
             **free_facts,
         },
     )
+
+
+def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes) -> Enclosed:
+    if options.drawn == "free":
+        found = free_areas(_regions(as_areas(shapes), options, changes), options.join_mm, changes)
+        changes.counts["drawn"] = "free (as asked for): the areas are the free space"
+        return enclosed_by(found, options.start, options.sliver_mm2, changes)
+    parts = _regions(shapes, options, changes)
+    advice = ""
+    if _may_be_free(parts, options):
+        own = Changes(changes.frame)
+        areas = different_parts(_regions(as_areas(shapes), options, own), options.join_mm, own)
+        found = free_areas(areas, options.join_mm, own)
+        if plainly_free(found, areas):
+            own.counts["drawn"] = (
+                "free (guessed: no outline contains the others, and together they are one area); "
+                "--drawn obstacles if not"
+            )
+            changes.counts.clear()
+            changes.counts |= own.counts
+            return enclosed_by(found, options.start, options.sliver_mm2, changes)
+        hangs_together = found.connected_share >= _LEAST_CONNECTED_SHARE
+        if hangs_together and len(found.parts) < found.united:
+            advice = ", --drawn free if the areas are the free space"
+    return enclose(
+        parts, options.bounds or "outline", options.margin_mm, options.join_mm, changes, advice
+    )
+
+
+def _may_be_free(parts: list[SolidRegion], options: AssembleOptions) -> bool:
+    """Return whether reading areas as obstacles must fail, and as free space may not."""
+    if options.drawn is not None or options.wall_mm is not None:
+        return False
+    if options.bounds is not None or any(part.role is not None for part in parts):
+        return False
+    return not contained(parts, options.join_mm)
+
+
+def _regions(
+    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+) -> list[SolidRegion]:
+    found = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
+    if not found:
+        dropped = changes.counts.get("slivers_dropped")
+        value = f"no outlines but {dropped} without area" if dropped else "no outlines"
+        raise BadInputError("drawing", value, "at least one closed outline")
+    return found
 
 
 def _settings(options: AssembleOptions, enclosed: Enclosed) -> dict[str, object]:
@@ -203,7 +288,8 @@ def _outlines(
 def _joined(loose: list[Line], options: AssembleOptions, changes: Changes) -> list[Line]:
     joined = join(loose, options.join_mm, changes)
     if joined.open and options.open_lines == "refuse":
-        raise refuse_open(joined.open, options.join_mm, changes)
+        closing_mm = closing_gap_mm(loose, joined.open, options.most_join_mm, changes)
+        raise refuse_open(joined.open, options.join_mm, changes, closing_mm)
     if joined.open:
         changes.add("open_lines_left_out", len(joined.open))
         changes.counts["open_lines"] = open_places(joined.open[:_MOST_NAMED], changes)
@@ -224,7 +310,14 @@ def _ring(
     points_mm: Floats, shape: Shape, options: AssembleOptions, changes: Changes
 ) -> list[Polygon]:
     """Return what a ring encloses, simplified if the options say so."""
-    polygons = ring_polygons(points_mm, shape.where, options.sliver_mm2, changes)
+    polygons = ring_polygons(
+        points_mm,
+        shape.where,
+        options.sliver_mm2,
+        changes,
+        even_odd=shape.even_odd,
+        may_be_line=not shape.filled and shape.role is None,
+    )
     if options.simplify_mm == 0.0:
         return polygons
     plain = shapely.simplify(np.array(polygons, dtype=np.object_), options.simplify_mm)

@@ -1,7 +1,7 @@
 """Shapes of a drawing before it is a map: their frame, what was changed, and ring repair."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import LARGEST_MM, Floats, Ints, positive
+from vinefab.core.validation import LARGEST_MM, Floats, positive
 
 Role = Literal["bounds", "obstacle"]
 
@@ -24,8 +24,6 @@ _MOST_PAIRS = 250_000
 _MOST_NEAR = 5_000_000
 """Pairs of segments whose boxes overlap."""
 _MOST_CROSSINGS = 100_000
-_MOST_TURNS = 300_000_000
-"""Faces of a ring times its segments: what winding numbers take."""
 _AT_ONCE = 32
 _FAR = 10.0
 
@@ -44,6 +42,23 @@ class Shape:
     filled: bool = False
     holes: tuple[Floats, ...] = ()  # rings that are surely not part of a filled area
     role: Role | None = None  # as the source names it
+    # number of the painted element of an SVG drawing that an outline belongs to, None for others
+    paint: int | None = None
+    even_odd: bool = False  # whether what a ring encloses twice is outside, as the source says
+
+
+def as_areas(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """Return shapes with the outlines of each painted element as one filled area."""
+    kept = [shape for shape in shapes if shape.paint is None]
+    painted: dict[int, list[Shape]] = {}
+    for shape in shapes:
+        if shape.paint is not None:
+            painted.setdefault(shape.paint, []).append(shape)
+    fills = (
+        replace(group[0], rings=tuple(shape.rings[0] for shape in group), filled=True, role=None)
+        for group in painted.values()
+    )
+    return (*kept, *fills)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +124,12 @@ class Changes:
     frame: SourceFrame  # for positions in messages
     # by kind of change: number, or largest size
     counts: dict[str, object] = field(default_factory=dict)
+    layered: bool = False  # whether the source has layers that ``--layer`` can choose
+
+    @property
+    def layer_advice(self) -> str:
+        """What helps to leave shapes out, as the beginning of a list."""
+        return "--layer to choose, " if self.layered else ""
 
     def add(self, what: str, number: int = 1) -> None:
         """Count a change; 0 leaves no entry."""
@@ -116,13 +137,18 @@ class Changes:
             before = self.counts.get(what, 0)
             self.counts[what] = (before if isinstance(before, int) else 0) + number
 
+    def total(self, what: str, size: float) -> None:
+        """Add to a sum of sizes."""
+        before = self.counts.get(what, 0.0)
+        self.counts[what] = round(size + (before if isinstance(before, float) else 0.0), 6)
+
     def most(self, what: str, size: float) -> None:
         """Record a size if it is the largest so far."""
         before = self.counts.get(what, 0.0)
         self.counts[what] = max(round(size, 6), before if isinstance(before, float) else 0.0)
 
 
-def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0) -> None:
+def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0, advice: str = "") -> None:
     """Refuse outlines if so many pairs of boxes overlap, or nearly, that comparing takes minutes.
 
     Only those pairs are counted here, and no more than are allowed.
@@ -141,7 +167,7 @@ def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0) -> None:
             raise BadInputError(
                 "drawing",
                 f"{count} outlines, over {most} pairs overlap",
-                "fewer outlines in each other; leave out what is no wall, --layer to choose",
+                f"fewer outlines in each other; {advice}leave out what is no wall",
             )
 
 
@@ -193,14 +219,20 @@ def without_repeats(points: Floats, changes: Changes) -> Floats:
 
 
 def ring_polygons(
-    points_mm: Floats, where: str, sliver_mm2: float, changes: Changes
+    points_mm: Floats,
+    where: str,
+    sliver_mm2: float,
+    changes: Changes,
+    *,
+    even_odd: bool = False,
+    may_be_line: bool = True,
 ) -> list[Polygon]:
     """Return what a ring encloses, as valid polygons.
 
-    A self-crossing ring is cut at its crossings. Where the even-odd and the nonzero rule agree on
-    what is inside, that is the repair: both lobes of a bow-tie, a hole that a bridge joins to its
-    outline. Spikes vanish. (`shapely.make_valid` can give both rules, too, but disagrees on rings
-    that run along themselves, and takes 2 to 7 times as long.)
+    A self-crossing ring is cut at its crossings: both lobes of a bow-tie are inside, a hole that
+    a bridge joins to its outline is not, spikes vanish. What it encloses twice is inside (the
+    nonzero rule) unless the source says even-odd. A ring without area is dropped, but refused if
+    it is long and may be meant as a line.
     """
     points = without_repeats(points_mm, changes)
     if len(points) >= 4 or (len(points) == 3 and (points[0] != points[-1]).any()):
@@ -208,18 +240,19 @@ def ring_polygons(
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:
-            polygons = _by_winding(points, where, sliver_mm2, changes)
+            polygons = _repaired(polygon, where, sliver_mm2, changes, even_odd=even_odd)
             if polygons:
-                changes.add("self_crossings_repaired")
                 return polygons
-    _drop(points, where, sliver_mm2, changes)
+    _drop(points, where, sliver_mm2, changes, may_be_line=may_be_line)
     return []
 
 
-def _drop(points: Floats, where: str, sliver_mm2: float, changes: Changes) -> None:
-    """Drop a ring without area; refuse a long one, which was surely meant as something else."""
+def _drop(
+    points: Floats, where: str, sliver_mm2: float, changes: Changes, *, may_be_line: bool
+) -> None:
+    """Drop a ring without area; refuse a long one that was surely meant as something else."""
     size_mm = float(max(np.ptp(points, axis=0)))
-    if size_mm > 10.0 * sliver_mm2**0.5:
+    if may_be_line and size_mm > 10.0 * sliver_mm2**0.5:
         raise BadInputError(
             f"{where} at {changes.frame.place(points[0])}",
             f"an outline without area, {size_mm:.4g} mm long",
@@ -229,56 +262,23 @@ def _drop(points: Floats, where: str, sliver_mm2: float, changes: Changes) -> No
     changes.most("largest_sliver_dropped_mm", size_mm)
 
 
-def _by_winding(points: Floats, where: str, sliver_mm2: float, changes: Changes) -> list[Polygon]:
-    ring = np.vstack([points, points[:1]])
-    refuse_tangle([ring], where)
-    noded = shapely.union_all(shapely.linestrings(np.stack([ring[:-1], ring[1:]], axis=1)))
-    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
-    if len(faces) * len(ring) > _MOST_TURNS:
-        raise BadInputError(
-            f"{where} at {changes.frame.place(points[0])}",
-            f"{len(ring)} corners, and crosses itself {len(faces)} times",
-            "outlines that rarely cross themselves; split it, or clean the drawing",
-        )
-    turns = winding_numbers(shapely.point_on_surface(faces), ring)
-    twice = faces[(turns != 0) & (turns % 2 == 0)]
-    if float(shapely.area(twice).sum()) > sliver_mm2:
-        worst = max(twice, key=lambda face: float(face.area))
-        raise BadInputError(
-            f"{where} at {changes.frame.place(_middle(worst))}",
-            f"crosses itself and encloses {worst.area:.4g} mm2 twice",
-            "outlines that enclose each place once",
-        )
-    solid = shapely.union_all(faces[turns % 2 == 1])
-    return polygons_of(solid, sliver_mm2)
+def _repaired(
+    polygon: Polygon, where: str, sliver_mm2: float, changes: Changes, *, even_odd: bool
+) -> list[Polygon]:
+    refuse_tangle([shapely.get_coordinates(polygon)], where)
+    odd = shapely.make_valid(polygon, method="linework")
+    whole = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
+    found = polygons_of(odd if even_odd else whole, sliver_mm2)
+    if found:
+        changes.add("self_crossings_repaired")
+        twice_mm2 = float(whole.area - odd.area)
+        if twice_mm2 > sliver_mm2:
+            name = "outside_by_even_odd" if even_odd else "inside_by_nonzero"
+            changes.total(f"enclosed_twice_{name}_mm2", twice_mm2)
+    return found
 
 
 def polygons_of(geometry: BaseGeometry, least_mm2: float = 0.0) -> list[Polygon]:
     """Return the polygons in a geometry that have more than some area."""
     parts = shapely.get_parts(geometry)
     return [part for part in parts if isinstance(part, Polygon) and part.area > least_mm2]
-
-
-def winding_numbers(spots: NDArray[np.object_], ring: Floats) -> Ints:
-    """Return the winding number of a closed ring around each of some points.
-
-    Examples
-    --------
-    >>> square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float)
-    >>> winding_numbers(shapely.points([[0.5, 0.5], [2.0, 0.5]]), square).tolist()
-    [1, 0]
-    """
-    first, last = ring[:-1], ring[1:]
-    numbers = np.zeros(len(spots), dtype=np.int64)
-    for index, (x, y) in enumerate(shapely.get_coordinates(spots)):
-        up = (first[:, 1] <= y) & (last[:, 1] > y)
-        down = (first[:, 1] > y) & (last[:, 1] <= y)
-        side = (last[:, 0] - first[:, 0]) * (y - first[:, 1]) - (x - first[:, 0]) * (
-            last[:, 1] - first[:, 1]
-        )
-        numbers[index] = int((up & (side > 0)).sum()) - int((down & (side < 0)).sum())
-    return numbers
-
-
-def _middle(polygon: Polygon) -> Floats:
-    return np.asarray(shapely.get_coordinates(shapely.point_on_surface(polygon))[0])

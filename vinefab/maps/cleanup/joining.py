@@ -56,7 +56,8 @@ def _near_pairs(ends: Floats, near_mm: float) -> Ints:
     if count > _MOST_NEAR_ENDS:
         value = f"{count} pairs of ends within {near_mm:.3g} mm"
         allowed = "lines of which few meet at one place; leave out what is no wall"
-        raise BadInputError("drawing", value, f"{allowed}, or a smaller --join-mm")
+        smaller = ", or a smaller --join-mm" if near_mm > SAME_POINT_MM else ""
+        raise BadInputError("drawing", value, f"{allowed}{smaller}")
     return np.asarray(tree.query_pairs(near_mm, output_type="ndarray"), dtype=np.int64)
 
 
@@ -288,24 +289,41 @@ def _direction(points: Floats, *, last: bool) -> Floats:
     return np.asarray(along / max(float(np.hypot(*along)), 1e-300))
 
 
-def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInputError:
+def refuse_open(
+    lines: list[Line], join_mm: float, changes: Changes, closing_mm: float | None
+) -> BadInputError:
     """Return the error that names the open lines, their ends and the options that help."""
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
-    gap_mm = _widest_gap(lines)
+    here = "" if closing_mm is None else f"; here {closing_mm:.4g} would do"
     return BadInputError(
         f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
         "not closed",
-        f"outlines whose ends meet within --join-mm ({join_mm:.4g}; here {gap_mm:.4g} would do); "
+        f"outlines whose ends meet within --join-mm ({join_mm:.4g}{here}); "
         "or --wall-mm W to make lines walls, or --open drop to leave them out",
     )
 
 
-def _widest_gap(lines: list[Line]) -> float:
-    """Return the largest distance from an end to the nearest other one, mm."""
-    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
-    return float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
+def closing_gap_mm(
+    lines: list[Line], left: list[Line], most_mm: float, changes: Changes
+) -> float | None:
+    """Return a width of gaps that, when joined, leaves no line open; None if none was found.
+
+    Parameters
+    ----------
+    lines, left
+        All loose lines, and those that stayed open.
+    most_mm
+        The widest gap that may be joined.
+    """
+    ends = np.array([line.points_mm[[0, -1]] for line in left]).reshape(-1, 2)
+    gap_mm = float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
+    # Printed with four digits, so that what is typed is at least the gap.
+    typed_mm = float(f"{gap_mm * (1.0 + 1e-3):.4g}")
+    if typed_mm > most_mm:
+        return None
+    return None if join(lines, typed_mm, Changes(changes.frame)).open else typed_mm
 
 
 def open_places(lines: list[Line], changes: Changes) -> list[str]:

@@ -21,6 +21,7 @@ from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of, refuse
 
 _Geometries = NDArray[np.object_]
 
+_MOST_NAMED = 20
 _OVERLAP = "T********"
 _SHARED_EDGE = "F***1****"
 
@@ -212,7 +213,12 @@ class Enclosed:
 
 
 def enclose(
-    parts: list[SolidRegion], mode: str, margin_mm: float, join_mm: float, changes: Changes
+    parts: list[SolidRegion],
+    mode: str,
+    margin_mm: float,
+    join_mm: float,
+    changes: Changes,
+    advice: str = "",
 ) -> Enclosed:
     """Choose the bounds of a drawing and turn the rest into obstacles.
 
@@ -221,9 +227,12 @@ def enclose(
     mode
         ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`. Bounds named by the
         source and walls made from lines take precedence.
+    advice
+        What else helps where the largest outline does not contain all others.
     """
-    parts = _without_repeats(parts, join_mm, changes)
-    refuse_crowd(np.array([part.polygon for part in parts], dtype=np.object_))
+    parts = different_parts(parts, join_mm, changes)
+    polygons = np.array([part.polygon for part in parts], dtype=np.object_)
+    refuse_crowd(polygons, advice=changes.layer_advice)
     named = [part for part in parts if part.role == "bounds"]
     if len(named) > 1:
         raise BadInputError("bounds", f"{len(named)} outlines", "exactly one")
@@ -235,7 +244,7 @@ def enclose(
     if named or mode == "largest":
         rest = _cut_off(outer.shell, rest, changes)
     else:
-        rest = _inside(outer.shell, rest, join_mm, changes)
+        _refuse_outside(outer.shell, rest, join_mm, changes, advice)
     rest += [outer] if wall else _holes_of(outer)
     obstacles = merged(_solid_polygons(rest, changes), join_mm, changes)
     return Enclosed(
@@ -263,7 +272,7 @@ def _in_box(
     )
 
 
-def _without_repeats(
+def different_parts(
     parts: list[SolidRegion], join_mm: float, changes: Changes
 ) -> list[SolidRegion]:
     """Return parts without duplicates; of an outline and an equal fill the fill stays."""
@@ -296,34 +305,61 @@ def _same(one: Polygon, other: Polygon, join_mm: float) -> bool:
     )
 
 
-def _inside(
-    shell: Polygon, rest: list[SolidRegion], join_mm: float, changes: Changes
-) -> list[SolidRegion]:
-    """Return the parts, or raise BadInputError if one lies outside the bounds."""
+def contained(parts: list[SolidRegion], join_mm: float) -> bool:
+    """Return whether the largest part contains all others."""
+    outer = max(parts, key=lambda part: float(part.shell.area))
+    rest = [part for part in parts if part is not outer]
+    return _first_outside(outer.shell, rest, join_mm) is None
+
+
+def _first_outside(
+    shell: Polygon, rest: list[SolidRegion], join_mm: float
+) -> tuple[SolidRegion, BaseGeometry] | None:
+    """Return the first part that reaches out of the bounds by more than a gap, and how."""
     shapely.prepare(shell)
     polygons = np.array([part.polygon for part in rest], dtype=np.object_)
     for index in np.flatnonzero(~shapely.covers(shell, polygons)):
-        part = rest[index]
-        beyond = shapely.difference(part.polygon, shell)
+        beyond = shapely.difference(rest[index].polygon, shell)
         corners = shapely.points(shapely.get_coordinates(beyond))
-        if float(np.max(shapely.distance(corners, shell), initial=0.0)) <= join_mm:
-            continue
-        spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
-        raise BadInputError(
-            f"{part.where} at {changes.frame.place(spot)}",
-            f"outside of the largest outline ({_box_text(shell, changes)})",
-            "drawings whose largest outline contains all others; --layer to choose, "
-            "--bounds largest to cut off what is outside, --bounds box to put a rectangle around",
-        )
-    return rest
+        if float(np.max(shapely.distance(corners, shell), initial=0.0)) > join_mm:
+            return rest[index], beyond
+    return None
+
+
+def _refuse_outside(
+    shell: Polygon, rest: list[SolidRegion], join_mm: float, changes: Changes, advice: str
+) -> None:
+    """Raise BadInputError if a part lies outside the bounds."""
+    found = _first_outside(shell, rest, join_mm)
+    if found is None:
+        return
+    part, beyond = found
+    spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
+    raise BadInputError(
+        f"{part.where} at {changes.frame.place(spot)}",
+        f"outside of the largest outline ({_box_text(shell, changes)})",
+        f"drawings whose largest outline contains all others; {changes.layer_advice}"
+        "--bounds largest to cut off what is outside, --bounds box to put a rectangle around"
+        f"{advice}",
+    )
 
 
 def _cut_off(shell: Polygon, rest: list[SolidRegion], changes: Changes) -> list[SolidRegion]:
-    """Return the parts that overlap the bounds."""
+    """Return the parts that overlap the bounds; those that reach out are named."""
     shapely.prepare(shell)
     inside = [part for part in rest if shapely.relate_pattern(shell, part.polygon, "T********")]
     changes.add("outlines_outside_left_out", len(rest) - len(inside))
+    reaching = [part for part in inside if not shapely.covers(shell, part.polygon)]
+    if reaching:
+        changes.counts["reaching_over_bounds"] = [
+            f"{part.where}: {100.0 * _share_outside(part.polygon, shell):.3g} % of it outside"
+            for part in reaching[:_MOST_NAMED]
+        ]
     return inside
+
+
+def _share_outside(polygon: Polygon, shell: Polygon) -> float:
+    return float(shapely.difference(polygon, shell).area / max(polygon.area, 1e-300))
 
 
 def _box_text(polygon: Polygon, changes: Changes) -> str:

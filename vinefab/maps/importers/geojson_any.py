@@ -13,6 +13,7 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import positive
 from vinefab.maps.importers.source_drawing import (
+    PROJECT_ADVICE,
     DrawingItem,
     ImportOptions,
     Ring,
@@ -49,11 +50,22 @@ def _scaled_start(start: Start, factor: float) -> Start:
         pose=replace(pose, x_mm=pose.x_mm * factor, y_mm=pose.y_mm * factor),
         spread_x_mm=start.spread_x_mm * factor,
         spread_y_mm=start.spread_y_mm * factor,
+        area=start.area and shapely.transform(start.area, lambda points: points * factor),
+        clearance_mm=start.clearance_mm * (1.0 if start.area is None else factor),
     )
 
 
 _DEEPEST = 20
-_ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wall_mm", "open_lines")
+_ONLY_DRAWINGS = (
+    "simplify_mm",
+    "start",
+    "join_mm",
+    "drawn",
+    "bounds",
+    "margin_mm",
+    "wall_mm",
+    "open_lines",
+)
 _ROLES = ("bounds", "obstacle")
 
 _Leaf = tuple[str, dict[str, Any], object]
@@ -75,15 +87,38 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
         world = _scaled_map(read_map(path), scale)
         return replace(world, facts={**world.facts, "source": path.name})
     with located(path):
+        if options.scale_mm_per_unit is None:
+            _refuse_degrees(document)
         drawing = _drawing(document)
     return replace(drawing_map(path, drawing, options), environment="geojson")
 
 
 def _document(path: Path) -> dict[str, Any]:
     document = geojson_document(path)
+    kind = _other_kind(document)
+    if kind:
+        raise BadInputError("type", kind, "GeoJSON; ogr2ogr plan.geojson FILE converts it", path)
     if not isinstance(document, dict) or "type" not in document:
         raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
     return document
+
+
+def _other_kind(document: object) -> str | None:
+    """Return the name of a known kind of JSON that is no GeoJSON."""
+    if not isinstance(document, dict):
+        return None
+    if document.get("type") == "Topology":
+        return "TopoJSON"
+    return "Esri JSON" if {"geometryType", "features"} <= set(document) else None
+
+
+def _refuse_degrees(document: dict[str, Any]) -> None:
+    """Refuse a file that names a reference system in degrees (GDAL writes it by name)."""
+    system = document.get("crs")
+    named = system.get("properties") if isinstance(system, dict) else None
+    name = str(named.get("name")) if isinstance(named, dict) else ""
+    if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
+        raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
 
 
 def _drawing(document: dict[str, Any]) -> SourceDrawing:

@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
+from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import import_svg
@@ -35,6 +36,18 @@ def _import_dxf(path: Path, options: ImportOptions) -> Map:
     from vinefab.maps.importers.dxf_drawing import import_dxf  # noqa: PLC0415  ezdxf takes a second to import
 
     return import_dxf(path, options)
+
+
+def _import_gis(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.gis_layers import import_gis  # noqa: PLC0415  seldom used
+
+    return import_gis(path, options)
+
+
+def _import_photo(path: Path, options: ImportOptions) -> Map:
+    from vinefab.maps.importers.photo_map import import_photo  # noqa: PLC0415  scipy.optimize takes long to import
+
+    return import_photo(path, options)
 
 
 IMPORTERS: Registry[MapImporter] = Registry(
@@ -65,8 +78,72 @@ IMPORTERS: Registry[MapImporter] = Registry(
             read=import_csv,
             malformed=b"polygon,x_mm,y_mm\nroom,0,0\nroom,100\n",
         ),
+        "geopackage": MapImporter(
+            suffixes=(".gpkg",),
+            read=_import_gis,
+            malformed=b"SQLite format 3\0 and no pages",
+        ),
+        "shapefile": MapImporter(
+            suffixes=(".shp",), read=_import_gis, malformed=b"\0\0\x27\x0a and no header"
+        ),
+        "flatgeobuf": MapImporter(
+            suffixes=(".fgb",), read=_import_gis, malformed=b"fgb\x03fgb\0 and no header"
+        ),
+        "photo": MapImporter(
+            suffixes=PHOTO_SUFFIXES,
+            read=_import_photo,
+            malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
+        ),
     },
 )
+
+
+_SVG = "open it in Inkscape, or the program that drew it, and save as SVG or DXF"
+_CUT = (
+    "a solid is no plan: cut it at one height and save the section as DXF or SVG (FreeCAD: Part "
+    "section; OpenSCAD: projection(cut = true))"
+)
+_DEGREES = (
+    "it is in degrees: project it in QGIS, or ogr2ogr -t_srs EPSG:32632 (your zone) plan.gpkg FILE"
+)
+_GIS = "save it as GeoPackage in QGIS, or ogr2ogr plan.gpkg FILE"
+_PIXELS = "save it as PNG or JPEG"
+_UNPACK = "unpack it, and give the drawing in it"
+_CLOUD = "a cloud of points is no plan: make an occupancy grid of it (a ROS map: .yaml and .pgm)"
+_ADVICE = {
+    "pdf": f"{_SVG} (or: pdftocairo -svg FILE plan.svg)",
+    "ai eps ps cdr odg vsd vsdx drawio sketch fig afdesign": _SVG,
+    "dwg dws dwt": "save it as DXF in a CAD program (LibreCAD, QCAD; or dwg2dxf of LibreDWG)",
+    "dgn vwx skb rvt rfa ifc pln": "export a plan at one height as DXF",
+    "stl obj 3mf amf step stp iges igs brep fcstd sldprt skp f3d blend scad glb gltf": _CUT,
+    "ply las laz pcd e57 bt ot": _CLOUD,
+    "kml kmz gpx": _DEGREES,
+    "shx dbf prj cpg": "give the .shp that lies beside it",
+    "gml tab mif gdb sqlite geojsonl geojsons topojson osm": _GIS,
+    "qgz qgs": "a project: export its layer (Export, Save Features As, GeoPackage)",
+    "th th2 thconfig lox": "export it in Therion: export map -format esri (or dxf), import that",
+    "svx 3d": "export the passages in Survex's aven as Shapefile, DXF or SVG",
+    "tif tiff bmp gif webp heic xcf psd": _PIXELS,
+    "svgz gz zip shz 7z tar tgz": _UNPACK,
+    "txt dat xyz asc": "polygons as text go in a .csv: polygon,x_mm,y_mm, a point per line",
+    "xlsx xls ods": "save the sheet as CSV: polygon,x_mm,y_mm, a point per line",
+}
+"""What to do with kinds of files that are near, by the ends of their names."""
+
+
+def _advice(source: Path) -> str:
+    """Return what to do with a file that no importer reads, as the end of a sentence."""
+    suffix = source.suffix.lower().removeprefix(".")
+    if suffix in ("pgm", "pnm"):
+        beside = source.with_suffix(".yaml")
+        if beside.is_file():
+            return f"; of a ROS map give {beside.name}, which lies beside it"
+        return (
+            f"; a ROS map is given by its .yaml: {beside.name} with the lines image: "
+            f"{source.name}, resolution: 0.05 (m per cell), origin: [0, 0, 0], negate: 0, "
+            "occupied_thresh: 0.65, free_thresh: 0.196"
+        )
+    return next((f"; {words}" for ends, words in _ADVICE.items() if suffix in ends.split()), "")
 
 
 def import_suffixes() -> dict[str, MapImporter]:
@@ -93,7 +170,11 @@ def import_map(source: Path, options: ImportOptions) -> Map:
     known = import_suffixes()
     suffix = source.suffix.lower()
     if suffix not in known:
-        raise BadInputError("source", str(source), f"a file ending in {', '.join(known)}")
+        raise BadInputError(
+            "source", str(source), f"a file ending in {', '.join(known)}{_advice(source)}"
+        )
+    if options.photo is not None and suffix not in PHOTO_SUFFIXES:
+        options.photo.refuse(source)
     # Sizes near the limits of floats are refused, or found equal, by what is done with them.
     with np.errstate(all="ignore"):
         return known[suffix].read(source, options)

@@ -80,7 +80,7 @@ _LARGEST_YAML_BYTES = 1 << 16
 _LARGEST_IMAGE_BYTES = 1 << 30
 _FULL_SIZE = 1000.0
 _MODES = ("trinary", "scale", "raw")
-_ONLY_DRAWINGS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lines")
+_ONLY_DRAWINGS = ("join_mm", "layers", "drawn", "bounds", "margin_mm", "wall_mm", "open_lines")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,10 +12,18 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
+from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.model.map import Map, Pose
 
 _MOST_CURVE_POINTS = 1_000_000
 """In one curve: a tolerance that needs more surely has the wrong unit."""
+
+
+PROJECT_ADVICE = (
+    "coordinates in metres or feet: project the layer in your GIS program (QGIS: Export, Save "
+    "Features As, a projected CRS), or ogr2ogr -t_srs EPSG:32632 (your zone) metres.gpkg FILE"
+)
+"""For coordinates in degrees."""
 
 
 class CurvePiece(Protocol):
@@ -153,6 +161,8 @@ _SIMPLIFY_SHARE = 1e-4
 """Default tolerance of curves, by the drawing's larger side: 0.05 mm in 500 mm."""
 _JOIN_SHARE = 2e-4
 """Default width of gaps that are closed, by the drawing's larger side: 0.1 mm in 500 mm."""
+_MOST_JOIN_SHARE = 0.1
+"""Largest width of gaps that a user may have closed, by the drawing's larger side."""
 _MARGIN_SHARE = 0.05
 """Default margin of a rectangle around everything, by the drawing's larger side."""
 _FINEST_SHARE = 1e-7
@@ -166,20 +176,23 @@ class ImportOptions:
     Parameters
     ----------
     scale_mm_per_unit
-        Millimetres of the map per unit of the source (per metre for ROS maps), instead of the
-        unit that the source names.
+        Millimetres of the map per unit of the source (per metre for ROS maps, per pixel for
+        photos), instead of the unit that the source names.
     simplify_mm
         Largest distance between imported walls and those of the source.
     unknown
         Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
     least_obstacle_mm2
-        Obstacles of a ROS map smaller than this are left out, as noise.
+        Obstacles of a ROS map or a photo smaller than this are left out, as noise.
     start
         Where robots start, in the map's millimetres.
     join_mm
         Widest gap in an outline that is closed.
     layers
         Names of the layers (DXF) or groups (SVG) to read; empty for all.
+    drawn
+        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``, see
+        `AssembleOptions`.
     bounds
         ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`.
     margin_mm
@@ -188,6 +201,8 @@ class ImportOptions:
         Thickness of walls that are drawn as lines.
     open_lines
         ``refuse`` or ``drop``.
+    photo
+        What is known of a photo or scan: its scale, and what its obstacles look like.
     """
 
     scale_mm_per_unit: float | None = None
@@ -197,10 +212,12 @@ class ImportOptions:
     start: Pose | None = None
     join_mm: float | None = None
     layers: tuple[str, ...] = ()
+    drawn: Literal["obstacles", "free"] | None = None
     bounds: Literal["outline", "largest", "wall", "box"] | None = None
     margin_mm: float | None = None
     wall_mm: float | None = None
     open_lines: Literal["refuse", "drop"] | None = None
+    photo: PhotoOptions | None = None
 
     def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
         """Raise BadInputError if an option was given that means nothing for a kind of file."""
@@ -233,6 +250,8 @@ class DrawingItem:
     filled: bool = False
     holes: tuple[Ring, ...] = ()
     role: Role | None = None
+    paint: int | None = None
+    even_odd: bool = False
 
     def flat(self, tolerance: float) -> Shape:
         """Return it with chords for curves, within a tolerance in units of the source."""
@@ -252,6 +271,8 @@ class DrawingItem:
             filled=self.filled,
             holes=holes,
             role=self.role,
+            paint=self.paint,
+            even_odd=self.even_odd,
         )
 
 
@@ -265,6 +286,7 @@ class SourceDrawing:
     origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
     facts: Mapping[str, object] = field(default_factory=dict)  # what was read and left out
     curved: bool = True  # whether such files hold curves
+    layered: bool = False  # whether such files have layers to choose from
 
 
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
@@ -299,7 +321,7 @@ def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> 
         "curves_within_mm": tolerance_mm,
         "simplify_mm": chosen.simplify_mm,
     }
-    return assemble(path.stem, shapes, frame, chosen, facts)
+    return assemble(path.stem, shapes, frame, chosen, facts, layered=drawing.layered)
 
 
 def _hull(items: tuple[DrawingItem, ...]) -> Floats:
@@ -321,7 +343,8 @@ def _assembling(
     ``simplify_mm`` is split between the chords of curves and corners that are left out.
     """
     join_mm = _four_digits(_JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
-    number("join_mm", join_mm, 0.0, 0.1 * size_mm, "mm, a tenth of the drawing")
+    most_join_mm = _MOST_JOIN_SHARE * size_mm
+    number("join_mm", join_mm, 0.0, most_join_mm, "mm, a tenth of the drawing")
     simplify_mm = options.simplify_mm
     tolerance_mm = _four_digits(_SIMPLIFY_SHARE * size_mm)
     if simplify_mm is not None:
@@ -337,7 +360,9 @@ def _assembling(
         join_mm=join_mm,
         simplify_mm=simplify_mm or 0.0,
         sliver_mm2=_four_digits(max(join_mm, 1e-4) ** 2),
-        bounds=options.bounds or "outline",
+        most_join_mm=most_join_mm,
+        drawn=options.drawn,
+        bounds=options.bounds,
         margin_mm=margin_mm,
         wall_mm=options.wall_mm,
         open_lines=options.open_lines or "refuse",

@@ -2,13 +2,13 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
-from shapely import Point, Polygon
+from shapely import LineString, Point, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
@@ -16,6 +16,7 @@ from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import StartPlace, with_starts
 
 _LARGEST_BYTES = 1 << 30
 _DECIMALS = 6
@@ -137,6 +138,16 @@ def _reason(polygon: Polygon) -> str:
 
 MAP_SCHEMA = "vinefab/map-1"
 _ROLES = ("bounds", "obstacle", "start")
+_START_NUMBERS = (
+    "x_mm",
+    "y_mm",
+    "heading_deg",
+    "spread_x_mm",
+    "spread_y_mm",
+    "spread_heading_deg",
+    "inset_mm",
+    "clearance_mm",
+)
 _SLACK_MM = 1e-6
 
 
@@ -144,7 +155,7 @@ _SLACK_MM = 1e-6
 class _Content:
     bounds: Polygon
     obstacles: tuple[Polygon, ...]
-    starts: tuple[Start, ...]
+    starts: tuple[tuple[str, Start | StartPlace], ...]  # each with what messages call it
 
 
 def read_map(path: Path) -> Map:
@@ -164,16 +175,15 @@ def read_map(path: Path) -> Map:
     try:
         about = _about(document)
         content = _content(features)
-        _check_starts(content)
-        return Map(
+        world = Map(
             name=about.get("name") or path.stem,
             bounds=content.bounds,
             obstacles=content.obstacles,
-            starts=content.starts,
             environment=about.get("environment") or "geojson",
             seed=about.get("seed"),
             facts=about.get("facts") or {},
         )
+        return replace(world, starts=_starts_on(world, content))
     except BadInputError as error:
         raise error.at(path) from error
 
@@ -205,16 +215,26 @@ def _polygon_line(role: str, polygon: Polygon) -> str:
 
 def _start_line(start: Start) -> str:
     position = [round(start.pose.x_mm, _DECIMALS), round(start.pose.y_mm, _DECIMALS)]
-    properties = {
-        "role": "start",
-        "heading_deg": deg(start.pose.heading_rad),
-        "spread_x_mm": start.spread_x_mm,
-        "spread_y_mm": start.spread_y_mm,
-        "spread_heading_deg": deg(start.spread_heading_rad),
-    }
-    point = {"type": "Point", "coordinates": position}
-    feature = {"type": "Feature", "properties": properties, "geometry": point}
-    return json.dumps(feature, allow_nan=False)
+    turned = {"heading_deg": deg(start.pose.heading_rad)}
+    spread_deg = deg(start.spread_heading_rad)
+    if start.area is None:
+        ranges = {"spread_x_mm": start.spread_x_mm, "spread_y_mm": start.spread_y_mm}
+        about = {**turned, **ranges, "spread_heading_deg": spread_deg}
+        shape = json.dumps({"type": "Point", "coordinates": position})
+    else:
+        pose = {"x_mm": position[0], "y_mm": position[1], **turned}
+        about = {**pose, "spread_heading_deg": spread_deg, "clearance_mm": start.clearance_mm}
+        shape = _shape_text(start.area)
+    properties = json.dumps({"role": "start", **about}, allow_nan=False)
+    return f'{{"type": "Feature", "properties": {properties}, "geometry": {shape}}}'
+
+
+def _shape_text(area: LineString | Polygon) -> str:
+    """Return the line or polygon of a start as GeoJSON."""
+    if isinstance(area, Polygon):
+        return _polygon_text(area)
+    points = np.round(shapely.get_coordinates(area), _DECIMALS) + 0.0
+    return json.dumps({"type": "LineString", "coordinates": points.tolist()}, allow_nan=False)
 
 
 def _about(document: dict[str, Any]) -> dict[str, Any]:
@@ -255,7 +275,7 @@ def _role(feature: dict[str, Any]) -> object:
 def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content:
     bounds: list[Polygon] = []
     obstacles: list[Polygon] = []
-    starts: list[Start] = []
+    starts: list[tuple[str, Start | StartPlace]] = []
     for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
         key = feature_key(index)
         if role == "bounds":
@@ -263,7 +283,7 @@ def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content
         elif role == "obstacle":
             obstacles += _polygons(key, feature)
         elif role == "start":
-            starts.append(_start(key, feature))
+            starts.append((key, _start(key, feature)))
         else:
             raise BadInputError(f"{key}.properties.role", role, ", ".join(_ROLES))
     if len(bounds) != 1:
@@ -288,27 +308,81 @@ def _without_roles(named: list[tuple[str, Polygon]]) -> _Content:
     return _Content(largest, tuple(polygon for _, polygon in others), ())
 
 
-def _start(key: str, feature: dict[str, Any]) -> Start:
+_START_SHAPES = ("Point", "LineString", "Polygon")
+
+
+def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
     properties = feature["properties"]
-    values = {
-        name: _number(f"{key}.properties.{name}", properties.get(name, default))
-        for name, default in (
-            ("heading_deg", None),
-            ("spread_x_mm", 0.0),
-            ("spread_y_mm", 0.0),
-            ("spread_heading_deg", 0.0),
-        )
+    given = {
+        name: _number(f"{key}.properties.{name}", properties[name])
+        for name in _START_NUMBERS
+        if properties.get(name) is not None
     }
-    x_mm, y_mm = _point(key, feature)
     try:
-        return Start(
-            pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(values["heading_deg"])),
-            spread_x_mm=values["spread_x_mm"],
-            spread_y_mm=values["spread_y_mm"],
-            spread_heading_rad=rad(values["spread_heading_deg"]),
-        )
+        area = _start_area(key, feature)
+        if area is None and "side" not in properties:
+            return _start_pose(key, _point(key, feature), given)
+        return _start_place(key, area, properties.get("side"), given)
     except BadInputError as error:
+        if error.key.startswith(key):
+            raise
         raise BadInputError(f"{key}: {error.key}", error.value, error.allowed) from error
+
+
+def _start_area(key: str, feature: dict[str, Any]) -> LineString | Polygon | None:
+    """Return the line or polygon of a start; None for a point, or no geometry beside a side."""
+    if feature.get("geometry") is None and "side" in feature["properties"]:
+        return None
+    kind, coordinates = _geometry(key, feature)
+    if kind not in _START_SHAPES:
+        raise BadInputError(f"{key}.geometry.type", kind, ", ".join(_START_SHAPES))
+    if kind == "Polygon":
+        return _polygon(key, coordinates)
+    if kind == "LineString":
+        if not isinstance(coordinates, list) or len(coordinates) < 2:
+            raise BadInputError(f"{key}.geometry.coordinates", coordinates, "two or more positions")
+        return LineString(_positions(key, coordinates))
+    return None
+
+
+def _start_pose(key: str, place_mm: tuple[float, float], given: dict[str, float]) -> Start:
+    for name in ("x_mm", "y_mm", "inset_mm", "clearance_mm"):
+        if name in given:
+            raise BadInputError(f"{key}.properties.{name}", given[name], "a line, area or side")
+    heading_deg = _number(f"{key}.properties.heading_deg", given.get("heading_deg"))
+    return Start(
+        pose=Pose(x_mm=place_mm[0], y_mm=place_mm[1], heading_rad=rad(heading_deg)),
+        spread_x_mm=given.get("spread_x_mm", 0.0),
+        spread_y_mm=given.get("spread_y_mm", 0.0),
+        spread_heading_rad=rad(given.get("spread_heading_deg", 0.0)),
+    )
+
+
+def _start_place(
+    key: str, area: LineString | Polygon | None, side: object, given: dict[str, float]
+) -> Start | StartPlace:
+    for name in ("spread_x_mm", "spread_y_mm"):
+        if given.get(name):
+            raise BadInputError(f"{key}.properties.{name}", given[name], "0 for a line or an area")
+    if side is not None and area is not None:
+        raise BadInputError(f"{key}.properties.side", side, "no geometry beside it, or no side")
+    heading_deg, clearance_mm = given.get("heading_deg"), given.get("clearance_mm")
+    place = StartPlace(
+        side=cast("str | None", side),
+        area=area,
+        inset_mm=given.get("inset_mm"),
+        heading_rad=None if heading_deg is None else rad(heading_deg),
+        spread_heading_rad=rad(given.get("spread_heading_deg", 0.0)),
+        clearance_mm=clearance_mm,
+    )
+    if area is None or place.heading_rad is None or not given.keys() >= {"x_mm", "y_mm"}:
+        return place
+    return Start(
+        pose=Pose(x_mm=given["x_mm"], y_mm=given["y_mm"], heading_rad=place.heading_rad),
+        spread_heading_rad=place.spread_heading_rad,
+        area=area,
+        clearance_mm=place.least_clearance_mm,
+    )
 
 
 def _number(key: str, value: object) -> float:
@@ -317,12 +391,21 @@ def _number(key: str, value: object) -> float:
     return float(value)
 
 
-def _check_starts(content: _Content) -> None:
-    for start in content.starts:
-        spot = Point(start.pose.x_mm, start.pose.y_mm)
-        where = f"({spot.x:g}, {spot.y:g})"
-        if not content.bounds.covers(spot):
-            raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
-        inside = shapely.contains(list(content.obstacles), spot)
-        if inside.any():
-            raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")
+def _starts_on(world: Map, content: _Content) -> tuple[Start, ...]:
+    """Return the starts of a file, those that are places found on the map."""
+    for _, start in content.starts:
+        if isinstance(start, Start):
+            _check_pose(content, start.pose)
+    return tuple(
+        start for key, given in content.starts for start in with_starts(world, (given,), key).starts
+    )
+
+
+def _check_pose(content: _Content, pose: Pose) -> None:
+    spot = Point(pose.x_mm, pose.y_mm)
+    where = f"({spot.x:g}, {spot.y:g})"
+    if not content.bounds.covers(spot):
+        raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
+    inside = shapely.contains(list(content.obstacles), spot)
+    if inside.any():
+        raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

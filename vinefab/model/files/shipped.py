@@ -18,6 +18,7 @@ KINDS = {
     "material": "laser_profiles/materials",
     "recipe": "laser_profiles/recipes",
     "printer": "laser_profiles/printers",
+    "contacts file": "contacts",
 }
 """Folder of each kind, below the place where shipped files lie."""
 

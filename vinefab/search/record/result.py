@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, cast
@@ -12,13 +12,13 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.registry import Registry
-from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, Design
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map
 from vinefab.model.score import Score
+from vinefab.model.start_place import start_of_record, start_record, start_text
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
@@ -200,20 +200,6 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     return versions
 
 
-def start_text(start: Start) -> str:
-    """Return a start as a run file gives it."""
-    pose = start.pose
-    numbers = {
-        "x_mm": pose.x_mm,
-        "y_mm": pose.y_mm,
-        "heading_deg": pose.heading_deg,
-        "spread_x_mm": start.spread_x_mm,
-        "spread_y_mm": start.spread_y_mm,
-        "spread_heading_deg": deg(start.spread_heading_rad),
-    }
-    return ", ".join(f"{name} = {value:g}" for name, value in numbers.items())
-
-
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
@@ -295,7 +281,7 @@ class RunIdentity:
         """
         maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
         if start := maps.get("start"):
-            maps["start"] = start_text(Start(**{**start, "pose": Pose(**start["pose"])}))
+            maps["start"] = start_text(start_of_record(start))
         space = dict(self.settings["space"])
         limits = {COSTS[name].limit_key: v for name, v in space.pop("most", {}).items()}
         return {**self.settings, "maps": maps, "space": {**space, **limits}}
@@ -339,7 +325,7 @@ def plugin_packages(settings: RunSettings) -> list[str]:
 
 def map_fingerprint(world: Map) -> str:
     """Return the fingerprint of a map's name, bounds, obstacles and starts."""
-    starts = [asdict(start) for start in world.starts]
+    starts = [start_record(start) for start in world.starts]
     return fingerprint(
         world.name,
         world.bounds.wkb_hex,

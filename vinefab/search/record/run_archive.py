@@ -17,8 +17,10 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
+from vinefab.model.files.contacts_toml import contacts_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
+from vinefab.model.start_place import start_of_record, start_record
 from vinefab.search.record.result import (
     Extension,
     Finalist,
@@ -114,7 +116,10 @@ def _growth(record: Mapping[str, Any]) -> GrowthOptions:
     """Return the growth options of a record; one from before pressure stopped growth has none."""
     angle = record["head_on_half_angle_rad"]
     angle = tuple(angle) if isinstance(angle, list) else angle
-    return GrowthOptions(**{"pressure_stop": False, **record, "head_on_half_angle_rad": angle})
+    values = {"pressure_stop": False, **record, "head_on_half_angle_rad": angle}
+    if "contacts" in record:
+        values["contacts"] = contacts_given(record["contacts"])
+    return GrowthOptions(**values)
 
 
 def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
@@ -122,7 +127,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     maps = dict(record["maps"])
     maps["files"] = tuple(Path(name) for name in maps["files"])
     if start := maps.pop("start", None):
-        maps["start"] = Start(**{**start, "pose": Pose(**start["pose"])})
+        maps["start"] = start_of_record(start)
     return RunSettings(
         name=record["name"],
         maps=MapSettings(**maps),
@@ -171,7 +176,7 @@ def map_to_text(world: Map) -> str:
         "name": world.name,
         "bounds": world.bounds.wkb_hex,
         "obstacles": [obstacle.wkb_hex for obstacle in world.obstacles],
-        "starts": [asdict(start) for start in world.starts],
+        "starts": [start_record(start) for start in world.starts],
         "environment": world.environment,
         "seed": world.seed,
     }
@@ -181,12 +186,11 @@ def map_to_text(world: Map) -> str:
 def map_from_text(text: str) -> Map:
     """Return the map of `map_to_text`, without its ``facts``."""
     record = json.loads(text)
-    starts = [dict(start) for start in record["starts"]]
     return Map(
         name=record["name"],
         bounds=shapely.from_wkb(record["bounds"]),
         obstacles=tuple(shapely.from_wkb(wkb) for wkb in record["obstacles"]),
-        starts=tuple(Start(pose=Pose(**start.pop("pose")), **start) for start in starts),
+        starts=tuple(cast("Start", start_of_record(start)) for start in record["starts"]),
         environment=record["environment"],
         seed=record["seed"],
     )

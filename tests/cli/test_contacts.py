@@ -1,0 +1,313 @@
+"""Measured contacts, as each command that predicts reads them."""
+
+import json
+import math
+
+import pytest
+
+from vinefab.growth.options import GrowthOptions, growth_text
+from vinefab.growth.plan import Plan
+from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.search.record.run_archive import settings_from_plain
+from vinefab.search.run_file import read_run
+from vinefab.search.settings import plain_settings
+
+HALF_ANGLE = """
+[head_on_half_angle_deg]
+value = 4.5
+low = 3.0
+high = 6.0
+count = 12
+photos = 4
+standing = "measured"
+source = "5 tips stopped, 7 slid"
+"""
+WIDTH = """
+[body_width_ratio]
+value = 1.05
+low = 1.0
+high = 1.1
+count = 7
+photos = 4
+standing = "measured"
+source = "distance of centre lines from walls"
+"""
+BOUND = """
+[head_on_half_angle_deg]
+{end}
+side = "{side}"
+count = 3
+photos = 2
+standing = "measured"
+source = "photos"
+"""
+SCHEMA = 'schema = "vinefab/contacts-1"\n'
+WORDS = "12 contacts on 4 photos, 95 % interval 3 to 6 deg"
+
+
+@pytest.fixture
+def measured(tmp_path):
+    path = tmp_path / "contacts.toml"
+    path.write_text(SCHEMA + HALF_ANGLE + WIDTH)
+    return path
+
+
+@pytest.fixture
+def bounded(tmp_path):
+    def write(side, low, high):
+        path = tmp_path / f"{side}.toml"
+        path.write_text(SCHEMA + BOUND.format(side=side, end=f"low = {low}\nhigh = {high}"))
+        return path
+
+    return write
+
+
+def test_one_growth_uses_the_measured_value(vinefab, grid, plain, measured):
+    code, words, _ = vinefab("grow", plain, "--map", grid, "--contacts", measured, "--json", "-")
+    assert code == 0
+    metrics = json.loads(words)["metrics"]
+    assert metrics["head_on_half_angle_deg"] == 4.5
+    assert metrics["body_width_ratio"] == 1.05
+    assert metrics["contacts"]["head_on_half_angle_deg"]["low"] == 3.0
+    code, words, _ = vinefab("grow", plain, "--map", grid, "--contacts", measured)
+    assert f"head-on half-angle 4.5 deg (measured: {WORDS})" in words
+    assert "1.05 of the nominal radius from walls (measured: 7 contacts on 4 photos" in words
+    assert "the measured value of its range" in words
+
+
+def test_scores_are_drawn_over_the_measured_interval(vinefab, grid, plain, measured):
+    code, words, _ = vinefab("score", plain, "--map", grid, "--poses", 2, "--contacts", measured)
+    assert code == 0
+    assert f"head-on half-angle 3 to 6 deg (measured: {WORDS})" in words
+
+
+def test_comparisons_show_the_measured_interval(vinefab, grid, plain, measured):
+    more = ("--map", grid, "--poses", 2, "--contacts", measured, "--json", "-")
+    code, words, _ = vinefab("compare", plain, "plain_vine", *more)
+    assert code == 0
+    found = json.loads(words)
+    assert found["growth"]["contacts"]["head_on_half_angle_deg"]["value"] == 4.5
+    assert f"--contacts {measured}" in found["reproduce"]["command"]
+
+
+def test_reports_say_measured_on_their_page_and_in_their_numbers(
+    vinefab, grid, plain, measured, tmp_path
+):
+    page = tmp_path / "page.html"
+    more = ("--map", grid, "--poses", 2, "--contacts", measured, "--out", page, "--json", "-")
+    code, words, _ = vinefab("report", plain, *more)
+    assert code == 0
+    width = json.loads(words[words.index("{") :])["width"]["contacts"]
+    assert width["head_on_half_angle_deg"] == [3.0, 4.0, 5.0, 6.0]
+    assert width["standing"] == f"measured: {WORDS}"
+    text = page.read_text()
+    assert "over head-on half-angles of 3 to 6 deg (measured)" in text
+    assert "was measured on photos of grown robots" in text
+    assert "growth.body_width_ratio" in text
+
+
+def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, measured):
+    more = ("--map", grid, "--deployments", 1000, "--alone", "--json", "-")
+    code, words, _ = vinefab("aim", plain, *more, "--contacts", measured)
+    assert code == 0
+    found = json.loads(words)
+    assert found["standing"]["contacts"] == f"measured: {WORDS}"
+    assert f"--contacts {measured}" in found["reproduce"]["command"]
+    assert "head_on_half_angle_deg=3.0,6.0" in found["reproduce"]["command"]
+
+
+def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
+    more = ("--contacts", measured, "--head-on-half-angle-deg", 10)
+    _, words, _ = vinefab("grow", plain, "--map", grid, *more)
+    assert "head-on half-angle 10 deg (assumed)" in words
+
+
+def test_bounds_leave_the_other_end_assumed(bounded):
+    upper = GrowthOptions.of({"contacts": bounded("upper", 0.0, 8.0)})
+    assert upper.half_angle_deg == [1.0, 8.0]
+    assert upper.contact_angles_deg[-1] == 8.0
+    vine = read_design("plain_vine")
+    assert "at most 8 deg; 1 deg assumed)" in growth_text(upper, [vine])
+    lower = GrowthOptions.of({"contacts": bounded("lower", 12.0, 90.0)})
+    assert lower.half_angle_deg == [12.0, 15.0]
+    assert "at least 12 deg; 15 deg assumed)" in growth_text(lower, [vine])
+    loose = GrowthOptions.of({"contacts": bounded("upper", 0.0, 30.0)})
+    assert loose.half_angle_deg == [1.0, 15.0]
+    assert "at most 30 deg; 1 to 15 deg assumed)" in growth_text(loose, [vine])
+    assert upper.at_one_angle.half_angle_deg == 1.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("value = 4.5", "value = 9", "head_on_half_angle_deg.value is 9.0; allowed: 3 to 6"),
+        ("low = 3.0", "lwo = 3.0", "did you mean 'low'?"),
+        ('"measured"', '"guessed"', "standing is 'guessed'; allowed: 'measured'"),
+        ("value = 4.5\n", "", "head_on_half_angle_deg.value is missing"),
+        ("photos = 4", "photos = 0", "photos is 0"),
+        ("high = 6.0", "high = nan", "high is nan"),
+        ("high = 6.0", "high = 120.0", "head_on_half_angle_deg.high is 120.0; allowed: 0 to 90"),
+        ("contacts-1", "contacts-2", "schema is 'vinefab/contacts-2'"),
+        ("[head", "[haed", "no such key"),
+    ],
+)
+def test_a_wrong_file_is_one_clear_line(vinefab, grid, plain, measured, old, new, words):
+    assert old in measured.read_text()
+    measured.write_text(measured.read_text().replace(old, new, 1))
+    for command in ("grow", "score"):
+        code, _, complaint = vinefab(command, plain, "--map", grid, "--contacts", measured)
+        assert code == 2
+        assert words in complaint
+        assert str(measured) in complaint
+        assert len(complaint.splitlines()) == 1
+
+
+def test_a_file_that_is_not_there_or_has_no_number_is_said(vinefab, grid, plain, tmp_path):
+    empty = tmp_path / "empty.toml"
+    empty.write_text(SCHEMA)
+    for name, words in (
+        (tmp_path / "none.toml", "there is no such file"),
+        ("my_robots", "no contacts file is called 'my_robots'"),
+        (empty, "contacts is 'no number'"),
+    ):
+        code, _, complaint = vinefab("grow", plain, "--map", grid, "--contacts", name)
+        assert code == 2
+        assert words in complaint
+        assert len(complaint.splitlines()) == 1
+
+
+def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp_path):
+    monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
+    (tmp_path / "contacts").mkdir()
+    measured.rename(tmp_path / "contacts" / "our_film.toml")
+    assert GrowthOptions.of({"contacts": "our_film"}).half_angle_deg == [3.0, 6.0]
+
+
+@pytest.mark.usefixtures("measured")
+def test_run_files_name_it_relative_to_themselves_and_records_keep_it(tmp_path):
+    run = tmp_path / "run.toml"
+    run.write_text('schema = "vinefab/run-1"\n[growth]\ncontacts = "contacts.toml"\n')
+    settings = read_run(run)
+    assert settings.growth.half_angle_deg == [3.0, 6.0]
+    assert settings.growth.body_width_ratio == 1.05
+    record = json.loads(json.dumps(plain_settings(settings)))
+    assert settings_from_plain(record) == settings
+    run.write_text('schema = "vinefab/run-1"\n[growth]\ncontacts = "other.toml"\n')
+    with pytest.raises(Exception, match="there is no such file"):
+        read_run(run)
+
+
+def test_designs_that_were_trained_with_it_are_grown_with_it(measured, tmp_path):
+    growth = GrowthOptions.of({"contacts": measured})
+    vine = read_design("plain_vine")
+    trained = tmp_path / "trained.toml"
+    content = design_text(vine)
+    trained.write_text(content)
+    design = read_design(trained)
+    object.__setattr__(design, "origin", {"growth": growth.content})
+    trained.write_text(design_text(design))
+    again = GrowthOptions.of(read_design(trained).origin["growth"])
+    assert again == growth
+
+
+def test_without_measured_contacts_nothing_changes():
+    plain = GrowthOptions()
+    assert "contacts" not in plain.content
+    assert "body_width_ratio" not in plain.content
+    assert not {"contacts", "body_width_ratio"} & {*plain_settings(plain)}
+    assert plain.contact_angles_deg == (1.0, 5.0, 10.0, 15.0)
+    tree = read_design("three_level_tree")
+    radii_mm = Plan.of(tree, plain).radii_mm
+    assert radii_mm == Plan.of(tree, GrowthOptions.of({"body_width_ratio": 1.0})).radii_mm
+    wider = Plan.of(tree, GrowthOptions.of({"body_width_ratio": 1.5})).radii_mm
+    assert wider == pytest.approx([1.5 * radius_mm for radius_mm in radii_mm])
+
+
+def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain, tmp_path):
+    page = tmp_path / "page.html"
+    more = ("--map", grid, "--growth", "body_width_ratio=2", "--out", page, "--json", "-")
+    code, words, _ = vinefab("report", plain, *more)
+    assert code == 0
+    assert all(
+        reach["needed_kpa"] is None for reach in json.loads(words)["width"]["pressure"]["reaches"]
+    )
+    width_mm = read_design(plain).build.widths_mm[0]
+    wide = f"no room for its inflated body of {2 * 2 * width_mm / math.pi:.0f} mm"
+    assert wide in vinefab("grow", plain, "--map", grid, "--growth", "body_width_ratio=2")[1]
+
+
+# --- vinefab observe ... --fit
+
+
+@pytest.fixture
+def observed(tmp_path):
+    """Observations of two photos, as `vinefab observe --json` writes them."""
+    files = []
+    for number, angles in enumerate(((2.0, 4.0, 20.0), (3.0, 15.0, 30.0))):
+        contacts = [
+            {
+                "x_mm": 1.0,
+                "y_mm": 2.0,
+                "wall": f"obstacle {place}",
+                "angle_from_normal_deg": angle,
+                "angle_error_deg": 1.0,
+                "outcome": "stopped" if angle < 10.0 else "slid",
+                "distance_mm": None if place == 2 else 13.0,
+            }
+            for place, angle in enumerate(angles)
+        ]
+        trunk = {"id": "1", "level": 1, "points_mm": [[0.0, 0.0], [0.0, 9.5]], "contacts": contacts}
+        content = {
+            "schema": "vinefab/observation-1",
+            "photo": f"photo_{number}.jpg",
+            "map": "elsewhere.geojson",
+            "design": "gone.toml",
+            "pose": {"x_mm": 0.0, "y_mm": 0.0, "heading_deg": 90.0},
+            "film": {"how": "by colour", "width_mm": None},
+            "branches": [{**trunk, "width_mm": {"measured": 26.0, "nominal": 25.0}}],
+        }
+        files.append(tmp_path / f"seen_{number}.json")
+        files[-1].write_text(json.dumps(content))
+    return files
+
+
+def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, observed, tmp_path):
+    file = tmp_path / "mine.toml"
+    code, words, _ = vinefab("observe", *observed, "--fit", file)
+    assert code == 0
+    assert "head-on half-angle" in words
+    assert "6 contacts on 2 photos, 3 stopped, 3 slid" in words
+    assert "2 photos with contacts: too few" in words
+    assert "centre lines keep from walls, against lay-flat width / pi: 1.04" in words
+    assert "its map is not read" in words
+    assert "not compared: only one of the two ways" in words
+    again = file.read_bytes()
+    assert vinefab("observe", *observed, "--fit", file)[0] == 0  # its own file, not a foreign one
+    assert file.read_bytes() == again
+    assert (
+        "(measured: 6 contacts on 2 photos"
+        in vinefab("grow", plain, "--map", grid, "--contacts", file)[1]
+    )
+
+
+def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
+    one, other = observed
+    foreign = tmp_path / "notes.toml"
+    foreign.write_text("mine")
+    for arguments, words in (
+        ((one, other), "one photo; several observations (JSON) together with --fit"),
+        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "not beside --fit"),
+        ((one, "--fit", tmp_path / "a.json"), "ending in .toml"),
+        ((one, one, "--fit", tmp_path / "a.toml"), "each observation once"),
+        ((tmp_path / "no.json", "--fit", tmp_path / "a.toml"), "there is no such file"),
+        ((one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1), "--angle-error-deg is -1"),
+        ((one, "--fit", foreign), "not written by vinefab"),
+        ((one,), "--map is missing"),
+        ((one, "--angle-error-deg", 3), "only together with --fit"),
+    ):
+        code, _, complaint = vinefab("observe", *arguments)
+        assert code == 2
+        assert words in complaint
+        assert len(complaint.splitlines()) == 1
+    assert foreign.read_text() == "mine"
+    assert not (tmp_path / "a.toml").exists()

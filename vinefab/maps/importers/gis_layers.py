@@ -1,0 +1,258 @@
+"""GeoPackage, Shapefile and FlatGeobuf layers, read by GDAL (pyogrio, the extra ``gis``)."""
+
+import re
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
+from vinefab.maps.importers.source_drawing import (
+    PROJECT_ADVICE,
+    DrawingItem,
+    ImportOptions,
+    Ring,
+    SourceDrawing,
+    Straight,
+    drawing_map,
+)
+from vinefab.model.files.shipped import existing_file
+from vinefab.model.map import Map
+
+_LARGEST_BYTES = 1 << 30
+_MOST_FEATURES = 500_000
+_BEGINNINGS = {
+    ".gpkg": b"SQLite format 3\0",
+    ".shp": b"\0\0\x27\x0a",
+    ".fgb": b"fgb\x03fgb",
+}
+"""GDAL looks into files for what they are; only these kinds are given to it."""
+_ROLES = ("bounds", "obstacle")
+_MOST_WARNINGS = 5
+_SCALE = "--scale-mm-per-unit says how many mm a unit is"
+
+
+def import_gis(path: Path, options: ImportOptions) -> Map:
+    """Return the map in a layer of a geographic information system.
+
+    Polygons are areas, closed lines outlines, open ones are joined; points are counted and left
+    out, as are heights. A column ``role`` may name bounds and obstacles. The unit is that of the
+    coordinate reference system.
+    """
+    _ensure_kind(path)
+    with located(path), warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        drawing = _drawing(path, options, _gdal())
+    if said:
+        lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
+        drawing = replace(
+            drawing, facts={**drawing.facts, "reader_warnings": lines[:_MOST_WARNINGS]}
+        )
+    return replace(drawing_map(path, drawing, options), environment="gis")
+
+
+def _ensure_kind(path: Path) -> None:
+    """Refuse what is not of the kind that its suffix says, or lacks a file beside it."""
+    existing_file(path)
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise UnreadableFileError(path, f"is larger than {_LARGEST_BYTES} bytes")
+    begin = _BEGINNINGS[path.suffix.lower()]
+    with path.open("rb") as file:
+        if file.read(len(begin)) != begin:
+            raise UnreadableFileError(path, f"is not a {path.suffix.lower()} file, or is damaged")
+    if path.suffix.lower() == ".shp" and _beside(path, ".shx") is None:
+        problem = f"needs {path.stem}.shx beside it: a Shapefile is several files, copy them all"
+        raise UnreadableFileError(path, problem)
+
+
+def _beside(path: Path, suffix: str) -> Path | None:
+    """Return the file of the same name with another suffix, in lower or upper case."""
+    places = (path.with_suffix(case) for case in (suffix, suffix.upper()))
+    return next((place for place in places if place.is_file()), None)
+
+
+def _gdal() -> ModuleType:
+    try:
+        import pyogrio  # noqa: PLC0415  an extra, and GDAL takes half a second to load
+        from pyogrio import errors, raw  # noqa: F401, PLC0415  loads the submodules
+    except ImportError as error:
+        allowed = "only with the extra: pip install 'vinefab[gis]'"
+        raise BadInputError("GeoPackage, Shapefile, FlatGeobuf", "not readable", allowed) from error
+    found: ModuleType = pyogrio
+    return found
+
+
+@dataclass(slots=True)
+class _Read:
+    """What was read from the layers of a file."""
+
+    items: list[DrawingItem] = field(default_factory=list)
+    kinds: Counter[str] = field(default_factory=Counter)
+    empty: int = 0  # features without geometry
+    heights: int = 0  # features with z
+    systems: dict[str, str] = field(default_factory=dict)  # reference system by layer
+
+
+def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDrawing:
+    found = _Read()
+    try:
+        names = _layers(path, options.layers, gdal)
+        for name in names:
+            _read_layer(path, name, gdal, found, several=len(names) > 1)
+    except (
+        gdal.errors.DataSourceError,
+        gdal.errors.DataLayerError,
+        shapely.GEOSException,
+    ) as error:
+        problem = " ".join(str(error).replace(str(path), "").split())
+        raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from error
+    if len(set(found.systems.values())) > 1:
+        raise BadInputError(
+            "layers", f"in {len(set(found.systems.values()))} reference systems", "one for all"
+        )
+    system = next(iter(found.systems.values()), "")
+    given = options.scale_mm_per_unit is not None
+    unit, mm_per_unit = ("as given", 1.0) if given else _unit(system, path, gdal)
+    points = {kind: count for kind, count in found.kinds.items() if "Point" in kind}
+    return SourceDrawing(
+        items=tuple(found.items),
+        mm_per_unit=mm_per_unit,
+        curved=False,
+        layered=len(found.systems) > 1,
+        facts={
+            "units": unit,
+            "reference_system": system[:60] or "none",
+            "layers": sorted(found.systems),
+            "geometries": {k: n for k, n in found.kinds.items() if k not in points},
+            **({"ignored": points} if points else {}),
+            **({"features_without_geometry": found.empty} if found.empty else {}),
+            **({"heights_dropped": found.heights} if found.heights else {}),
+        },
+    )
+
+
+def _layers(path: Path, wanted: tuple[str, ...], gdal: ModuleType) -> list[str]:
+    """Return the names of the layers to read."""
+    known = [str(name) for name, kind in gdal.list_layers(path) if kind is not None]
+    for name in wanted:
+        if name not in known:
+            raise UnknownNameError("layer", name, known)
+    if not known:
+        raise BadInputError("layers", "none with geometry", "at least one")
+    if not wanted and len(known) > 1:
+        raise BadInputError(
+            "--layer", None, f"one of {', '.join(known[:20])} (repeatable: what is read together)"
+        )
+    return list(wanted) or known
+
+
+def _read_layer(path: Path, name: str, gdal: ModuleType, found: _Read, *, several: bool) -> None:
+    info = gdal.read_info(path, layer=name)
+    if info["features"] > _MOST_FEATURES:
+        raise BadInputError(
+            f"layer {name}", f"{info['features']} features", f"at most {_MOST_FEATURES}"
+        )
+    found.systems[name] = info["crs"] or ""
+    columns = ["role"] if "role" in info["fields"] else []
+    _, fids, wkb, columns_read = gdal.raw.read(path, layer=name, columns=columns, return_fids=True)
+    roles = columns_read[0] if columns else np.full(len(wkb), None)
+    shapes = shapely.from_wkb(wkb)
+    found.heights += int(shapely.has_z(shapes).sum())
+    for fid, shape, role in zip(fids.tolist(), shapes, roles, strict=True):
+        if shape is None or shape.is_empty:
+            found.empty += 1
+            continue
+        found.kinds[shape.geom_type] += 1
+        where = f"{name} feature {fid}" if several else f"feature {fid}"
+        found.items += _items(where, shape, role if role in _ROLES else None)
+
+
+def _items(where: str, shape: BaseGeometry, role: Any) -> Iterator[DrawingItem]:  # noqa: ANN401  any column
+    parts = _leaves(shape)
+    for number, part in enumerate(parts, start=1):
+        key = where if len(parts) == 1 else f"{where} part {number}"
+        if part.is_empty or part.geom_type == "Point":
+            continue
+        if isinstance(part, Polygon):
+            holes = tuple(_ring(ring) for ring in part.interiors)
+            shell = _ring(part.exterior)
+            yield DrawingItem(rings=(shell,), where=key, filled=True, holes=holes, role=role)
+        else:
+            yield DrawingItem(rings=(_ring(part),), where=key, closed=role is not None, role=role)
+
+
+def _leaves(shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the geometries in a collection that are no collections."""
+    parts = shapely.get_parts(shape)
+    if not any(hasattr(part, "geoms") for part in parts):
+        return list(parts)
+    return [leaf for part in parts for leaf in _leaves(part)]
+
+
+def _ring(line: BaseGeometry) -> Ring:
+    return Ring(pieces=(Straight(shapely.get_coordinates(line)),))
+
+
+def _unit(system: str, path: Path, gdal: ModuleType) -> tuple[str, float]:
+    """Return the unit of a reference system as text, and its mm."""
+    if not system:
+        beside = " (no .prj beside it)" if path.suffix.lower() == ".shp" else ""
+        return f"mm (taken; the file names no reference system{beside})", 1.0
+    text = _well_known_text(system, gdal)
+    if re.match(r"\s*GEO(GCS|GCRS|DCRS|GRAPHICCRS)\s*\[", text):
+        raise BadInputError("reference system", f"{system[:40]} in degrees", PROJECT_ADVICE)
+    found = _length_unit(text)
+    if found is None:
+        raise BadInputError("reference system", f"{system[:40]} of unknown unit", _SCALE)
+    name, metres = found
+    return f"{name} ({system[:40]})", float(f"{1000.0 * metres:.12g}")
+
+
+def _well_known_text(system: str, gdal: ModuleType) -> str:
+    """Return the definition of a reference system that may be a code such as ``EPSG:32632``."""
+    if "[" in system:
+        return system
+    # GDAL holds the table of codes; it says what one means in the .prj of a Shapefile.
+    with TemporaryDirectory() as folder:
+        place = Path(folder) / "unit.shp"
+        spot = np.array([shapely.to_wkb(shapely.Point(0.0, 0.0))], dtype=np.object_)
+        try:
+            gdal.raw.write(str(place), spot, [], [], geometry_type="Point", crs=system)
+        except (gdal.errors.DataSourceError, gdal.errors.CRSError):
+            return ""
+        projection = _beside(place, ".prj")
+        return projection.read_text(encoding="utf-8") if projection else ""
+
+
+def _length_unit(text: str) -> tuple[str, float] | None:
+    """Return name and metres of the unit of a projected system: the last one at its own level.
+
+    >>> _length_unit('PROJCS["x",GEOGCS["y",UNIT["Degree",0.0175]],UNIT["Meter",1.0]]')
+    ('Meter', 1.0)
+    """
+    body = re.sub(r'^\s*COMPD_CS\s*\["[^"]*",', "", text)
+    body = re.sub(r'^\s*COMPOUNDCRS\s*\["[^"]*",', "", body)
+    depth, found = 0, None
+    for match in re.finditer(
+        r'"(?:[^"]|"")*"|[\[\]]|(?:LENGTH)?UNIT\["([^"]+)",([0-9.eE+-]+)', body
+    ):
+        if match[1] is not None:
+            own = depth == 1 or (depth == 2 and match[0].startswith("LENGTH"))
+            found = (match[1], float(match[2])) if own else found
+            depth += 1
+        elif match[0] == "[":
+            depth += 1
+        elif match[0] == "]":
+            depth -= 1
+            if depth == 0:
+                break
+    return found

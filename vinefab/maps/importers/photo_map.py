@@ -1,0 +1,394 @@
+"""Photos and scans of arenas: scale, perspective, tones, and the map that they show."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from scipy import ndimage
+
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats
+from vinefab.maps.cleanup.cell_walls import Mask
+from vinefab.maps.cleanup.raster import GridPlacement, RasterOptions, raster_map
+from vinefab.maps.importers.photo_options import PhotoOptions
+from vinefab.maps.importers.source_drawing import ImportOptions
+from vinefab.model.corner_marker import MARKER_SIDE_CELLS
+from vinefab.model.map import Map
+from vinefab.photos.found_markers import find_markers, square_points
+from vinefab.photos.photo import Photo, read_photo
+from vinefab.photos.photo_camera import (
+    ControlPoints,
+    PhotoCamera,
+    fit_camera,
+    inverse,
+    projected,
+)
+from vinefab.photos.plan_view import PlanView
+from vinefab.photos.rectify import AreaMm, most_pixels_per_mm, rectified, shown_in
+
+_ONLY_OTHERS = (
+    "join_mm",
+    "layers",
+    "drawn",
+    "bounds",
+    "margin_mm",
+    "wall_mm",
+    "open_lines",
+    "unknown",
+)
+_MOST_CELLS = 6e6
+"""Cells of a plan: 0.25 mm in 600 x 600 mm. A finer photo gives better walls than it says."""
+
+_LEAST_OBSTACLE_SHARE = 5e-5
+"""Default of the smallest obstacle that is kept, by the plan's area: 4 x 4 mm in 600 x 500 mm."""
+
+_SMOOTHING_PX = 0.7
+"""Evens out noise; less than what would cut the corners of cells."""
+
+_POINT_NOISE_PX = 1.0
+"""How far points that a person picks may be off (assumed)."""
+
+_LEAST_CONTRAST = 20.0
+_EDGE_CELLS = 9
+_EDGE_SHARE = 0.5
+"""A step of less than half of the contrast is a shadow's edge, not an obstacle's."""
+
+_TRIALS = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PhotoMap:
+    """A map and the photo that it was read from."""
+
+    world: Map
+    view: PlanView  # the photo, rectified to the height of the obstacles
+    markers_mm: Floats  # corners of the markers where the view shows them, shape (n, 4, 2)
+
+
+def import_photo(path: Path, options: ImportOptions) -> Map:
+    """Return the map in a photo or scan.
+
+    The bounds are the outer boundary of the largest free region, or of the one with the start; the
+    islands in it are obstacles: see `raster_map`.
+    """
+    return read_photo_map(path, options).world
+
+
+def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
+    """Return the map in a photo or scan, and the photo as a plan."""
+    options.refuse(_ONLY_OTHERS, "a photo", path)
+    chosen = options.photo or PhotoOptions()
+    photo = read_photo(path)
+    with located(path):
+        chosen.ensure_one_scale(options.scale_mm_per_unit)
+        scene = _Scene.of(photo, chosen, options.scale_mm_per_unit)
+        views = [scene.view(height) for height in sorted({0.0, chosen.height_mm})]
+        tones = _Tones.of(views[0], chosen, scene.shown(views[0], 0.0))
+        solid = np.logical_and.reduce([tones.solid(view) for view in views])
+        shown = np.logical_and.reduce(
+            [
+                scene.shown(view, height)
+                for view, height in zip(views, sorted({0.0, chosen.height_mm}), strict=True)
+            ]
+        )
+        free = shown & (~solid | _within(scene.quiet_squares(), views[0]))
+        world = _world(path, scene, views[0], free, options, tones)
+    return PhotoMap(world=world, view=views[-1], markers_mm=scene.markers_at(chosen.height_mm))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    """A photo whose camera is known, and what of it becomes the map."""
+
+    photo: Photo
+    camera: PhotoCamera
+    area_mm: AreaMm
+    mm_per_cell: float
+    mm_per_pixel: float  # of the photo, where it is finest; no less than a cell
+    markers_mm: Floats
+    facts: dict[str, object]
+
+    @classmethod
+    def of(cls, photo: Photo, chosen: PhotoOptions, mm_per_pixel: float | None) -> "_Scene":
+        found = find_markers(photo) if chosen.marker_mm is not None else {}
+        if chosen.marker_mm is not None and not found:
+            raise BadInputError(
+                "markers in the photo",
+                "0",
+                "one or more ArUco markers (DICT_4X4_50), seen whole and sharp, white around them",
+            )
+        control = _control(photo, chosen, found, mm_per_pixel)
+        camera = fit_camera(photo, control)
+        if chosen.height_mm > 0.0 and camera.focal_px is None:
+            raise BadInputError(
+                "height_mm",
+                chosen.height_mm,
+                "with four --points or markers, in a photo whose EXIF data say the focal length "
+                "(35 mm), or taken so obliquely that its perspective does",
+            )
+        area = _area_mm(photo, camera, control, chosen)
+        # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
+        share = 1.0 if len(control.points_px) == 2 else 0.5
+        pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
+        left, low, right, top = area
+        coarsest = float(np.sqrt((right - left) * (top - low) / _MOST_CELLS))
+        step = float(f"{max(share * pixel, coarsest):.4g}")
+        pixel = max(step, float(f"{pixel:.4g}"))
+        facts: dict[str, object] = {
+            "markers": sorted(found),
+            "points_off_mm": round(camera.residual_mm, 4),
+            "mm_per_cell": step,
+            **_placing(photo, chosen, found, mm_per_pixel, area),
+            **_parallax(camera, area, chosen),
+        }
+        squares = control.points_mm.reshape(-1, 4, 2) if found else np.empty((0, 4, 2))
+        return cls(photo, camera, area, step, pixel, squares, facts)
+
+    def view(self, height_mm: float) -> PlanView:
+        """Return the plan at a height."""
+        return rectified(
+            self.photo,
+            self.camera,
+            self.area_mm,
+            plane_mm=height_mm,
+            mm_per_pixel=self.mm_per_cell,
+        )
+
+    def shown(self, view: PlanView, height_mm: float) -> Mask:
+        """Return which cells of a plan the photo shows."""
+        return shown_in(self.photo, self.camera, view, height_mm)
+
+    def markers_at(self, height_mm: float) -> Floats:
+        """Return where a plan at a height shows the markers."""
+        corners = self.camera.to_photo(self.markers_mm.reshape(-1, 2))
+        return self.camera.to_map(corners, height_mm).reshape(-1, 4, 2)
+
+    def quiet_squares(self) -> list[Floats]:
+        """Return the markers with the white around them."""
+        middles = self.markers_mm.mean(axis=1, keepdims=True)
+        return list(middles + (1.0 + 2.0 / MARKER_SIDE_CELLS) * (self.markers_mm - middles))
+
+
+def _control(
+    photo: Photo, chosen: PhotoOptions, found: dict[int, Floats], mm_per_pixel: float | None
+) -> ControlPoints:
+    """Return the points that give a photo its scale."""
+    if chosen.marker_mm is not None:
+        return square_points(found, chosen.marker_mm)
+    points = np.array(chosen.points_px, dtype=np.float64)
+    if chosen.rectangle_mm is not None:
+        width, height = chosen.rectangle_mm
+        corners = np.array([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)])
+        _ensure_counter_clockwise(points)
+        return ControlPoints(points_px=points, points_mm=corners, noise_px=_POINT_NOISE_PX)
+    if mm_per_pixel is None:
+        apart = float(np.hypot(*(points[1] - points[0])))
+        if apart < 2.0 or chosen.distance_mm is None:
+            raise BadInputError("points", chosen.points_px, "two at least 2 pixels apart")
+        scale = chosen.distance_mm / apart
+    else:
+        points = np.array([(0.0, 0.0), (photo.width_px, photo.height_px)])
+        scale = mm_per_pixel
+    upwards = np.array([0.0, photo.height_px]) + points * (1.0, -1.0)
+    return ControlPoints(points_px=points, points_mm=scale * upwards, noise_px=_POINT_NOISE_PX)
+
+
+def _ensure_counter_clockwise(points: Floats) -> None:
+    sides = np.roll(points, -1, axis=0) - points
+    ahead = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * ahead[:, 1] - sides[:, 1] * ahead[:, 0]
+    if not (turns < 0.0).all():  # rows run down
+        given = "; ".join(f"{x:g},{y:g}" for x, y in points)
+        raise BadInputError(
+            "points", given, "the lower left corner first, then counter-clockwise around"
+        )
+
+
+def _area_mm(
+    photo: Photo, camera: PhotoCamera, control: ControlPoints, chosen: PhotoOptions
+) -> AreaMm:
+    """Return what becomes the map: the crop, the rectangle, what markers enclose, or all."""
+    if chosen.crop_mm is not None:
+        left, low, right, top = chosen.crop_mm
+        if right <= left or top <= low:
+            raise BadInputError("crop", chosen.crop_mm, "LEFT,LOW,RIGHT,TOP in mm of the map")
+        return chosen.crop_mm
+    if chosen.rectangle_mm is not None:
+        return (0.0, 0.0, *chosen.rectangle_mm)
+    if len(control.points_mm) >= 12:
+        return (*control.points_mm.min(axis=0).tolist(), *control.points_mm.max(axis=0).tolist())
+    width, height = photo.width_px, photo.height_px
+    corners = np.array([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)])
+    back = inverse(camera.homography)
+    depth = np.column_stack([np.vstack([corners, control.points_px[:1]]), np.ones(5)]) @ back[2]
+    if (depth * depth[-1] <= 0.0).any():
+        raise BadInputError(
+            "crop", None, "LEFT,LOW,RIGHT,TOP in mm of the map: the photo shows the horizon"
+        )
+    seen = projected(back, corners)
+    return (*seen.min(axis=0).tolist(), *seen.max(axis=0).tolist())
+
+
+def _placing(
+    photo: Photo,
+    chosen: PhotoOptions,
+    found: dict[int, Floats],
+    mm_per_pixel: float | None,
+    area_mm: AreaMm,
+) -> dict[str, object]:
+    """Return how far places may be off because the points are: simulated, 95 %."""
+    if mm_per_pixel is not None:
+        return {}
+    control = _control(photo, chosen, found, None)
+    camera = fit_camera(photo, control)
+    noise_px = _POINT_NOISE_PX if not found else control.noise_px
+    left, low, right, top = area_mm
+    places = np.array([(left, low), (right, low), (right, top), (left, top)])
+    places_px = camera.to_photo(places)
+    points = np.array(chosen.points_px, dtype=np.float64).reshape(-1, 2)
+    rng, worst = child(0), []
+    for _ in range(_TRIALS):
+        moved = {key: value + rng.normal(0.0, noise_px, (4, 2)) for key, value in found.items()}
+        picked = points + rng.normal(0.0, noise_px, points.shape)
+        trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
+        again = fit_camera(photo, _control(photo, trial, moved, None)).to_map(places_px)
+        worst.append(float(np.hypot(*_aligned(again, places).T).max()))
+    return {
+        "shape_within_mm": round(float(np.quantile(worst, 0.95)), 3),
+        "if_points_within_px": f"{noise_px:g} (assumed, standard deviation)",
+    }
+
+
+def _aligned(points: Floats, places: Floats) -> Floats:
+    """Return how far points are from places after the best turn and shift: those do not matter."""
+    one, two = points - points.mean(axis=0), places - places.mean(axis=0)
+    turn = np.vdot(one @ (1.0, 1.0j), two @ (1.0, 1.0j))
+    turned = (one @ (1.0, 1.0j)) * turn / abs(turn)
+    return np.asarray(np.column_stack([turned.real, turned.imag]) - two)
+
+
+def _parallax(camera: PhotoCamera, area_mm: AreaMm, chosen: PhotoOptions) -> dict[str, object]:
+    """Return by how much what stands higher, or lower, is seen beside its place."""
+    left, low, right, top = area_mm
+    places = np.array([(left, low), (right, low), (right, top), (left, top)])
+    if camera.focal_px is None:
+        words = f"up to {camera.parallax_mm_per_mm:.2f} (assumed: a lens of at least 13 mm)"
+        return {"parallax_mm_per_mm_of_height": words}
+    slope = camera.to_map(camera.to_photo(places, 1.0), 0.0) - places
+    words = f"up to {float(np.hypot(*slope.T).max()):.2f} (computed)"
+    taken = "taken out" if chosen.height_mm else "not taken out; --height-mm does"
+    return {
+        "focal_px": round(camera.focal_px, 1),
+        "parallax_mm_per_mm_of_height": f"{words}, {taken}",
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Tones:
+    """What tells obstacles from the floor."""
+
+    chosen: PhotoOptions
+    threshold: float | None  # brightness; None where a colour tells
+    contrast: float = (
+        np.inf
+    )  # between floor and obstacles; infinite where a person set the threshold
+
+    @classmethod
+    def of(cls, view: PlanView, chosen: PhotoOptions, shown: Mask) -> "_Tones":
+        if chosen.colour is not None:
+            return cls(chosen, None)
+        if chosen.threshold is not None:
+            return cls(chosen, chosen.threshold)
+        low, high = _two_tones(_brightness(view)[shown])
+        return cls(chosen, (low + high) / 2.0, high - low)
+
+    def solid(self, view: PlanView) -> Mask:
+        """Return which cells of a plan are obstacles."""
+        if self.threshold is None:
+            *colour, tolerance = self.chosen.colour or ()
+            pixels = ndimage.gaussian_filter(
+                view.pixels.astype(np.float32), (_SMOOTHING_PX, _SMOOTHING_PX, 0)
+            )
+            off = pixels - np.array(colour, dtype=np.float32)
+            return np.asarray(np.linalg.norm(off, axis=2) <= tolerance)
+        bright = _brightness(view)
+        between = self._between(bright)
+        return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
+
+    def _between(self, bright: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the brightness half-way across an edge where one is near, else the threshold.
+
+        In a shadow, and where the light is weaker, an edge lies at another brightness.
+        """
+        high = ndimage.maximum_filter(bright, _EDGE_CELLS)
+        low = ndimage.minimum_filter(bright, _EDGE_CELLS)
+        edge = high - low > _EDGE_SHARE * self.contrast
+        return np.where(edge, (high + low) / 2.0, np.float32(self.threshold or 0.0))
+
+
+def _brightness(view: PlanView) -> NDArray[np.float32]:
+    grey = np.asarray(Image.fromarray(view.pixels).convert("L"), dtype=np.float32)
+    return np.asarray(ndimage.gaussian_filter(grey, _SMOOTHING_PX))
+
+
+def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the means of the dark and of the light cells, told apart by Otsu's method."""
+    counts = np.bincount(bright.astype(np.uint8), minlength=256).astype(np.float64)
+    below, total = np.cumsum(counts), counts.sum()
+    sums = np.cumsum(counts * np.arange(256.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        low, high = sums / below, (sums[-1] - sums) / (total - below)
+        between = np.nan_to_num(below * (total - below) * (high - low) ** 2)
+    best = int(between.argmax())
+    if not high[best] - low[best] >= _LEAST_CONTRAST:
+        raise BadInputError(
+            "threshold",
+            None,
+            "--threshold 0 to 255 (no two tones are seen in the photo), or --obstacles R,G,B",
+        )
+    return float(low[best]), float(high[best])
+
+
+def _within(polygons_mm: list[Floats], view: PlanView) -> Mask:
+    """Return which cells of a plan lie in polygons."""
+    rows, columns = view.pixels.shape[:2]
+    picture = Image.new("L", (columns, rows), 0)
+    for corners in polygons_mm:
+        places = (view.to_pixels(corners) - 0.5).ravel().tolist()
+        ImageDraw.Draw(picture).polygon(places, fill=255)
+    return np.asarray(picture) > 0
+
+
+def _world(
+    path: Path, scene: _Scene, view: PlanView, free: Mask, options: ImportOptions, tones: _Tones
+) -> Map:
+    """Return the map of what is free in a plan."""
+    rows, columns = free.shape
+    least_mm2 = options.least_obstacle_mm2
+    if least_mm2 is None:
+        least_mm2 = float(f"{_LEAST_OBSTACLE_SHARE * free.size * view.mm_per_pixel**2:.2g}")
+    facts: dict[str, object] = {
+        "source": path.name,
+        "pixels": [scene.photo.width_px, scene.photo.height_px],
+        **scene.facts,
+        "obstacles_are": tones.chosen.obstacles,
+        "threshold": None if tones.threshold is None else round(tones.threshold, 1),
+        "least_obstacle_mm2": least_mm2,
+        "cells": [columns, rows],
+    }
+    placement = GridPlacement(
+        cell_mm=view.mm_per_pixel,
+        x_mm=view.left_mm,
+        y_mm=view.top_mm - rows * view.mm_per_pixel,
+    )
+    simplify_mm = scene.mm_per_pixel if options.simplify_mm is None else options.simplify_mm
+    chosen = RasterOptions(
+        simplify_mm=simplify_mm,
+        least_obstacle_mm2=least_mm2,
+        start=options.start,
+    )
+    world = raster_map(path.stem, free[::-1], placement, chosen, facts)
+    return replace(world, environment="photo")

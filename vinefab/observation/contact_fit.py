@@ -1,0 +1,451 @@
+"""Several photos together: measured contacts with intervals, and whether two ways agree.
+
+The half-angle comes from the contacts (`vinefab.observation.threshold_fit`), and once more from the
+whole shapes: every robot is grown again at many half-angles and compared with its photo.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import t as student
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import rad
+from vinefab.core.validation import Floats, number
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.options import GrowthChoice
+from vinefab.growth.plan import Plans
+from vinefab.growth.terrain import Terrain
+from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
+from vinefab.model.files.contacts_toml import CONTACTS_SCHEMA, contacts_text
+from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
+from vinefab.observation.threshold_fit import (
+    FEW_PHOTOS,
+    ThresholdFit,
+    fit_threshold,
+)
+from vinefab.physics.anchoring import ASSUMED_FRICTION
+
+ANGLE_ERROR_DEG = 2.0
+"""Standard error of the angle of a contact where an observation does not give one [assumed]."""
+
+SHAPE_STEP_DEG = 0.5
+SHAPE_ANGLES_DEG = tuple(np.arange(0.0, 45.01, SHAPE_STEP_DEG).tolist())
+"""Half-angles at which robots are grown again."""
+
+SHAPE_ERRORS_MM = tuple(np.geomspace(2.0, 64.0, 11).tolist())
+"""Errors of shapes that are tried: at least what tracing leaves [assumed]."""
+
+TAILS = 3.0
+"""Degrees of freedom of the distribution of shape errors [assumed]: outliers are expected."""
+
+COMPARED = 64
+"""Places along a branch at which two shapes are compared."""
+
+FEWEST_RATIOS = 3
+"""So many contacts give a ratio of widths."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeFit:
+    """Half-angles at which robots that are grown again look like those on the photos."""
+
+    value_deg: float
+    # 95 % interval by profile likelihood, photos as the independent units
+    low_deg: float
+    high_deg: float
+    photos: int
+    branches: int
+    error_mm: float  # median over branches of the distance at the best half-angle
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether shapes are alike at all half-angles."""
+        return (self.low_deg, self.high_deg) == (SHAPE_ANGLES_DEG[0], SHAPE_ANGLES_DEG[-1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactFit:
+    """What photos measured together, and what a user should know about it."""
+
+    contacts: MeasuredContacts
+    threshold: ThresholdFit | None  # None without any contact that slid or stopped
+    shapes: ShapeFit | None  # None where designs and maps are not at hand
+    photos: tuple[str, ...]  # their names
+    left_out: Mapping[str, int]  # contacts that were not counted, by reason
+    notes: tuple[str, ...]
+
+    @property
+    def agreement(self) -> str:
+        """Whether contacts and whole shapes give the same half-angle, in words."""
+        one, two = self.threshold, self.shapes
+        if one is None or two is None:
+            return "not compared: only one of the two ways can be gone"
+        if two.says_nothing:
+            return "not compared: the shapes are the same at all half-angles"
+        apart = two.low_deg > one.high_deg or two.high_deg < one.low_deg
+        return "the intervals do not meet" if apart else "both ways agree"
+
+    def text(self) -> str:
+        """Return the file that predictions read."""
+        return contacts_text(self.contacts, self._method())
+
+    def json_text(self) -> str:
+        """Return the same as JSON."""
+        return json_text(CONTACTS_SCHEMA, {**self.contacts.content, "method": self._method()})
+
+    def _method(self) -> dict[str, object]:
+        method: dict[str, object] = {"photos": list(self.photos)}
+        if (fit := self.threshold) is not None:
+            method |= {"stopped": fit.stopped, "slid": fit.slid, "separable": fit.is_separable}
+            ends = {"greatest_stopped_deg": fit.greatest_stopped_deg}
+            ends["least_slid_deg"] = fit.least_slid_deg
+            method |= {name: round(end, 3) for name, end in ends.items() if end is not None}
+            method["tip_spread_deg"] = fit.tip_spread_deg
+            method["photo_spread_deg"] = fit.photo_spread_deg
+        if (shapes := self.shapes) is not None:
+            method["shapes_half_angle_deg"] = shapes.value_deg
+            method["shapes_low_deg"] = shapes.low_deg
+            method["shapes_high_deg"] = shapes.high_deg
+        method["agreement"] = self.agreement
+        return {**method, "notes": list(self.notes)}
+
+    def lines(self) -> list[str]:
+        """Return the fit in a few lines for the user."""
+        found = self.contacts
+        out = ", ".join(f"{count} {why}" for why, count in self.left_out.items() if count)
+        lines = [
+            f"{_count(len(self.photos), 'photo')}{f'; contacts left out: {out}' if out else ''}"
+        ]
+        if self.threshold is not None and found.head_on_half_angle_deg is not None:
+            lines.append(_half_angle_line(found.head_on_half_angle_deg, self.threshold))
+        if self.shapes is not None:
+            lines.append(_shapes_line(self.shapes))
+        lines.append(f"contacts and whole shapes: {self.agreement}")
+        if found.tip_friction is not None:
+            lines.append(
+                f"friction of a tip on a wall {_shown(found.tip_friction)} (measured: the tangent "
+                f"of the half-angle); anchoring keeps its friction of {ASSUMED_FRICTION.value:g} "
+                "(assumed): a body pulled around an obstacle is another state of the surface"
+            )
+        for name, words in (
+            ("body_width_ratio", "centre lines keep from walls, against lay-flat width / pi:"),
+            ("film_breadth_ratio", "breadth of the film, against 2 lay-flat width / pi:"),
+        ):
+            measured: MeasuredNumber | None = getattr(found, name)
+            if measured is not None:
+                lines.append(f"{words} {_shown(measured)} (measured)")
+        return [*lines, *self.notes]
+
+
+def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
+    """Return what the observations in some files measured together.
+
+    Parameters
+    ----------
+    error_deg
+        Standard error of the angles of contacts, where an observation does not give it.
+    """
+    number("--angle-error-deg", error_deg, 0.1, 30.0, "deg")
+    return fit_photos(read_observations(paths), error_deg)
+
+
+def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
+    """Return what photos measured together."""
+    notes = [note for photo in photos for note in photo.notes]
+    threshold = _threshold(photos, error_deg)
+    ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
+    breadth = _breadth(photos)
+    shapes = _shape_fit(photos, _other_ratio(ratio))
+    if threshold is None and ratio is None and breadth is None:
+        allowed = "observations with contacts that slid or stopped, or with the film's breadth"
+        raise BadInputError("contacts", "none", allowed, photos[0].file)
+    half_angle = None if threshold is None else _half_angle(threshold, photos)
+    return ContactFit(
+        contacts=MeasuredContacts(
+            head_on_half_angle_deg=half_angle,
+            tip_friction=None if half_angle is None else _friction(half_angle),
+            body_width_ratio=ratio,
+            film_breadth_ratio=breadth,
+        ),
+        threshold=threshold,
+        shapes=shapes,
+        photos=tuple(photo.photo for photo in photos),
+        left_out={
+            "unclear": sum(photo.unclear for photo in photos),
+            "stopped for another reason than the angle": sum(p.elsewise for p in photos),
+        },
+        notes=(*notes, *_threshold_notes(threshold, photos, error_deg), *ratio_notes),
+    )
+
+
+# --- The half-angle from contacts -----------------------------------------------------------------
+
+
+def _threshold(photos: Sequence[ObservedPhoto], error_deg: float) -> ThresholdFit | None:
+    seen = [(contact, place) for place, photo in enumerate(photos) for contact in photo.contacts]
+    if not seen:
+        return None
+    errors = [error_deg if c.error_deg is None else c.error_deg for c, _ in seen]
+    return fit_threshold(
+        [contact.angle_deg for contact, _ in seen],
+        [contact.stopped for contact, _ in seen],
+        [place for _, place in seen],
+        errors,
+    )
+
+
+def _half_angle(fit: ThresholdFit, photos: Sequence[ObservedPhoto]) -> MeasuredNumber:
+    names = ", ".join(photo.photo for photo in photos if photo.contacts)
+    return MeasuredNumber(
+        value=fit.value_deg,
+        low=fit.low_deg,
+        high=fit.high_deg,
+        side=fit.side,
+        count=fit.stopped + fit.slid,
+        photos=fit.photos,
+        source=f"{fit.stopped} tips stopped, {fit.slid} slid; photos: {names}",
+    )
+
+
+_STEEP_DEG = 89.0
+"""Tangents end here: no friction is measured by a tip that stops at every angle."""
+
+
+def _friction(half_angle: MeasuredNumber) -> MeasuredNumber:
+    def tangent(angle_deg: float) -> float:
+        return round(math.tan(rad(min(angle_deg, _STEEP_DEG))), 4)
+
+    return replace(
+        half_angle,
+        value=None if half_angle.value is None else tangent(half_angle.value),
+        low=tangent(half_angle.low),
+        high=tangent(half_angle.high),
+        source=f"tangent of the half-angle; {half_angle.source}",
+    )
+
+
+def _threshold_notes(
+    fit: ThresholdFit | None, photos: Sequence[ObservedPhoto], error_deg: float
+) -> list[str]:
+    """Return what a user should know about the half-angle, a sentence each."""
+    if fit is None:
+        return ["no contact slid or stopped: the half-angle stays assumed"]
+    notes = list[str]()
+    if fit.side != "both":
+        did = "slid" if fit.side == "upper" else "stopped"
+        bound = "an upper" if fit.side == "upper" else "a lower"
+        notes.append(f"all tips {did}: contacts give {bound} bound of the half-angle, no estimate")
+    if fit.photos < FEW_PHOTOS:
+        notes.append(
+            f"{_count(fit.photos, 'photo')} with contacts: too few to tell how photos differ "
+            f"(from {FEW_PHOTOS} on); other photos may lie outside the interval"
+        )
+    if not fit.is_separable:
+        notes.append(
+            f"a tip stopped at {fit.greatest_stopped_deg:.1f} deg and one slid at "
+            f"{fit.least_slid_deg:.1f} deg: no one angle parts them; spread of the thresholds "
+            f"{fit.tip_spread_deg:g} deg among tips, {fit.photo_spread_deg:g} deg among photos"
+        )
+    if any(contact.error_deg is None for photo in photos for contact in photo.contacts):
+        notes.append(f"standard error of a contact's angle {error_deg:g} deg (assumed)")
+    return notes
+
+
+# --- The half-angle from whole shapes -------------------------------------------------------------
+
+
+def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit | None:
+    tables = [_distances_mm2(photo, width_ratio) for photo in photos]
+    known = [table for table in tables if table is not None and len(table)]
+    if not known:
+        return None
+    squared = np.concatenate(known)
+    # Children follow their parents: the branches of a photo count as one observation together.
+    weight = np.concatenate([np.full(len(table), 1.0 / len(table)) for table in known])
+    likely = np.max([_log_likely(squared, weight, mm) for mm in SHAPE_ERRORS_MM], axis=0)
+    fall = 2.0 * (likely.max() - likely)
+    angles = np.array(SHAPE_ANGLES_DEG)
+    # As many independent observations as photos: the few give a wide interval.
+    most_fall = float(student.ppf(0.975, max(1, len(known) - 1))) ** 2
+    inside, top = angles[fall <= most_fall], angles[fall <= 0.1]
+    return ShapeFit(
+        value_deg=float(0.5 * (top[0] + top[-1])),
+        # Between two half-angles that were grown anything may be.
+        low_deg=max(angles[0], float(inside[0]) - SHAPE_STEP_DEG),
+        high_deg=min(angles[-1], float(inside[-1]) + SHAPE_STEP_DEG),
+        photos=len(known),
+        branches=len(squared),
+        error_mm=_typical_mm(squared[:, likely.argmax()]),
+    )
+
+
+def _typical_mm(squared_mm2: Floats) -> float:
+    """Return the median distance of branches that are there in both."""
+    both = squared_mm2[squared_mm2 > 0.0]
+    return float(np.median(np.sqrt(both))) if len(both) else 0.0
+
+
+def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
+    """Return the log likelihood of branches' distances at each half-angle, shape (angles,).
+
+    A t distribution of two coordinates: a branch that went another way for a reason of its own is
+    an outlier, and does not decide alone.
+    """
+    far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
+    return np.asarray(-weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm)))
+
+
+def _other_ratio(measured: MeasuredNumber | None) -> float:
+    """Return the ratio of widths that robots are grown again with: 1 unless it clearly is not."""
+    if measured is None or measured.value is None or measured.low <= 1.0 <= measured.high:
+        return 1.0
+    return measured.value
+
+
+def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
+    """Return the mean squared distance of each branch from its photo, shape (branches, angles)."""
+    if photo.design is None or photo.world is None:
+        return None
+    options = replace(GrowthChoice.of([photo.design]).options, body_width_ratio=width_ratio)
+    poses = [photo.pose] * len(SHAPE_ANGLES_DEG)
+    atlas = TerrainSet([Terrain.of(photo.world)])
+    launches = Launches.of(atlas, [poses], [rad(angle) for angle in SHAPE_ANGLES_DEG])
+    grown = Batch(Plans.of([photo.design], options), launches, options, engine="auto").deployments()
+    rows = [
+        [_mean_square_mm2(photo.chains_mm[name], one.chain_mm(branch)) for one in grown]
+        for branch, name in enumerate(grown[0].tree.ids)
+        if name in photo.chains_mm
+    ]
+    table = np.array(rows).reshape(-1, len(grown))
+    # What never emerges, neither on the photo nor at any half-angle, says nothing.
+    return np.asarray(table[table.any(axis=1)])
+
+
+def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:
+    """Return the mean squared distance of two chains at the same ways along them.
+
+    Beyond its tip a chain stays at its tip; one that never emerged stays where the other begins.
+    """
+    if not len(one_mm) and not len(other_mm):
+        return 0.0
+    one_mm = one_mm if len(one_mm) else other_mm[:1]
+    other_mm = other_mm if len(other_mm) else one_mm[:1]
+    along = np.linspace(0.0, max(_length_mm(one_mm), _length_mm(other_mm)), COMPARED)
+    apart = _at(one_mm, along) - _at(other_mm, along)
+    return float(np.mean(np.sum(apart**2, axis=1)))
+
+
+def _ways_mm(chain_mm: Floats) -> Floats:
+    steps = np.hypot(*np.diff(chain_mm, axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _length_mm(chain_mm: Floats) -> float:
+    return float(_ways_mm(chain_mm)[-1])
+
+
+def _at(chain_mm: Floats, along_mm: Floats) -> Floats:
+    ways = _ways_mm(chain_mm)
+    return np.column_stack([np.interp(along_mm, ways, chain_mm[:, axis]) for axis in (0, 1)])
+
+
+# --- Ratios of widths -----------------------------------------------------------------------------
+
+
+def _over_photos(
+    values: Sequence[Sequence[float]], photos: Sequence[ObservedPhoto]
+) -> tuple[MeasuredNumber | None, list[str]]:
+    """Return the ratio of widths with its t interval over photos, and what to know about it."""
+    each = [np.array(some) for some in values if len(some)]
+    count = sum(len(some) for some in each)
+    if count < FEWEST_RATIOS:
+        few = f"{_count(count, 'contact')} with a distance from a wall: too few for a body width"
+        return None, [f"{few} (from {FEWEST_RATIOS} on)"]
+    notes, units = list[str](), np.array([float(np.median(some)) for some in each])
+    if len(units) == 1:
+        units = each[0]
+        notes.append("body width from one photo: its interval is over contacts, not over photos")
+    value, low, high = _t_interval(units)
+    names = ", ".join(photo.photo for photo, some in zip(photos, values, strict=True) if len(some))
+    if not 0.5 <= value <= 2.0:
+        return None, [f"body width {value:.2f} of the nominal one is left out: it must be wrong"]
+    return (
+        MeasuredNumber(
+            value=round(value, 4),
+            low=round(max(0.5, min(low, value)), 4),
+            high=round(min(2.0, max(high, value)), 4),
+            count=count,
+            photos=len(each),
+            source=f"distance of centre lines from walls at contacts; photos: {names}",
+        ),
+        notes,
+    )
+
+
+def _breadth(photos: Sequence[ObservedPhoto]) -> MeasuredNumber | None:
+    """Return the film's breadth against the nominal diameter; its own interval if it is wider."""
+    found = [photo.breadth_ratio for photo in photos if photo.breadth_ratio is not None]
+    if not found:
+        return None
+    table = np.array(found)
+    value, low, high = _t_interval(table[:, 0])
+    own_mm = 0.5 * (table[:, 2] - table[:, 1]).mean()
+    return MeasuredNumber(
+        value=round(value, 4),
+        low=round(min(low, value - own_mm), 4),
+        high=round(max(high, value + own_mm), 4),
+        count=len(found),
+        photos=len(found),
+        source="breadth of the film from above; photos: "
+        + ", ".join(photo.photo for photo in photos if photo.breadth_ratio is not None),
+    )
+
+
+def _t_interval(values: Floats) -> tuple[float, float, float]:
+    """Return the mean of values with its 95 % t interval; of one value, the value alone."""
+    mean = float(values.mean())
+    if len(values) < 2:
+        return mean, mean, mean
+    half = float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values)))
+    return mean, mean - half, mean + half
+
+
+# --- As they are shown ----------------------------------------------------------------------------
+
+
+def _half_angle_line(found: MeasuredNumber, fit: ThresholdFit) -> str:
+    return (
+        f"head-on half-angle {_shown(found, ' deg')} (measured: {found.counted}, {fit.stopped} "
+        f"stopped, {fit.slid} slid)"
+    )
+
+
+def _shapes_line(fit: ShapeFit) -> str:
+    over = f"{_count(fit.branches, 'branch', 'branches')} on {_count(fit.photos, 'photo')}"
+    if fit.says_nothing:
+        return f"whole shapes grown again ({over}): the same at all half-angles"
+    return (
+        f"whole shapes grown again ({over}): {fit.value_deg:g} deg, 95 % interval {fit.low_deg:g} "
+        f"to {fit.high_deg:g}, {fit.error_mm:.1f} mm from the photos there (measured against "
+        "simulated)"
+    )
+
+
+def _shown(found: MeasuredNumber, unit: str = "") -> str:
+    ends: Mapping[Side, str] = {
+        "both": f"{found.value:g}{unit}, 95 % interval {found.low:g} to {found.high:g}"
+        if found.value is not None
+        else "",
+        "upper": f"at most {found.high:g}{unit} (95 %)",
+        "lower": f"at least {found.low:g}{unit} (95 %)",
+    }
+    return ends[found.side]
+
+
+def _count(count: int, one: str, many: str = "") -> str:
+    return f"{count} {one if count == 1 else many or f'{one}s'}"

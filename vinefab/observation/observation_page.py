@@ -31,7 +31,7 @@ def observation_report(seen: Observation) -> Report:
         tone=tone,
         facts=(
             ("photo", seen.photo),
-            ("rectified by", f"{seen.rectified_by}, error {seen.error_mm:.2f} mm (measured)"),
+            ("rectified by", f"{seen.rectified_by}, {seen.error_text}"),
             ("film", seen.film.how),
             ("growth", growth_text(seen.compared.options, [seen.design])),
         ),

@@ -52,6 +52,7 @@ __all__ = [
     "check",
     "designs",
     "fabricate",
+    "fit_observations",
     "maps",
     "observe",
     "optimize",
@@ -71,6 +72,7 @@ _HOMES = {
         "check",
         "designs",
         "fabricate",
+        "fit_observations",
         "observe",
         "optimize",
         "printers",
@@ -106,6 +108,7 @@ if TYPE_CHECKING:
     from vinefab.api import check as check
     from vinefab.api import designs as designs
     from vinefab.api import fabricate as fabricate
+    from vinefab.api import fit_observations as fit_observations
     from vinefab.api import observe as observe
     from vinefab.api import optimize as optimize
     from vinefab.api import printers as printers

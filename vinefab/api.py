@@ -111,16 +111,16 @@ class WrittenReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhotoReport:
-    """What `observe` read off a photo.
+    """What `observe` read off a photo, or `fit_observations` off several.
 
     Parameters
     ----------
     path
-        The page (HTML), or None if none was asked for.
+        The page (HTML) or the fitted numbers (TOML), or None if none was asked for.
     summary
         The numbers to take away, a line each.
     numbers
-        Every number as plain values, schema ``vinefab/observation-1``.
+        Every number as plain values, schema ``vinefab/observation-1`` or ``vinefab/contacts-1``.
     """
 
     path: Path | None
@@ -820,6 +820,60 @@ def observe(
         write_text(page, observation_html(seen), force=force)
     numbers = json.loads(observation_text(seen))
     return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=numbers)
+
+
+def fit_observations(
+    observations: str | PathLike[str] | Iterable[str | PathLike[str]],
+    *,
+    angle_error_deg: float = 2.0,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
+) -> PhotoReport:
+    """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
+
+    Parameters
+    ----------
+    observations
+        JSON files of observations, one for each photo.
+    angle_error_deg
+        Standard error of the angles of contacts where an observation does not give it (assumed).
+    out
+        A file (TOML) to write; predictions read it with ``growth={"contacts": out}``.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    PhotoReport
+        A ``summary`` in lines, all ``numbers``, and the file's ``path``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or the observations say nothing of contacts.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> fitted = fit_observations(["one.json", "two.json"], out="mine.toml")  # doctest: +SKIP
+    >>> fitted.numbers["head_on_half_angle_deg"]["low"]  # doctest: +SKIP
+    """
+    from vinefab.observation.contact_fit import fit_files
+
+    file = None if out is None else path_given("out", out)
+    if file is not None:
+        ensure_writable(file, force=force)
+    paths = [path_given("observations", one) for one in several_given(observations, Path)]
+    with python_words():
+        found = fit_files(paths, angle_error_deg)
+    if file is not None:
+        write_text(file, found.text(), force=force)
+    return PhotoReport(
+        path=file, summary=tuple(found.lines()), numbers=json.loads(found.json_text())
+    )
 
 
 def report(

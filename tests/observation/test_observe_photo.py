@@ -21,8 +21,10 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
+from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.map import Map, Pose, Start
 from vinefab.observation.beside_prediction import distance_mm
+from vinefab.observation.observation_json import observation_text
 from vinefab.observation.observe_photo import observe_photo
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.photo import read_photo
@@ -204,3 +206,17 @@ def test_the_front_door_gives_the_same(files):
     assert report.path is None
     assert report.numbers["summary"]["fits"] is True
     assert "table.jpg" in report.summary[0]
+
+
+def test_what_the_command_writes_can_be_fitted(files, seen, tmp_path, capsys):
+    content = json.loads(observation_text(seen))
+    content |= {"map": str(files["map"]), "design": str(files["design"])}
+    (tmp_path / "seen.json").write_text(json.dumps(content))
+    assert main(["observe", str(tmp_path / "seen.json"), "--fit", str(tmp_path / "mine.toml")]) == 0
+    words = capsys.readouterr().out
+    found = read_contacts(tmp_path / "mine.toml")
+    assert found.head_on_half_angle_deg.low <= 1.0  # the truth is the default
+    assert found.head_on_half_angle_deg.photos == 1
+    assert 0.9 < found.film_breadth_ratio.value < 1.1
+    assert "whole shapes grown again" in words
+    assert "1 photo with contacts: too few" in words

@@ -122,7 +122,9 @@ def test_tiles_lie_against_the_rig_and_print_on_a_bed_of_their_own(make_map, mak
 
 def test_a_rig_without_corners_says_where_its_tiles_go(make_map, make_printer):
     round_hall = shapely.Point(100, 95).buffer(75)
-    made = make_rig(make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(style="plate"), BARE)
+    made = make_rig(
+        make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(style="plate"), BARE
+    )
     assert any("markers 0, 1, 2, 3: the rig has no corner there" in n for n in made.rig.notes)
 
 
@@ -171,7 +173,9 @@ def test_paper_markers_have_their_true_size(make_map, make_printer, tmp_path):
 
 
 def test_paper_tiles_have_a_recess_level_with_the_floor(make_map, make_printer):
-    made = make_rig(make_map(*WALLS), make_printer(), RigOptions(style="plate", markers="paper"), BARE)
+    made = make_rig(
+        make_map(*WALLS), make_printer(), RigOptions(style="plate", markers="paper"), BARE
+    )
     marker = json.loads(made.files["rig.json"])["markers"][0]
     (part,) = [part for part in made.rig.extras if part.name == "marker_0"]
     points = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]

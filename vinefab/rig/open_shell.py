@@ -15,7 +15,7 @@ from shapely.ops import nearest_points
 from vinefab.core.errors import BadInputError
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
-from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
+from vinefab.rig.rig_plan import Polygons, polygon_parts
 from vinefab.rig.solid import STROKE_MM, Course, centred, grooves, strokes
 
 LEAST_ROOM_MM = 1.2

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from vinefab.core.version import __version__ as __version__
 
 __all__ = [
+    "AimResult",
     "BadInputError",
     "Build",
     "CheckReport",
@@ -46,6 +47,7 @@ __all__ = [
     "VinefabError",
     "WrittenFolder",
     "WrittenReport",
+    "aim",
     "check",
     "designs",
     "fabricate",
@@ -62,6 +64,7 @@ _HOMES = {
     "vinefab.api": (
         "WrittenFolder",
         "WrittenReport",
+        "aim",
         "check",
         "designs",
         "fabricate",
@@ -78,6 +81,7 @@ _HOMES = {
     "vinefab.model.map": ("Map", "Pose", "Start"),
     "vinefab.model.outline": ("Contour",),
     "vinefab.model.score": ("Evaluation", "Score"),
+    "vinefab.prediction.aiming": ("AimResult",),
     "vinefab.search.record.result": ("RunResult",),
     "vinefab.search.settings": (
         "EvaluationSettings",
@@ -93,6 +97,7 @@ if TYPE_CHECKING:
     from vinefab import maps as maps
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
+    from vinefab.api import aim as aim
     from vinefab.api import check as check
     from vinefab.api import designs as designs
     from vinefab.api import fabricate as fabricate
@@ -121,6 +126,7 @@ if TYPE_CHECKING:
     from vinefab.model.outline import Contour as Contour
     from vinefab.model.score import Evaluation as Evaluation
     from vinefab.model.score import Score as Score
+    from vinefab.prediction.aiming import AimResult as AimResult
     from vinefab.search.record.result import RunResult as RunResult
     from vinefab.search.settings import EvaluationSettings as EvaluationSettings
     from vinefab.search.settings import MapSettings as MapSettings

@@ -53,6 +53,7 @@ from vinefab.model.map import Map
 
 if TYPE_CHECKING:
     from vinefab.model.score import Score
+    from vinefab.prediction.aiming import AimResult
     from vinefab.rig.rig_options import Printer
     from vinefab.search.record.result import Progress, RunResult
     from vinefab.search.settings import RunSettings
@@ -211,6 +212,129 @@ def score(
     given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
     robot = design_given(design)
     return score_design_on_task(robot, worlds, plan, GrowthChoice.of([robot], given).options)
+
+
+def aim(
+    design: DesignLike,
+    world: MapLike,
+    task: str | Task = "reach",
+    *,
+    where: str = "border",
+    robots: int = 1,
+    against: DesignLike | None = None,
+    alone: bool = False,
+    placing_mm: float = 5.0,
+    placing_deg: float = 3.0,
+    deployments: int = 100_000,
+    seed: int = 0,
+    body: str | None = None,
+    head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    growth: Mapping[str, object] | None = None,
+    out: str | PathLike[str] | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    force: bool = False,
+    **parameters: object,
+) -> AimResult:
+    """Search a map for the pose from which a robot scores best (simulated).
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    world
+        A map, or the path of a map file.
+    task
+        As in `score`.
+    where
+        Where the base may stand: ``border`` (of the free space, growing in, and where the map's
+        starts are), ``anywhere``, ``starts``, or a start in words such as ``left side``.
+    robots
+        How many poses to choose that together cover most; for ``reach``, ``coverage`` and tasks
+        with a method ``cover``.
+    against
+        A design to hold it against; None: a plain vine of the same total length.
+    alone
+        Hold it against nothing.
+    placing_mm, placing_deg
+        A base is placed within so much (assumed).
+    deployments
+        About so many for the search of each design.
+    seed
+        Seed of the fresh deployments that reported scores come from.
+    body
+        ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
+    head_on_half_angle_deg
+        As in ``Design.grow``; None: over the range that contacts may have.
+    growth
+        Any growth options by name, as in ``Design.grow``.
+    out
+        A page (``.html``) or a picture (``.svg``, ``.png``) to write.
+    progress
+        Called with the share of the work that is done and a few words.
+    force
+        Overwrite a file that vinefab did not write.
+    **parameters
+        Parameters of a task that is named, such as ``buffer_mm=60``.
+
+    Returns
+    -------
+    AimResult
+        The best ``pose``, its expected score ``mean``, the ``poses`` of several robots, and a
+        ``summary`` in lines.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there is no room for the trunk.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design or task.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from vinefab import maps
+    >>> found = aim("plain_vine", maps.pegs(seed=1), deployments=5000)
+    >>> 0.0 < found.mean <= 1.0
+    True
+    """
+    from vinefab.prediction.aim_page import aim_document
+    from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
+    from vinefab.prediction.family_deployments import MapFamily, no_progress
+    from vinefab.prediction.provenance import origin_of
+
+    path = None if out is None else path_given("out", out)
+    if path is not None:
+        if path.suffix.lower() not in (".html", ".svg", ".png"):
+            raise BadInputError("out", str(path), "a file name ending in .html, .svg or .png")
+        ensure_writable(path, force=force)
+    place, scored_on = map_given(world), task_given(task, parameters)
+    other = None if against is None else design_given(against, "against")
+    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    with python_words():
+        designs = held_against(design_given(design), other, alone=alone)
+        choice = aim_growth(designs, given)
+        plan = AimPlan(
+            where=name_given("where", where),
+            deployments=deployments,
+            placing_mm=placing_mm,
+            placing_deg=placing_deg,
+            robots=robots,
+            seed=seed,
+            options=choice.options,
+        )
+        found = aim_robots(designs, place, scored_on, plan, progress or no_progress)
+    if path is not None:
+        call = f"vf.aim({call_text(design)}, {call_text(world)}, {scored_on.name!r}, {where=}, "
+        call += f"{robots=}, {alone=}, {placing_mm=}, {placing_deg=}, {deployments=}, {seed=}, "
+        call += f"growth={choice.options.content}, out={str(path)!r})"
+        family = MapFamily(label=place.name, worlds=(place,))
+        origin = origin_of(call, designs, None, [family])
+        document = aim_document(found, origin, path.suffix, choice.notes)
+        write_bytes(path, document, force=force)
+    return found
 
 
 def optimize(

@@ -71,6 +71,8 @@ COMMAND_LINES = {
     "score": "score three_level_tree --map grid.geojson --seed {n} --json score.json",
     "compare": "compare grid_explorer three_level_tree --map grid.geojson --poses 1 --seed {n} "
     "--out c.html --json c.json",
+    "aim": "aim plain_vine --map grid.geojson --deployments 5000 --seed {n} --out a.html "
+    "--json a.json",
     "report": "report three_level_tree --map grid.geojson --poses 1 --seed {n} --out r.html "
     "--json r.json",
     "bench": "bench --json bench.json",

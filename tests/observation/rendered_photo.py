@@ -5,6 +5,7 @@ anywhere above. Light, shadows, gloss, grain, blur, noise and JPEG are rough but
 """
 
 import io
+import itertools
 import math
 from dataclasses import dataclass, field
 
@@ -51,29 +52,25 @@ class Camera:
     pixels: tuple
 
     @classmethod
-    def of(cls, look, middle_mm, span_mm):
+    def of(cls, look, box_mm):
+        """Return a camera that sees a whole box, as somebody who takes care would hold it."""
+        left, low, right, top = box_mm
+        middle = np.array([(left + right) / 2, (low + top) / 2, 0.0])
         tilt, turn = math.radians(look.tilt_deg), math.radians(look.turn_deg)
-        away = np.array([math.cos(turn), math.sin(turn)])
-        place = np.array(
-            [
-                *(middle_mm + look.distance_mm * math.sin(tilt) * away),
-                look.distance_mm * math.cos(tilt),
-            ]
+        away = np.array([math.cos(turn), math.sin(turn), 0.0])
+        place = middle + look.distance_mm * (
+            math.sin(tilt) * away + np.array([0, 0, math.cos(tilt)])
         )
-        forward = np.array([*middle_mm, 0.0]) - place
-        forward /= np.linalg.norm(forward)
-        up = np.array([*(-away), 0.0]) if look.tilt_deg else np.array([0.0, 1.0, 0.0])
-        right = np.cross(forward, up)
-        right /= np.linalg.norm(right)
-        down = np.cross(forward, right)
-        roll = math.radians(look.roll_deg)
-        right, down = (
-            math.cos(roll) * right + math.sin(roll) * down,
-            math.cos(roll) * down - math.sin(roll) * right,
-        )
-        width, height = look.pixels
-        focal = 0.9 * min(width, height) * look.distance_mm / span_mm
-        return cls(place, np.array([right, down, forward]), focal, look.pixels)
+        corners = np.array([(x, y, 0.0) for x in (left, right) for y in (low, top)]) - place
+        goal = middle - place
+        for _ in range(5):
+            axes = _axes(goal / np.linalg.norm(goal), -away, math.radians(look.roll_deg))
+            seen = (corners @ axes.T)[:, :2] / (corners @ axes.T)[:, 2:]
+            shift = (seen.max(axis=0) + seen.min(axis=0)) / 2
+            goal = axes[2] + shift[0] * axes[0] + shift[1] * axes[1]
+        half = np.abs(seen).max(axis=0)
+        focal = 0.97 / 2 * (np.array(look.pixels) / half).min()
+        return cls(place, axes, focal, look.pixels)
 
     def rays(self):
         width, height = self.pixels
@@ -84,6 +81,15 @@ class Camera:
     def seen_at(self, points_mm):
         local = (np.atleast_2d(points_mm) - self.place_mm) @ self.axes.T
         return local[:, :2] / local[:, 2:] * self.focal_px + np.array(self.pixels) / 2
+
+
+def _axes(forward, up, roll):
+    """Return right, down and forward of a camera, shape (3, 3)."""
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    turned = math.cos(roll) * right + math.sin(roll) * down
+    return np.array([turned, np.cross(forward, turned), forward])
 
 
 @dataclass
@@ -130,7 +136,7 @@ class Scene:
             (self.deployment.tree.level == level) & self.deployment.deployed
         ):
             chain = self.deployment.chain_mm(branch)
-            for a, b in zip(chain, chain[1:]):
+            for a, b in itertools.pairwise(chain):
                 self._draw(a, b, radius + 2.0, away, to)
         return radius, away, to
 
@@ -171,9 +177,8 @@ def render(scene: Scene):
     """Return the photo as an array of uint8 RGB, and the camera."""
     look, rng = scene.look, np.random.default_rng(scene.look.seed)
     left, low, right, top = scene.world.bounds.bounds
-    middle = np.array([(left + right) / 2, (low + top) / 2])
-    span = max(right - left, top - low) + 2 * 50.0
-    camera = Camera.of(look, middle, span * (1.0 + 0.9 * math.sin(math.radians(look.tilt_deg))))
+    rim = 48.0 if look.markers else 5.0
+    camera = Camera.of(look, (left - rim, low - rim, right + rim, top + rim))
     rays = camera.rays()
     flat = camera.place_mm[:2] - rays[:, :2] * (camera.place_mm[2] / rays[:, 2:])
     lean = rays[:, :2] / rays[:, 2:]  # way across for each mm of height
@@ -227,8 +232,7 @@ def _floor(scene, rng):
         shadow |= moved > z
     soft = ndimage.gaussian_filter(shadow.astype(float), 1.5)
     light *= 1.0 - (1.0 - look.shade) * soft
-    floor = light[..., None] * _linear(look.board)
-    return floor
+    return light[..., None] * _linear(look.board)
 
 
 def _markers(scene, at, colour):
@@ -242,7 +246,7 @@ def _markers(scene, at, colour):
         inside = (col >= 0) & (col < 6) & (row >= 0) & (row < 6)
         white = np.zeros((6, 6), bool)
         white[1:5, 1:5] = [[c == "#" for c in line] for line in rows]
-        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], True)
+        value = np.where(inside, white[np.clip(row, 0, 5), np.clip(col, 0, 5)], 1)
         colour[pad] = np.where(value[pad], 0.85, 0.02)[:, None]
 
 

@@ -21,6 +21,7 @@ from vinefab.physics.anchoring import ASSUMED_FRICTION
 
 DESIGN = "three_level_tree"
 RATIO = 1.12
+CAMPAIGNS = 200
 RADIUS_MM = read_design(DESIGN).build.widths_mm[0] / math.pi
 
 
@@ -139,7 +140,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 @pytest.mark.parametrize(("count", "photos"), [(5, 2), (20, 5), (60, 10)])
 @pytest.mark.parametrize("half_angle_deg", [1.0, 5.0, 10.0, 15.0])
 def test_coverage_over_many_campaigns(half_angle_deg, count, photos, spread):
-    share = _coverage(half_angle_deg, count, photos, 400, **spread)
+    share = _coverage(half_angle_deg, count, photos, CAMPAIGNS, **spread)
     print(f"{half_angle_deg:g} deg, {count} contacts, {photos} photos, {spread}: {share:.3f}")  # noqa: T201
     assert share >= 0.90
 

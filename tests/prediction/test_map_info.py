@@ -159,3 +159,13 @@ def test_free_share_is_of_the_bounds():
     assert list(info_lines(map_info(half)))[1].startswith(
         "free area 0.0028 m2, 70.0 % of the bounds, in 1 region"
     )
+
+
+def test_obstacles_that_reach_over_the_bounds_are_named_with_their_share():
+    obstacles = [shapely.box(40 * k, 50, 40 * k + 20, 50 + high) for k, high in ((0, 9), (1, 40))]
+    world = Map(name="room", bounds=shapely.box(0, 0, 100, 60), obstacles=tuple(obstacles))
+    info = map_info(world, passages=0)
+    assert info.outside == {2: pytest.approx(0.75)}
+    assert any("obstacle 2 (75 % of it)" in line for line in info_lines(info))
+    assert json.loads(info_text(info))["obstacles_outside"] == [{"obstacle": 2, "share": 0.75}]
+    assert map_info(two_rooms(8.0), passages=0).outside == {}

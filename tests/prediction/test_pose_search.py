@@ -1,6 +1,7 @@
 """Poses tried in batches, against one growth at a time and places that are known by thought."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -69,6 +70,14 @@ def test_scores_of_a_batch_are_those_of_one_growth_at_a_time(task):
         )
         score, _ = task.evaluate(grown, trial.prepared.context)
         assert found[row, column] == pytest.approx(score, abs=1e-12)
+
+
+def test_scores_do_not_depend_on_threads():
+    poses, draws = np.array([(30.0, 40.0, 0.7), (180.0, 150.0, -2.0)] * 40), ERRORS.even(8)
+    alone = trial_on(ROOM).scores(Coverage(area="fast"), poses, draws)
+    with ThreadPoolExecutor(3) as pool:
+        together = trial_on(ROOM, over=pool.map).scores(Coverage(area="fast"), poses, draws)
+    assert (alone == together).all()
 
 
 def test_all_poses_meet_the_same_contacts_and_placing_errors():

@@ -30,7 +30,7 @@ def spread(degrees, x_mm=100.0, y_mm=35.0, heading_deg=90.0):
 
 
 def made_of(world, printer, design=None, **sizes):
-    options = RigOptions(markers=sizes.pop("markers", "none"), **sizes)
+    options = RigOptions(**{"style": "plate", "markers": "none", **sizes})
     return make_rig(world, printer, options, RigRequest(design=design, pictures=False))
 
 
@@ -124,6 +124,20 @@ def test_nothing_of_it_stands_in_the_rig_or_in_the_robots_way(make_map, make_pri
     assert hooks.intersection(plate).area > 20.0
 
 
+def test_its_dial_makes_room_for_a_corner_marker(make_map, make_printer):
+    world = make_map(*WALLS, starts=(spread(0.0, x_mm=65.0),))
+    made = made_of(world, make_printer(), markers="print")
+    dial = outline_of(*standing(made)[0]["base_dial"])
+    content = json.loads(made.files["rig.json"])
+    for part in content["extras"]:
+        if part["name"].startswith("marker_"):
+            mesh, to_map = read_stl(made.files[part["file"]]), np.array(part["transform_to_map"])
+            tile = outline_of(mesh.vertices_mm @ to_map[:3, :3].T + to_map[:3, 3], mesh.faces)
+            assert dial.intersection(tile).area == 0.0
+            if part["name"] == "marker_0":
+                assert dial.distance(tile) == pytest.approx(0.2, abs=0.01)
+
+
 def test_its_pins_fit_the_holes_of_every_heading(make_map, make_printer):
     made = made_of(make_map(*WALLS, starts=(spread(20.0),)), make_printer(), entry_width_mm=60.0)
     parts, content = standing(made)
@@ -165,7 +179,7 @@ def test_a_wide_tube_lies_higher_and_says_so(make_map, make_printer):
     [
         (spread(0.0, y_mm=140.0), {"entry_reach_mm": 40.0}, "comes up through the plate"),
         (spread(0.0), {"entry_width_mm": 20.0}, "widen --entry-mm"),
-        (spread(0.0, x_mm=35.0, y_mm=25.0), {"markers": "print"}, "--markers none"),
+        (spread(0.0, x_mm=30.0, y_mm=25.0), {"markers": "print"}, "--markers none"),
     ],
 )
 def test_where_no_holder_can_stand_it_is_said_or_refused(

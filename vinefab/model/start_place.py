@@ -569,7 +569,8 @@ def _most_clearance_mm(area: LineString | Polygon, free: BaseGeometry, too_much_
             low_mm = middle_mm
         else:
             high_mm = middle_mm
-    return math.floor(10.0 * low_mm) / 10.0
+    round_mm = round(low_mm, 1)
+    return round_mm if _free_pieces(area, near, round_mm) else math.floor(10.0 * low_mm) / 10.0
 
 
 def _side_line(side: str, inset_mm: float, box: tuple[float, ...]) -> LineString:

@@ -170,7 +170,7 @@ def compare_with_prediction(
     )
 
 
-def _compared(  # noqa: PLR0913, PLR0917
+def _compared(
     index: int,
     traced: TracedTree,
     design: Design,
@@ -274,7 +274,7 @@ def distance_mm(one: Floats, other: Floats) -> tuple[float | None, float | None]
 # --- Which half-angle fits ------------------------------------------------------------------------
 
 
-def _half_angle_fits(  # noqa: PLR0913, PLR0917
+def _half_angle_fits(
     traced: TracedTree,
     branches: Sequence[ComparedBranch],
     design: Design,

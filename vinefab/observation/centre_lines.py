@@ -10,6 +10,7 @@ fractions of a pixel, all at once, children hanging on their parents' ends.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -19,7 +20,7 @@ from shapely import LineString
 
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
@@ -38,12 +39,31 @@ _TURNS_DEG = (0.0, -1.5, 1.5, -3.0, 3.0, -6.0, 6.0, -10.0, 10.0)
 _STOPS_DEG = (0.0, 5.0, 15.0, 90.0)
 """Head-on half-angles of these courses: from sliding everywhere to stopping at the first wall."""
 
+RIM_MM = 1.2
+"""Film so near to a tube may be its blurred edge."""
+
+LEAST_LENGTH_MM = 2.0
+"""Shorter stumps of branches cannot be told from their parents' ends."""
+
 _GAP_MM = 3.0
 """Shorter stretches without film do not end a branch."""
 
 _KINK_MM = 1.5
 """Each bend of a course counts as so many millimetres of its film less, so that bends need a
 reason."""
+
+_REASON_MM = 3.0
+"""An end that the model explains, at full length or at a wall, counts as so much film more."""
+
+_UNSEEN, _UNSEEN_LEAF = 0.03, 0.15
+"""Area of a course where film cannot be seen counts as this share of it being floor. Children that
+are seen farther on speak for a parent that is not, and they come later."""
+
+_COVERED = 0.03
+"""Area of a course that others cover counts as this share of it being floor."""
+
+_STEEP_STOP_MM = 15.0
+"""A stop at a wall met outside of the contact range counts as so much film less."""
 
 _ROUNDS = 4
 
@@ -124,6 +144,7 @@ class _Course:
 
     chain_mm: Floats
     cells: NDArray[np.int64]  # of the coarse raster that its tube covers
+    around: NDArray[np.int64]  # the same with a rim, which speaks for no other tube
     worth: float  # what it gains or loses besides film, in mm2
     ends_early: bool
 
@@ -168,30 +189,35 @@ class _Tracing:
     def _choose(self, branches: list[int]) -> None:
         """Choose the courses of one level's branches together: each the best beside the others."""
         courses = {branch: self._courses(branch) for branch in branches}
-        cover = self.coarse.cover(self.patches)
+        alive = [branch for branch in range(len(self.tree)) if len(self.chains[branch])]
+        cover = self.coarse.cover(_wide_patches(self, alive))
         chosen: dict[int, _Course | None] = dict.fromkeys(branches)
         for _ in range(_ROUNDS):
-            changed = False
+            before = dict(chosen)
             for branch in branches:
-                now = chosen[branch]
-                if now is not None:
-                    cover[now.cells] -= 1
-                best = max(
-                    courses[branch],
-                    key=lambda course: self.coarse.gain(course.cells, cover) + course.worth,
-                    default=None,
-                )
-                if best is not None and self.coarse.gain(best.cells, cover) + best.worth <= 0.0:
-                    best = None
-                if best is not None:
-                    cover[best.cells] += 1
-                changed |= best is not now
-                chosen[branch] = best
-            if not changed:
+                self._choose_one(branch, courses[branch], chosen, cover)
+            if all(chosen[branch] is before[branch] for branch in branches):
                 break
         for branch, course in chosen.items():
             if course is not None:
                 self._take(branch, course.chain_mm, ends_early=course.ends_early)
+
+    def _choose_one(
+        self,
+        branch: int,
+        courses: list[_Course],
+        chosen: dict[int, _Course | None],
+        cover: NDArray[np.int64],
+    ) -> None:
+        """Choose the best course of one branch beside those of the others; none may be best."""
+        now = chosen[branch]
+        if now is not None:
+            cover[now.around] -= 1
+        worth = [self.coarse.gain(course.cells, cover) + course.worth for course in courses]
+        best = int(np.argmax(worth)) if worth else -1
+        chosen[branch] = courses[best] if worth and worth[best] > 0.0 else None
+        if worth and worth[best] > 0.0:
+            cover[courses[best].around] += 1
 
     def _take(self, branch: int, chain_mm: Floats, *, ends_early: bool) -> None:
         self.chains[branch], self.early[branch] = chain_mm, ends_early
@@ -223,7 +249,10 @@ class _Tracing:
                 chain = self._simulated(base, heading + rad(turn), rad(half_angle), branch)
                 if chain.tobytes() not in known:
                     # Small turns are the uncertainty of the parent's heading.
-                    self._propose(found, branch, chain, 0.15 * radius * abs(turn))
+                    cost = 0.15 * radius * abs(turn)
+                    if half_angle > CONTACT_ANGLES_DEG[-1]:
+                        cost += 2.0 * radius * _STEEP_STOP_MM
+                    self._propose(found, branch, chain, cost)
                 known.add(chain.tobytes())
         best = max((self._support(c.chain_mm, radius) for c in found), default=0.0)
         if best < 0.92 or all(course.ends_early for course in found):
@@ -238,17 +267,27 @@ class _Tracing:
         radius, planned = self.radius_mm[branch], float(self.tree.length_mm[branch])
         chain = _simplified(chain, 0.4)
         line = LineString(chain)
+        if line.length < LEAST_LENGTH_MM:
+            return
+        is_leaf = not (self.tree.parent == branch).any()
         reached = _film_along(self.film, chain, radius)
         for length in {line.length, min(line.length, reached)}:
-            if length < radius:
+            if length < LEAST_LENGTH_MM:
                 continue
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
             kinks = max(0, len(part) - 2)
             # Film under other film is neither for nor against; deploying is the rule.
-            worth = 0.05 * 2.0 * radius * length - cost - kinks * _KINK_MM * 2.0 * radius
+            worth = -cost - 2.0 * radius * kinks * _KINK_MM
+            worth += 0.02 * 2.0 * radius * length
+            unseen = float((self.coarse.value[cells] == 0.0).sum()) * self.coarse.cell_mm**2
+            worth -= (_UNSEEN_LEAF if is_leaf else _UNSEEN) * unseen
+            if length == line.length:
+                # It ends where the model says why: at its length, or at a wall.
+                worth += 2.0 * radius * _REASON_MM
             early = is_early(length, planned)
-            found.append(_Course(part, cells, worth, early))
+            around = self.coarse.tube(self.film, part, radius + RIM_MM)
+            found.append(_Course(part, cells, around, worth, early))
 
     def _support(self, chain: Floats, radius: float) -> float:
         """Return the share of a course's tube, where it can be seen, that is film."""
@@ -339,7 +378,7 @@ class _Coarse:
         places = np.column_stack(
             [film.view.left_mm + x.ravel() * cell, film.view.top_mm - y.ravel() * cell]
         )
-        floor = film.moved(places, film.plane_mm, radius_mm)
+        floor = film.moved(places, film.sight.plane_mm, radius_mm)
         unseen = film.hidden(floor, radius_mm) | film.is_solid(places)
         value = np.where(unseen, 0.0, (2.0 * share.ravel() - 1.0) * cell**2)
         solid = film.is_solid(places).reshape(rows, columns)
@@ -354,10 +393,10 @@ class _Coarse:
 
     def tube(self, film: Film, chain_mm: Floats, radius_mm: float) -> NDArray[np.int64]:
         """Return the cells that a tube covers."""
-        seen = film.moved(chain_mm, radius_mm, film.plane_mm)
+        seen = film.moved(chain_mm, radius_mm, film.sight.plane_mm)
         rows = len(self.value) // self.columns
         found = []
-        for a, b in zip(seen[:-1], seen[1:], strict=True):
+        for a, b in pairwise(seen):
             low, high = np.minimum(a, b) - radius_mm, np.maximum(a, b) + radius_mm
             c0 = max(0, int((low[0] - self.left_mm) / self.cell_mm))
             c1 = min(self.columns, int((high[0] - self.left_mm) / self.cell_mm) + 1)
@@ -384,7 +423,9 @@ class _Coarse:
 
     def gain(self, cells: NDArray[np.int64], cover: NDArray[np.int64]) -> float:
         """Return the film less the floor that a tube covers and no other does."""
-        return float(self.value[cells][cover[cells] == 0].sum())
+        alone = cover[cells] == 0
+        covered = len(cells) - int(np.count_nonzero(alone))
+        return float(self.value[cells][alone].sum()) - _COVERED * self.cell_mm**2 * covered
 
 
 # --- Lines --------------------------------------------------------------------------------------
@@ -441,7 +482,7 @@ def _film_along(film: Film, chain: Floats, radius: float) -> float:
     return _length(chain)
 
 
-def _runs(  # noqa: PLR0913, PLR0917
+def _runs(
     film: Film, base: Floats, heading: float, radius: float, length: float, clearance: Floats
 ) -> list[Floats]:
     """Return chains of straight runs of film from a base on, the longest first."""
@@ -472,7 +513,7 @@ def _runs(  # noqa: PLR0913, PLR0917
     return done[:24]
 
 
-def _straight(  # noqa: PLR0913, PLR0917
+def _straight(
     film: Film, base: Floats, heading: float, spread: Floats, radius: float, most: float
 ) -> list[tuple[float, float]]:
     """Return directions in which film runs straight from a point, and how far; the best few."""
@@ -567,7 +608,7 @@ def _edge(
     where = points + np.nan_to_num(edge, nan=radius)[:, None] * side
     hidden = film.hidden(where + 0.5 * side, radius)
     edge[hidden] = np.nan
-    seen_at = film.moved(where - 0.7 * side, radius, film.plane_mm)
+    seen_at = film.moved(where - 0.7 * side, radius, film.sight.plane_mm)
     column = ((seen_at[:, 0] - coarse.left_mm) / coarse.cell_mm).astype(np.int64)
     row = ((coarse.top_mm - seen_at[:, 1]) / coarse.cell_mm).astype(np.int64)
     cell = (row * coarse.columns + column).clip(0, len(cover) - 1)
@@ -622,7 +663,7 @@ def _fit_once(work: _Tracing, alive: list[int]) -> None:
 
 
 def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + 1.2) for b in alive]
+    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + RIM_MM) for b in alive]
 
 
 def _hold_length(
@@ -730,7 +771,7 @@ class _System:
         self.matrix += rows.T @ (rows * weights[:, None])
         self.right += rows.T @ (weights * values)
 
-    def across(  # noqa: PLR0913, PLR0917
+    def across(
         self,
         a: NDArray[np.int64],
         b: NDArray[np.int64],
@@ -772,4 +813,4 @@ class _System:
         moves = np.linalg.solve(self.matrix + 1e-6 * np.eye(len(self.right)), self.right)
         moves = moves.reshape(-1, 2)
         far = np.maximum(1.0, np.hypot(*moves.T) / 4.0)
-        return moves / far[:, None]
+        return np.asarray(moves / far[:, None])

@@ -11,7 +11,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
-from shapely import Point
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
@@ -38,6 +37,15 @@ HIGHLIGHT_MM2 = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """From where and how a plan's photo sees things that are not flat."""
+
+    plane_mm: float = 0.0  # height above the floor that the plan is true for
+    camera: PhotoCamera | None = None  # None: things at other heights are not moved
+    obstacle_mm: float = 0.0  # height of the obstacles, which hide things; 0 if unknown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Film:
     """Where film is seen on a plan.
 
@@ -47,14 +55,10 @@ class Film:
         How much of each pixel is film, 0 to 1, shape (rows, columns).
     view
         The plan that it was found on.
-    plane_mm
-        Height above the floor that the plan is true for.
-    camera
-        Where the photo was taken from; None: things at other heights are not moved.
+    sight
+        How the photo sees things that are not flat.
     solid
         Whether each pixel lies in an obstacle or outside the bounds, on the floor.
-    obstacle_mm
-        Height of the obstacles, which hide what lies behind them; 0 if unknown.
     colour
         Red, green and blue of the film.
     how
@@ -65,10 +69,8 @@ class Film:
 
     share: Floats
     view: PlanView
-    plane_mm: float
-    camera: PhotoCamera | None
+    sight: Sight
     solid: NDArray[np.bool_]
-    obstacle_mm: float
     colour: Colour | None
     how: str
     cautions: tuple[str, ...] = ()
@@ -76,16 +78,16 @@ class Film:
 
     def moved(self, points_mm: Floats, from_mm: float, to_mm: float) -> Floats:
         """Return where points at one height appear on a plane at another, shape (n, 2)."""
-        if self.camera is None or len(points_mm) == 0:
+        if self.sight.camera is None or len(points_mm) == 0:
             return np.asarray(points_mm, dtype=np.float64)
-        away = np.linalg.inv(self.camera.at(to_mm)) @ self.camera.at(from_mm)
+        away = np.linalg.inv(self.sight.camera.at(to_mm)) @ self.sight.camera.at(from_mm)
         x, y = points_mm[:, 0], points_mm[:, 1]
         across, up, depth = (row[0] * x + row[1] * y + row[2] for row in away)
         return np.column_stack([across / depth, up / depth])
 
     def at(self, points_mm: Floats, z_mm: float) -> Floats:
         """Return how much film is seen at points at a height above the floor, shape (n,)."""
-        seen = self.view.to_pixels(self.moved(points_mm, z_mm, self.plane_mm)) - 0.5
+        seen = self.view.to_pixels(self.moved(points_mm, z_mm, self.sight.plane_mm)) - 0.5
         places = [seen[:, 1], seen[:, 0]]
         return np.asarray(ndimage.map_coordinates(self.share, places, order=1, mode="nearest"))
 
@@ -98,7 +100,7 @@ class Film:
 
     def hidden(self, points_mm: Floats, z_mm: float) -> NDArray[np.bool_]:
         """Tell which points at a height an obstacle stands before, as the camera sees, (n,)."""
-        if self.camera is None or self.obstacle_mm <= z_mm:
+        if self.sight.camera is None or self.sight.obstacle_mm <= z_mm:
             return np.zeros(len(points_mm), dtype=np.bool_)
         if z_mm not in self._hidden:
             self._hidden[z_mm] = self._hidden_raster(z_mm)
@@ -116,7 +118,7 @@ class Film:
         rows, columns = (size // self._times + 1 for size in self.solid.shape)
         x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
         points = self.view.to_map(self._times * np.column_stack([x.ravel(), y.ravel()]))
-        top = self.moved(points, z_mm, self.obstacle_mm)
+        top = self.moved(points, z_mm, self.sight.obstacle_mm)
         steps = int(np.hypot(*(top - points).T).max() / HIDDEN_CELL_MM) + 1
         hidden = np.zeros(len(points), dtype=np.bool_)
         for share in np.arange(1, steps + 1) / steps:  # sight lines are straight
@@ -134,11 +136,9 @@ def found_film(
     world: Map,
     pose: Pose,
     widths_mm: tuple[float, float],
+    sight: Sight,
     *,
     colour: Colour | None = None,
-    plane_mm: float = 0.0,
-    camera: PhotoCamera | None = None,
-    obstacle_mm: float = 0.0,
 ) -> Film:
     """Return the film on a plan, by its colour or by what differs from the floor.
 
@@ -182,10 +182,8 @@ def found_film(
     return Film(
         share=share,
         view=view,
-        plane_mm=plane_mm,
-        camera=camera,
+        sight=sight,
         solid=solid,
-        obstacle_mm=obstacle_mm,
         colour=(seen[0], seen[1], seen[2]),
         how=how,
         cautions=cautions,
@@ -196,10 +194,7 @@ def outlined_film(
     view: PlanView,
     world: Map,
     outline: BaseGeometry,
-    *,
-    plane_mm: float = 0.0,
-    camera: PhotoCamera | None = None,
-    obstacle_mm: float = 0.0,
+    sight: Sight,
 ) -> Film:
     """Return the film on a plan as somebody has outlined it, in map millimetres."""
     inside = _inside(outline, view)
@@ -208,10 +203,8 @@ def outlined_film(
     return Film(
         share=ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
         view=view,
-        plane_mm=plane_mm,
-        camera=camera,
+        sight=sight,
         solid=solid_raster(world, view),
-        obstacle_mm=obstacle_mm,
         colour=None,
         how="outlined by hand",
     )

@@ -28,6 +28,9 @@ AGREES_MM = 2.5
 AGREES_SHARE = 0.02
 """A replay has the shape seen if no point of one is farther from the other than both together."""
 
+SAME_PLACE_MM = 1.0
+"""Places nearer to each other along a branch are one on a photo."""
+
 _TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0)
 
 HEADING_ERROR_DEG = 0.7
@@ -68,10 +71,23 @@ class Meeting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """A branch replayed from a base and a launch heading."""
+    """A branch replayed from a base and a launch heading.
+
+    Parameters
+    ----------
+    chain_mm
+        Base, contacts and tip at its end.
+    meetings
+        Where its tip met walls, in order.
+    chains_mm
+        Base, contacts and tip when it met each of them.
+    stop
+        Why it ended.
+    """
 
     chain_mm: Floats
     meetings: tuple[Meeting, ...]
+    chains_mm: tuple[Floats, ...]
     stop: Stop
 
 
@@ -79,7 +95,7 @@ class Replay:
 class _WatchedBranch(GrowingBranch):
     """A growing branch that notes where its tip meets walls."""
 
-    met: list[tuple[complex, float, float]] = field(default_factory=list)  # tip, angle, length
+    met: list[tuple[list[complex], float, float]] = field(default_factory=list)  # chain, angle, mm
 
     def meet(self, wall: int, place: float) -> None:
         """Note the wall, and stop or slide on as always."""
@@ -88,7 +104,7 @@ class _WatchedBranch(GrowingBranch):
         against = -(self.u * at.normal.conjugate()).real
         tip = at.at(place)
         front = self.lengths[-1] + abs(tip - self.pivots[-1])
-        self.met.append((tip, float(np.arctan2(along, against)), front))
+        self.met.append(([*self.pivots, tip], float(np.arctan2(along, against)), front))
         GrowingBranch.meet(self, wall, place)
 
 
@@ -129,24 +145,24 @@ class Replays:
         branch = _WatchedBranch(walls, length_mm, base, heading, [base])
         branch.grow()
         chain = [*branch.pivots, branch.tip]
-        names = [self._wall(tip) for tip, _, _ in branch.met]
+        names = [self._wall(met[-1]) for met, _, _ in branch.met]
         meetings = tuple(
             Meeting(
-                x_mm=tip.real,
-                y_mm=tip.imag,
+                x_mm=met[-1].real,
+                y_mm=met[-1].imag,
                 wall=name,
                 angle_deg=deg(angle),
                 angle_error_deg=0.0,
                 front_mm=front,
                 outcome="slid",
             )
-            for (tip, angle, front), name in zip(branch.met, names, strict=True)
+            for (met, angle, front), name in zip(branch.met, names, strict=True)
         )
         stop = Stop.CORNER if branch.stop is None else branch.stop  # full length is 0
         if stop in (Stop.CORNER, Stop.HEAD_ON) and meetings:
             meetings = (*meetings[:-1], replace(meetings[-1], outcome="stopped"))
-        points = np.array([(point.real, point.imag) for point in chain])
-        return Replay(chain_mm=points, meetings=meetings, stop=stop)
+        chains = tuple(_plain(met) for met, _, _ in branch.met)
+        return Replay(chain_mm=_plain(chain), meetings=meetings, chains_mm=chains, stop=stop)
 
     def _near(self, base_mm: Floats, reach_mm: float) -> Map:
         """Return the part of the map that a branch can come to."""
@@ -171,6 +187,10 @@ class Replays:
         return self.shapes[int(name.split()[1])]
 
 
+def _plain(chain: Sequence[complex]) -> Floats:
+    return np.array([(point.real, point.imag) for point in chain])
+
+
 def wall_order(meetings: Sequence[Meeting]) -> list[str]:
     """Return the walls of meetings in their order, without repetitions one after the other."""
     names = [meeting.wall for meeting in meetings]
@@ -184,7 +204,8 @@ def apart_mm(one: Floats, other: Floats) -> float:
     lines = LineString(one), LineString(other)
     if min(line.length for line in lines) == 0.0:
         return float(shapely.hausdorff_distance(*lines))
-    return float(shapely.hausdorff_distance(*(shapely.segmentize(line, 2.0) for line in lines)))
+    dense = [shapely.segmentize(line, 2.0) for line in lines]
+    return float(shapely.hausdorff_distance(dense[0], dense[1]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,22 +227,20 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[Meeting, ..
     The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
     length without a wall at its end.
     """
-    turn, away = _best_turn(replays, seen)
-    # A little longer than seen, so that the wall where it stopped is met.
-    length = seen.length_mm + max(3.0, 0.6 * seen.radius_mm) * seen.ends_early
-    heading = seen.heading_rad + rad(turn)
-    best = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm)
+    best = _best_replay(replays, seen)
     if best is None:
         return (), "unclear" if seen.ends_early else "full_length"
+    replay, end, turn, away = best
     fits = away <= AGREES_MM + AGREES_SHARE * seen.length_mm
     error = float(np.hypot(seen.heading_error_deg, 0.5 * abs(turn)))
-    slack = max(3.0, 0.6 * seen.radius_mm)
     meetings = []
-    for meeting in best.meetings:
-        at_end = seen.ends_early and abs(meeting.front_mm - seen.length_mm) <= slack
-        outcome: Outcome = "stopped" if at_end else "slid"
-        if not fits or (not seen.ends_early and meeting.front_mm > seen.length_mm - slack):
+    for place, meeting in enumerate(replay.meetings):
+        outcome: Outcome = "slid" if fits else "unclear"
+        # What is met within the error of the length may not have been met at all.
+        if place != end and meeting.front_mm > seen.length_mm - SAME_PLACE_MM:
             outcome = "unclear"
+        if place == end and fits:
+            outcome = "stopped"
         meetings.append(
             replace(
                 meeting,
@@ -230,38 +249,69 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[Meeting, ..
                 distance_mm=_touching_mm(replays, seen, meeting.wall),
             )
         )
-    # Only the last of the meetings at the end is where it stopped.
-    ends = [place for place, meeting in enumerate(meetings) if meeting.outcome == "stopped"]
-    for place in ends[:-1]:
-        meetings[place] = replace(meetings[place], outcome="slid")
+        if place == end:
+            break
     if not seen.ends_early:
         return tuple(meetings), "full_length"
-    if not ends:
+    if end is None or not fits:
         return tuple(meetings), "unclear"
-    is_corner = best.stop is Stop.CORNER and ends[-1] == len(best.meetings) - 1
+    is_corner = replay.stop is Stop.CORNER and end == len(replay.meetings) - 1
     return tuple(meetings), "corner" if is_corner else "head_on"
 
 
-def _best_turn(replays: Replays, seen: SeenBranch) -> tuple[float, float]:
-    """Return the turn of the launch heading whose replay is most like what was seen, and how far.
+def _best_replay(
+    replays: Replays, seen: SeenBranch
+) -> tuple[Replay, int | None, float, float] | None:
+    """Return the replay most like what was seen, of launch headings near the planned one.
 
-    The distance is the largest between both shapes.
+    With it: the meeting at which it ends as seen (None where it ends elsewhere), the turn of its
+    heading in degrees, and the largest distance between both shapes.
     """
-    best, least, distance = 0.0, float("inf"), float("inf")
+    best, least = None, float("inf")
+    # A little longer than seen, so that the wall where it stopped is met.
+    length = seen.length_mm + _slack_mm(seen) * seen.ends_early
     for turn in _TURNS_DEG:
         heading = seen.heading_rad + rad(turn)
-        replay = replays.grown(seen.points_mm[0], heading, seen.length_mm, seen.radius_mm)
+        replay = replays.grown(seen.points_mm[0], heading, length, seen.radius_mm)
         if replay is None:
             continue
-        away = apart_mm(replay.chain_mm, seen.points_mm)
+        end, away = _ends_as_seen(replay, seen)
         if away + 0.1 * abs(turn) < least:
-            best, least, distance = turn, away + 0.1 * abs(turn), away
+            best, least = (replay, end, turn, away), away + 0.1 * abs(turn)
         if turn == 0.0 and away <= 1.0:
             break
-    return best, distance
+    return best
+
+
+def _slack_mm(seen: SeenBranch) -> float:
+    return max(3.0, 0.6 * seen.radius_mm)
+
+
+def _ends_as_seen(replay: Replay, seen: SeenBranch) -> tuple[int | None, float]:
+    """Return at which meeting a replay has the shape seen, and the distance between both.
+
+    Near head-on a tip slides centimetres while its body grows by a millimetre, so that a branch
+    that stopped is compared with the replay at each meeting, not at its length.
+    """
+    if not seen.ends_early:
+        return None, apart_mm(replay.chain_mm, seen.points_mm)
+    near = [
+        (apart_mm(chain, seen.points_mm), place)
+        for place, (chain, meeting) in enumerate(
+            zip(replay.chains_mm, replay.meetings, strict=True)
+        )
+        if abs(meeting.front_mm - seen.length_mm) <= _slack_mm(seen)
+    ]
+    if not near:
+        return None, apart_mm(replay.chain_mm, seen.points_mm)
+    least = min(away for away, _ in near)
+    # Of places that the photo cannot tell apart, the one met most head-on.
+    same = [place for away, place in near if away <= least + SAME_PLACE_MM]
+    end = min(same, key=lambda place: replay.meetings[place].angle_deg)
+    return end, least
 
 
 def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
     """Return how far the line is from a wall that its body touches; None if it does not."""
-    away = float(replays.wall_shape(wall).distance(LineString(seen.points_mm)))
+    away = float(shapely.distance(replays.wall_shape(wall), LineString(seen.points_mm)))
     return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None

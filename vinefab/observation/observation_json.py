@@ -28,9 +28,9 @@ def observation_text(seen: Observation) -> str:
                 "by": seen.rectified_by,
                 "error_mm": _rounded(seen.error_mm),
                 "mm_per_pixel": _rounded(film.view.mm_per_pixel),
-                "plane_mm": _rounded(film.plane_mm),
-                "heights_corrected": film.camera is not None,
-                "obstacle_height_mm": film.obstacle_mm or None,
+                "plane_mm": _rounded(film.sight.plane_mm),
+                "heights_corrected": film.sight.camera is not None,
+                "obstacle_height_mm": film.sight.obstacle_mm or None,
             },
             "film": {
                 "colour": None if film.colour is None else list(film.colour),

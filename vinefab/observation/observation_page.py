@@ -111,7 +111,7 @@ def _draw_branch(axes: Axes, seen: Observation, branch: ComparedBranch) -> None:
     z_mm = branch.nominal_width_mm / 2.0
 
     def shown(points: Floats) -> Floats:
-        return seen.film.moved(points, z_mm, seen.film.plane_mm)
+        return seen.film.moved(points, z_mm, seen.film.sight.plane_mm)
 
     if len(branch.predicted_points_mm) > 1:
         places = shown(branch.predicted_points_mm)
@@ -161,10 +161,18 @@ def _branch_section(seen: Observation) -> Section:
             _number(branch.hausdorff_mm, 1),
             _number(None if branch.share is None else 100.0 * branch.share, 1),
             _number(branch.width_mm, 1),
-            ", ".join(branch.order_observed) or "-",
-            ", ".join(branch.order_predicted) or "-",
         )
         for branch in branches
+    )
+    orders = tuple(
+        (
+            branch.id,
+            ", ".join(branch.order_observed) or "-",
+            ", ".join(branch.order_predicted) or "-",
+            "yes" if branch.order_observed == branch.order_predicted else "no",
+        )
+        for branch in branches
+        if branch.order_observed or branch.order_predicted
     )
     contacts = tuple(
         (
@@ -187,13 +195,20 @@ def _branch_section(seen: Observation) -> Section:
         ),
         tables=(
             Table(
-                caption="Branches: lengths in mm, distances at equal arc lengths",
+                caption="Branches: lengths in mm; distances at equal arc lengths, in mm and in percent of "
+                "the length seen",
                 headings=(
                     "branch", "planned", "observed", "predicted", "stop observed",
-                    "stop predicted", "mean mm", "Hausdorff mm", "mean % of length",
-                    "diameter mm", "walls met", "walls predicted",
+                    "stop predicted", "mean mm", "Hausdorff mm", "mean %", "diameter mm",
                 ),
                 rows=rows,
+            ),
+            Table(
+                caption="Walls that tips met, in their order: seen (measured) and predicted "
+                "(simulated)",
+                headings=("branch", "seen", "predicted", "same"),
+                rows=orders,
+                folded=len(orders) > 12,
             ),
             Table(
                 caption="Contacts: angle between the tip's heading and the wall's normal "

@@ -11,12 +11,12 @@ from vinefab.model.corner_marker import corner_markers
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.beside_prediction import (
-    ComparedBranch,
     Compared,
+    ComparedBranch,
     compare_with_prediction,
 )
 from vinefab.observation.centre_lines import TracedTree, trace
-from vinefab.observation.film import Film, found_film, outlined_film
+from vinefab.observation.film import Film, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.found_markers import marker_points
 from vinefab.photos.photo import Photo
@@ -189,19 +189,19 @@ def observe_photo(  # noqa: PLR0913
     step = max(MM_PER_PIXEL, float(np.sqrt(size / MOST_PLAN_PIXELS)))
     view = rectified(photo, camera, area, plane_mm=plane, mm_per_pixel=step)
     knows_heights = camera.focal_px is not None
-    about = {
-        "plane_mm": plane,
-        "camera": camera if knows_heights else None,
-        "obstacle_mm": setup.obstacle_mm or 0.0,
-    }
+    sight = Sight(
+        plane_mm=plane,
+        camera=camera if knows_heights else None,
+        obstacle_mm=setup.obstacle_mm or 0.0,
+    )
     if setup.outline is not None:
         outline = setup.outline
         if setup.outline_in_pixels:
             outline = shapely.transform(outline, lambda px: camera.to_map(px, plane))
-        film = outlined_film(view, world, outline, **about)
+        film = outlined_film(view, world, outline, sight)
     else:
         sizes = (inflated_diameter_mm(max(widths)), inflated_diameter_mm(min(widths)))
-        film = found_film(view, world, pose, sizes, colour=setup.film_colour, **about)
+        film = found_film(view, world, pose, sizes, sight, colour=setup.film_colour)
     traced = trace(film, design, world, pose)
     if not traced.branches[0].deployed:
         where = f"none at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
@@ -258,7 +258,7 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
             "the camera's focal length is not known, so that thin branches, which lie lower than "
             f"the trunk, may be up to {slack:.1f} mm off"
         )
-    away = camera.parallax_mm_per_mm * max(abs(seen.film.plane_mm - camera.z_mm), max(radii))
+    away = camera.parallax_mm_per_mm * max(abs(seen.film.sight.plane_mm - camera.z_mm), *radii)
     if camera.focal_px is not None and away > 1.0:
         found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
     mixed = [branch.id for branch in branches if branch.is_ambiguous]

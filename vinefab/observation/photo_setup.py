@@ -139,7 +139,7 @@ class _RigForm(_ReadForm):
 
 
 def _rig_facts(path: Path) -> tuple[tuple[CornerMarker, ...], float]:
-    """Return a rig's markers and the height of its obstacles, map millimetres, from its rig.json."""
+    """Return the markers and the height of the obstacles, in map millimetres, of a rig.json."""
     content = _json(path)
     if "markers" not in content:
         raise BadInputError("markers", None, "a rig.json whose rig carries corner markers", path)

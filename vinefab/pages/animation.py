@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in
+from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in, start_marks
 
 LONGEST_PX = 640
 """Longer side of the map in an animation."""
@@ -27,6 +27,7 @@ LEAST_WIDTH_PX = 460
 
 FRAME_S = 0.09
 HOLD_S = 1.8
+_HALF_BAND = 0.004  # of a line that poses are drawn from, as a share of the longer side
 """How long each frame stays, and how long the last one does before everything begins anew."""
 
 
@@ -108,6 +109,7 @@ class Scene:
     # rock, bounds: polygons as lists of their rings, the outer ring first
     rock: list[list[Floats]]
     bounds: list[list[Floats]]
+    starts: list[list[Floats]]  # where poses are drawn from, and their headings, likewise
     widths_mm: tuple[float, ...]  # lay-flat width of each level
     bar_mm: float  # length of the scale bar
     levels: tuple[int, ...]  # levels to explain, trunk first
@@ -127,6 +129,7 @@ class Scene:
             width_px=max(stage.width_px, LEAST_WIDTH_PX),
             rock=stage.rings(rock_in(world, box)),
             bounds=stage.rings([bounds_in(world, box)]),
+            starts=stage.rings(_ranges(world, box)),
             widths_mm=widths_mm,
             bar_mm=round_length_mm(0.2 * stage.width_px / stage.px_per_mm),
             levels=tuple(range(1, int(last.tree.level[last.deployed].max(initial=1)) + 1)),
@@ -160,6 +163,21 @@ class Scene:
     def base(self, pose: Pose) -> Floats:
         """Return where a robot starts, shape (2,)."""
         return np.asarray(self.stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0])
+
+
+def _ranges(world: Map, box: Box) -> list[BaseGeometry]:
+    """Return the ranges of starts as areas: a line becomes a thin band."""
+    shapes: list[BaseGeometry] = []
+    for mark in start_marks(world, box):
+        shapes += [mark.fan] if mark.fan is not None else []
+        shapes += [
+            piece
+            if isinstance(piece, Polygon)
+            else piece.buffer(_HALF_BAND * longer_mm(box), cap_style="flat")
+            for piece in mark.free
+        ]
+    window = shapely.box(*box)
+    return [shapely.intersection(shape, window) for shape in shapes]
 
 
 def line_px(level: int) -> float:

@@ -20,7 +20,7 @@ from vinefab.pages.animation import (
     is_live,
     line_px,
 )
-from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START_SHADE, level_colour
 from vinefab.pages.map_view import STOP_WORDS
 
 SHARPNESS = 2
@@ -66,7 +66,7 @@ def _colour_table(picture: Image.Image, levels: Sequence[int]) -> Image.Image:
     table = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
     entries = np.array(table.getpalette()).reshape(-1, 3)
     lines = [level_colour(level) for level in levels]
-    exact = ["#ffffff", ROCK, ROCK_EDGE, INK, SOFT, *map(_shade, lines), *lines]
+    exact = ["#ffffff", ROCK, ROCK_EDGE, INK, SOFT, START_SHADE, *map(_shade, lines), *lines]
     for colour in (np.array(ImageColor.getrgb(name)) for name in exact):
         away = ((entries - colour) ** 2).sum(axis=1)
         # Near twins go, or plain white ground could be stored as almost white.
@@ -130,23 +130,25 @@ class _Painter:
             for polygons in (self.scene.rock, self.scene.bounds)
         )
         for rings in rock:
-            self._rock(picture, rings)
+            self._fill(picture, rings, ROCK)
+        for rings in self.scene.starts:
+            self._fill(picture, [SHARPNESS * ring for ring in rings], START_SHADE)
         for polygons, colour in ((rock, ROCK_EDGE), (bounds, INK)):
             for ring in (ring for rings in polygons for ring in rings):
                 draw.line(_flat(ring), fill=colour, width=SHARPNESS)
         return picture
 
     @staticmethod
-    def _rock(picture: Image.Image, rings: list[Floats]) -> None:
+    def _fill(picture: Image.Image, rings: list[Floats], colour: str) -> None:
         """Fill a polygon and leave its holes open."""
         if len(rings) == 1:
-            ImageDraw.Draw(picture).polygon(_flat(rings[0]), fill=ROCK)
+            ImageDraw.Draw(picture).polygon(_flat(rings[0]), fill=colour)
             return
         mask = Image.new("1", picture.size)
         draw = ImageDraw.Draw(mask)
         for number, ring in enumerate(rings):
             draw.polygon(_flat(ring), fill=int(number == 0))
-        picture.paste(ROCK, mask=mask)
+        picture.paste(colour, mask=mask)
 
     @staticmethod
     def _line(draw: ImageDraw.ImageDraw, chain: Floats, colour: str, width_px: float) -> None:

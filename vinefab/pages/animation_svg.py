@@ -22,7 +22,7 @@ from vinefab.pages.animation import (
     is_live,
     line_px,
 )
-from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.map_view import STOP_WORDS
 
 _MARKS = {
@@ -112,8 +112,10 @@ def _ground(scene: Scene) -> list[str]:
         "".join(f"{_path(ring[:-1])}Z" for rings in polygons for ring in rings)
         for polygons in (scene.rock, scene.bounds)
     )
+    ranges = ["".join(f"{_path(ring[:-1])}Z" for ring in rings) for rings in scene.starts]
     return [
         f'<path d="{rock}" style="fill:{ROCK};fill-rule:evenodd" stroke="{ROCK_EDGE}"/>',
+        *(f'<path d="{path}" style="fill:{START};fill-opacity:0.28"/>' for path in ranges),
         f'<path d="{bounds}" stroke="{INK}"/>',
     ]
 

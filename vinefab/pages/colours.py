@@ -6,6 +6,7 @@ ROCK = "#d3dade"
 ROCK_EDGE = "#8b989f"
 ALERT = "#c2185b"
 START = "#2e7d4f"
+START_SHADE = "#c4dacd"
 
 LEVEL_COLOURS = ("#12355b", "#b8430a", "#1c9a9a", "#eab000", "#6d2a82", "#7cc0f0", "#5f6b12")
 """Colour of each level, trunk first; they repeat after the last.

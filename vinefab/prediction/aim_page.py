@@ -477,7 +477,7 @@ def _team_section(found: AimResult) -> Section:
             f"{team.candidates:,}, each for what it adds. Whatever the map, such a choice covers "
             f"at least {100 * GREEDY_SHARE:.0f} % (1 - 1/e) of what the best "
             f"{len(team.poses)} of these poses cover; by this case's own bound (the covered share "
-            f"plus the largest gains that are left) at least {100 * team.least_share:.1f} %."
+            f"plus the largest gains that are left) at least {team.least_percent:.1f} %."
         )
     with house_style():
         figure, axes = blank(6.0, 3.2)

@@ -42,11 +42,12 @@ from vinefab.prediction.pose_search import (
 )
 from vinefab.prediction.provenance import Origin
 from vinefab.prediction.robot_set import (
+    FRESH_SET_DRAWS,
     GREEDY_SHARE,
     MOST_ROBOTS,
+    SET_DRAWS,
     RobotSet,
     TeamSearch,
-    team_deployments,
     union_curve,
 )
 from vinefab.tasks.covered_cells import Cover, cover_of
@@ -55,7 +56,7 @@ from vinefab.tasks.task import Task, check_on_map, search_form
 
 AIM_SCHEMA = "vinefab/aim-1"
 
-FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 1_000, 100_000_000
+FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
 
 FRESH_DRAWS = 300
 """Draws that no choice has seen, for what is reported of a pose."""
@@ -64,6 +65,9 @@ WORST_SHARE = 0.1
 
 PROFILE_HEADINGS, PROFILE_DRAWS = 72, 32
 """Headings at the best place, and draws at each, for the chart of headings."""
+
+DEPLOYMENTS_PER_CANDIDATE, MOST_CANDIDATES = 100, 3_000
+"""Several robots are chosen from one pose for so many deployments of the search."""
 
 SHOWN_DEPLOYMENTS = 24
 """Deployments from the best pose that are drawn."""
@@ -99,6 +103,11 @@ class AimPlan:
             placing_deg=self.placing_deg,
             half_angle_range_rad=self.options.half_angle_range_rad,
         )
+
+    @property
+    def candidates(self) -> int:
+        """About how many poses several robots are chosen from."""
+        return min(MOST_CANDIDATES, self.deployments // DEPLOYMENTS_PER_CANDIDATE)
 
     @property
     def placing_text(self) -> str:
@@ -324,7 +333,7 @@ def _counted(
     """Return what tells the share of the work that is done from numbers of deployments."""
     expected = plan.deployments + 2 * FRESH_DRAWS + PROFILE_HEADINGS * PROFILE_DRAWS
     if plan.robots > 1:
-        expected += team_deployments(plan.robots)
+        expected += plan.candidates * SET_DRAWS + plan.robots * FRESH_SET_DRAWS
     done = 0
 
     def tell(more: int) -> None:
@@ -362,7 +371,7 @@ def _aimed(
     team = None
     if cover is not None:
         team = TeamSearch(trial=trial, cover=cover, errors=plan.errors, tell=tell).choose(
-            found.landscape, found.pose, plan.robots, child(plan.seed, _SETS)
+            found.landscape, found.pose, plan.robots, plan.candidates, child(plan.seed, _SETS)
         )
     return AimedRobot(
         name=name,
@@ -421,8 +430,8 @@ def _robot_lines(robot: AimedRobot) -> list[str]:
     low, high = best.interval
     lines = [
         f"  {robot.name} from {pose_text(best.pose)}: {best.mean:.4f} [{low:.4f}, {high:.4f}], "
-        f"worst tenth {best.worst_tenth:.4f}; the search saw {found.estimate:.4f} "
-        f"(best of {found.deployments:,} deployments, so too good)"
+        f"worst tenth {best.worst_tenth:.4f}; the search's own estimate "
+        f"{found.estimate:.4f} (the best of many in {found.deployments:,} deployments: biased)"
     ]
     if robot.start is not None and robot.gain is not None:
         lines.append(
@@ -448,7 +457,7 @@ def _team_lines(robot: AimedRobot) -> list[str]:
     lines.append(
         f"  chosen greedily: at least {100 * GREEDY_SHARE:.0f} % of what the best "
         f"{len(team.poses)} of these poses cover (1 - 1/e), and by this case's own bound at least "
-        f"{100 * team.least_share:.1f} %"
+        f"{team.least_percent:.1f} %"
     )
     return lines
 

@@ -9,6 +9,7 @@ import shapely
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
+from shapely import LineString
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
@@ -95,7 +96,6 @@ def heat_map_of(
     passed = np.zeros(shape)
     for deployment in deployments:
         passed += body_cells(deployment, design.build.widths_mm, low_mm, cell_mm, shape)
-    start = varied.starts[0]
     return HeatMap(
         world=world,
         low_mm=low_mm,
@@ -103,9 +103,17 @@ def heat_map_of(
         share=passed / len(deployments),
         deployments=len(deployments),
         spots=stuck_spots(deployments, SPOT_SHARE * max(world.size_mm)),
-        spread=f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map and "
-        f"{deg(start.spread_heading_rad):g} degrees either way",
+        spread=_spread_text(varied.starts[0]),
     )
+
+
+def _spread_text(start: Start) -> str:
+    """Return the range that poses are drawn from, in words."""
+    turn = f"{deg(start.spread_heading_rad):g} degrees either way"
+    if start.area is not None:
+        kind = "line" if isinstance(start.area, LineString) else "area"
+        return f"from the free part of the start's {kind} and {turn}"
+    return f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map and {turn}"
 
 
 def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[StuckSpot, ...]:
@@ -139,7 +147,7 @@ def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[Stu
 
 def _varied(start: Start) -> Start:
     """Return a start with a range of poses, the default one where the map gives none."""
-    if start.spread_x_mm or start.spread_y_mm or start.spread_heading_rad:
+    if start.has_spread:
         return start
     return replace(
         start,

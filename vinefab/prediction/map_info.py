@@ -32,6 +32,13 @@ ARC_SEGMENTS_PER_QUARTER = 8
 """Rounded corners of swept areas: within 0.5 % of a radius."""
 
 
+LEAST_OUTSIDE_SHARE = 1e-6
+"""Of an obstacle's area: less is rounding of what ends at the bounds."""
+
+MOST_NAMED = 5
+"""Obstacles that reach over the bounds, by number in one line."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRoom:
     """A start of a map and the room there."""
@@ -151,6 +158,8 @@ class MapInfo:
     widest_mm: dict[float, float | None]
     # how far a body of the width asked for could get; None when none was asked for
     body: Body | None
+    # share of the area outside the bounds, of obstacles that reach over them, by number from 1
+    outside: dict[int, float]
 
     @property
     def regions_mm2(self) -> tuple[float, ...]:
@@ -192,7 +201,21 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
         starts=starts,
         widest_mm=widest_bodies(free, starts),
         body=None if width_mm is None else body_room(free, starts, width_mm),
+        outside=_outside_shares(world),
     )
+
+
+def _outside_shares(world: Map) -> dict[int, float]:
+    shapely.prepare(world.bounds)
+    obstacles = np.array(world.obstacles, dtype=np.object_)
+    over = np.flatnonzero(~shapely.covers(world.bounds, obstacles))
+    beyond_mm2 = shapely.area(shapely.difference(obstacles[over], world.bounds))
+    shares = beyond_mm2 / shapely.area(obstacles[over])
+    return {
+        int(index) + 1: float(share)
+        for index, share in zip(over, shares, strict=True)
+        if share > LEAST_OUTSIDE_SHARE
+    }
 
 
 def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[Gate, ...]:
@@ -224,6 +247,9 @@ def _content(info: MapInfo) -> dict[str, object]:
         "standing": "computed",
         "size_mm": list(world.size_mm),
         "obstacles": len(world.obstacles),
+        "obstacles_outside": [
+            {"obstacle": number, "share": share} for number, share in info.outside.items()
+        ],
         "walls": world.wall_count,
         "vertices": _vertices(world),
         "free_area_mm2": info.free.area,
@@ -274,6 +300,14 @@ def info_lines(info: MapInfo) -> Iterator[str]:
         f"free area {info.free.area / 1e6:.4g} m2, {100 * info.free_share:.1f} % of the bounds, "
         f"in {len(regions)} {'region' if len(regions) == 1 else 'regions'} (computed)"
     )
+    if info.outside:
+        named = [
+            f"obstacle {number} ({100 * share:.3g} % of it)"
+            for number, share in list(info.outside.items())[:MOST_NAMED]
+        ]
+        more = len(info.outside) - len(named)
+        rest = f" and {more} more" if more else ""
+        yield f"reach over the bounds, and do nothing there: {', '.join(named)}{rest} (computed)"
     yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
     for number, gate in enumerate(info.gates, start=1):
         x_mm, y_mm = gate.passage.middle_mm

@@ -210,7 +210,15 @@ class PoseTrial:
     ) -> Floats:
         """Return a task's score of every pose at every draw, shape (n, k)."""
         contexts = [self.prepared.context]
-        return self.each(poses, draws, lambda block: outcomes(task, block, contexts).score, count)
+
+        def scored(block: Block) -> Floats:
+            found = outcomes(task, block, contexts).score
+            if not np.isfinite(found).all():
+                where = f"a number on {self.prepared.world.name}"
+                raise BadInputError(f"score of task {task.name}", "NaN or infinity", where)
+            return found
+
+        return self.each(poses, draws, scored, count)
 
     def deployments(self, pose: Floats, draws: PoseDraws) -> list[Deployment]:
         """Return the deployments from one pose."""

@@ -111,8 +111,6 @@ FRESH_SET_DRAWS = 200
 MOST_BITS = 400_000_000
 """Candidates times draws times elements: 50 MB."""
 
-MOST_CANDIDATES = 1000
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotSet:
@@ -140,6 +138,11 @@ class RobotSet:
     def least_share(self) -> float:
         """At least this share of what the best set of as many candidates covers, by the bound."""
         return self.choice.covered[-1] / max(self.choice.bounds[-1], 1e-300)
+
+    @property
+    def least_percent(self) -> float:
+        """The same in percent with one decimal, rounded down."""
+        return math.floor(1000.0 * self.least_share) / 10.0
 
 
 def candidate_poses(landscape: PoseLandscape, most: int, extra: Floats) -> Floats:
@@ -181,7 +184,12 @@ class TeamSearch:
     tell: DeploymentCounter
 
     def choose(
-        self, landscape: PoseLandscape, best: Floats, count: int, rng: np.random.Generator
+        self,
+        landscape: PoseLandscape,
+        best: Floats,
+        count: int,
+        candidates: int,
+        rng: np.random.Generator,
     ) -> RobotSet:
         """Choose poses for several robots that together cover most.
 
@@ -189,11 +197,13 @@ class TeamSearch:
         ----------
         best
             The best pose of a single one, shape (3,).
+        candidates
+            About so many poses to choose from; fewer where memory is too small for them.
         rng
             For the fresh draws.
         """
         weight = self.cover.weight
-        most = min(MOST_CANDIDATES, max(count, MOST_BITS // (SET_DRAWS * len(weight))))
+        most = max(count, min(candidates, MOST_BITS // (SET_DRAWS * len(weight))))
         poses = candidate_poses(landscape, most, best[None])
         draws = self.errors.even(SET_DRAWS)
         bits = np.empty((len(poses), SET_DRAWS, math.ceil(len(weight) / 8)), dtype=np.uint8)
@@ -236,11 +246,6 @@ class TeamSearch:
             union |= found
             shares.append(union @ weight)
         return np.array(shares), np.array(firsts), tuple(shown)
-
-
-def team_deployments(count: int) -> int:
-    """Return about how many deployments the choice of several robots takes."""
-    return MOST_CANDIDATES * SET_DRAWS + count * FRESH_SET_DRAWS
 
 
 def _shifted(draws: PoseDraws, shift: int) -> PoseDraws:

@@ -55,7 +55,7 @@ _MARK_MM, _STROKE_MM, _DIGIT_MM = 0.4, 0.8, 5.0
 _STEPS_DEG = (5.0, 10.0, 15.0, 30.0)
 _FINE_DEG = 2.5
 _STEP_MM = 0.5
-_TOUCH_MM, _SLIVER_MM, _WELD_MM = 0.02, 0.05, 2e-3
+_TOUCH_MM, _SLIVER_MM, _WELD_MM, _FREE_MM = 0.02, 0.05, 2e-3, 3.0
 _NEAR_BOX_MM = (-1500.0, -1500.0, 1500.0, 1500.0)
 
 
@@ -112,6 +112,7 @@ class _Place:
     plate: BaseGeometry
     walls: BaseGeometry
     inside: BaseGeometry  # bounds without their holes
+    taken: BaseGeometry  # what stands beside the rig
     plate_mm: float
     border_mm: float
     gap_mm: float
@@ -141,9 +142,9 @@ def base_holder(
     if asked and asked > len(world.starts):
         raise BadInputError("rig.base_start", asked, f"0 to {len(world.starts)}")
     number = asked or 1
-    place = _place_of(world.starts[number - 1], world, rig)
+    place = _place_of(world.starts[number - 1], world, rig, taken)
     tube = base_tube(design, rig.options.collar_mm)
-    made = _holder(number, world.starts[number - 1], place, tube, taken)
+    made = _holder(number, world.starts[number - 1], place, tube)
     if isinstance(made, BaseHolder):
         return made, made.notes
     if asked:
@@ -151,7 +152,7 @@ def base_holder(
     return None, (f"start {number} has no base holder: {made}",)
 
 
-def _place_of(start: Start, world: Map, rig: Rig) -> _Place:
+def _place_of(start: Start, world: Map, rig: Rig, taken: BaseGeometry) -> _Place:
     """Return the rig as seen from a start: origin at the start, heading along x."""
     scale, pose = rig.options.scale, start.pose
     low = np.array(world.bounds.bounds[:2])
@@ -173,6 +174,7 @@ def _place_of(start: Start, world: Map, rig: Rig) -> _Place:
         plate=seen(rig.plate),
         walls=seen(rig.walls),
         inside=seen(Polygon(world.bounds.exterior)),
+        taken=shapely.transform(taken, lambda points: (points - at) @ turn),
         plate_mm=options.plate_mm,
         border_mm=options.border_mm,
         gap_mm=options.gap_mm(rig.printer),
@@ -220,9 +222,7 @@ def _sizes(tube: BaseTube, plate_mm: float, gap_mm: float) -> _Sizes:
     )
 
 
-def _holder(
-    number: int, start: Start, place: _Place, tube: BaseTube, taken: BaseGeometry
-) -> BaseHolder | str:
+def _holder(number: int, start: Start, place: _Place, tube: BaseTube) -> BaseHolder | str:
     """Return the holder of a start, or why there is none."""
     sizes = _sizes(tube, place.plate_mm, place.gap_mm)
     found = _headings(start, place, sizes)
@@ -230,12 +230,12 @@ def _holder(
         return found
     headings, reach_mm, step_deg = found
     block = box(-reach_mm - CLAMP_MM, -sizes.half_mm, -reach_mm, sizes.half_mm)
+    if _turned(block, headings).buffer(_FREE_MM).intersects(place.taken):
+        return "a corner marker lies where its block would be: --markers none, or another start"
     dial = _dial_outline(block, headings, place)
     outline = shapely.affinity.affine_transform(
         dial, [*place.to_plan[0, :2], *place.to_plan[1, :2], *place.to_plan[:2, 2]]
     )
-    if outline.intersects(taken):
-        return "a corner marker lies where its dial would be: --markers none, or another start"
     hooks = _hooks(dial, block, headings, (place, sizes))
     parts = (
         _dial_part(dial, hooks, headings, (place, sizes, reach_mm, step_deg)),
@@ -356,7 +356,7 @@ def _dial_outline(block: Polygon, headings: list[float], place: _Place) -> Polyg
         shapely.union_all([around, entry.buffer(_RIM_MM).difference(place.inside)])
     )
     rig = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(place.plate)])
-    pieces = snapped_union(hull.difference(rig))
+    pieces = snapped_union(hull.difference(rig).difference(place.taken.buffer(place.gap_mm)))
     best: Polygon = max(pieces, key=lambda piece: piece.intersection(block).area)
     return best
 

@@ -1,7 +1,7 @@
 """What a laser cuts for a rig: the drilled board, a lid, and obstacles in layers of sheet."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,7 +61,7 @@ def board_jobs(
         near = [piece for piece in pieces if tile.intersects(piece.outline)]
         marks = [line for piece in near for line in _piece_marks(piece, tile)]
         holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
-        marks += [line for line in markers.marks if tile.covers(line)]
+        marks += _lines_within(tile, markers.marks)
         taken = [*(piece.outline for piece in near), *markers.squares]
         marks += _compass(tile, number, taken)
         jobs.append(_job(f"{name} board {number}", tile, (marks, holes, gap_mm), options))
@@ -196,7 +196,12 @@ def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
     """Yield a piece's outline and number, as far as they lie on a tile of the board."""
     rings = shapely.get_rings(piece.outline)
     shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
-    for shape in (*shapes, *_number_marks(piece)):
+    yield from _lines_within(tile, (*shapes, *_number_marks(piece)))
+
+
+def _lines_within(tile: Polygon, lines: Sequence[LineString]) -> Iterator[LineString]:
+    """Yield what lies on a tile of lines, joined where they meet themselves."""
+    for shape in lines:
         cut = shapely.line_merge(shapely.intersection(shape, tile))
         for line in shapely.get_parts(cut):
             if isinstance(line, LineString) and line.length > 0.0:

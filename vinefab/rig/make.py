@@ -138,7 +138,7 @@ def make_rig(
     if report.blocking:
         files = {}
     else:
-        files |= true_scale_files(rig, world, fixtures)
+        files |= true_scale_files(rig, world, fixtures, pieces)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
             drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(

@@ -10,13 +10,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
+import shapely.affinity
 from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import start_pieces
 from vinefab.rig.part import ThinPlace
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 
@@ -165,11 +168,14 @@ def entry_of(
     ``options.entry_reach_mm``, the border is open there, as wide as ``options.entry_width_mm``
     and the start's sideways spread on both sides, straight along the heading. A start further
     inside gets a round hole of the same width through the plate, so that the robot comes up from
-    below; if obstacles leave no room for the hole, nothing is opened and the note says so.
+    below; if obstacles leave no room for the hole, nothing is opened and the note says so. A line
+    or an area gets an opening for each of its free pieces, as wide as the piece is.
     """
     nothing = Polygon()
     if options.entry_width_mm <= 0.0:
         return Entry(from_border=nothing, from_plate=nothing)
+    if start.area is not None:
+        return _entry_of_area(start, bounds, border, solids, options)
     base = Point(start.pose.x_mm, start.pose.y_mm)
     reach_mm = options.entry_reach_mm
     ray = _backwards(start, reach_mm + max(1.0, reach_mm) * 1e-6)
@@ -185,6 +191,63 @@ def entry_of(
     blocked = strip.intersection(bounds).intersection(solids).area > 0.0
     note = "obstacles narrow the way between the entry and its start" if blocked else ""
     return Entry(from_border=shapely.union_all(cut), from_plate=nothing, note=note)
+
+
+def _entry_of_area(
+    start: Start, bounds: Polygon, border: BaseGeometry, solids: BaseGeometry, options: RigOptions
+) -> Entry:
+    try:
+        pieces = start_pieces(start, bounds.difference(solids))
+    except BadInputError:  # closed by what makes solids printable: the pose is what is left
+        return entry_of(replace(start, area=None), bounds, border, solids, options)
+    entries = [entry_of(_across(start, p), bounds, border, solids, options) for p in pieces]
+    opened = shapely.intersection(
+        shapely.union_all([entry.from_border for entry in entries]), _behind(start, bounds, options)
+    )
+    if opened.is_empty:
+        at_pose = entry_of(replace(start, area=None), bounds, border, solids, options)
+        words = "only its pose has an entry, as its line or area is far from the bounds"
+        return replace(at_pose, note="; ".join(filter(None, (words, at_pose.note))))
+    # No posts are left between openings that stand closer together than an entry is wide.
+    least_mm2 = options.entry_width_mm * options.border_mm
+    posts = [part for part in polygon_parts(border.difference(opened)) if part.area < least_mm2]
+    opened = shapely.union_all([opened, *posts])
+    count, wide_mm = len(polygon_parts(opened)), opened.area / max(options.border_mm, _NEAR_MM)
+    several = f"{count} openings, {wide_mm:.0f} mm together" if count > 1 else f"{wide_mm:.0f} mm"
+    notes = [f"the border is open for its line or area: {several}"]
+    if any(entry.from_border.is_empty for entry in entries):
+        notes.append("pieces of it further inside have no entry")
+    notes += dict.fromkeys(e.note for e in entries if e.note and not e.from_border.is_empty)
+    return Entry(from_border=opened, from_plate=Polygon(), note="; ".join(notes))
+
+
+def _behind(start: Start, bounds: Polygon, options: RigOptions) -> BaseGeometry:
+    """Return where robots come from: the bounds moved back, so that walls beside them stay."""
+    back = _backwards(start, 2.0 * options.border_mm).coords
+    (x_0, y_0), (x_1, y_1) = back
+    moved = [
+        shapely.affinity.translate(bounds, share * (x_1 - x_0), share * (y_1 - y_0))
+        for share in (0.5, 1.0)
+    ]
+    return shapely.union_all(moved)
+
+
+def _across(start: Start, piece: BaseGeometry) -> Start:
+    """Return a start at the rear end of a piece, its range as wide as the piece is sideways."""
+    cosine, sine = math.cos(start.pose.heading_rad), math.sin(start.pose.heading_rad)
+    points = shapely.get_coordinates(piece)
+    ahead, aside = points @ (cosine, sine), points @ (-sine, cosine)
+    rear, middle = float(ahead.min()), 0.5 * float(aside.min() + aside.max())
+    half_mm = 0.5 * float(aside.max() - aside.min())
+    return Start(
+        pose=replace(
+            start.pose,
+            x_mm=rear * cosine - middle * sine,
+            y_mm=rear * sine + middle * cosine,
+        ),
+        spread_x_mm=abs(sine) * half_mm,
+        spread_y_mm=abs(cosine) * half_mm,
+    )
 
 
 def _through_plate(base: Point, solids: BaseGeometry, options: RigOptions) -> Entry:
@@ -337,6 +400,9 @@ def _scaled(start: Start, world: Map, scale: float) -> Start:
         ),
         spread_x_mm=scale * start.spread_x_mm,
         spread_y_mm=scale * start.spread_y_mm,
+        area=start.area
+        and shapely.transform(start.area, lambda points: scale * (points - (x_mm, y_mm))),
+        clearance_mm=start.clearance_mm * (1.0 if start.area is None else scale),
     )
 
 

@@ -18,6 +18,7 @@ from vinefab.model.map import Map
 from vinefab.pages.colours import INK, SOFT
 from vinefab.pages.drawing import fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, svg_bytes
+from vinefab.rig.board import LoosePiece
 from vinefab.rig.corner_tiles import MarkerPad, black_cells, paper_crop_mm
 from vinefab.rig.fixtures import Fixtures, on_rig, outside_of
 from vinefab.rig.part import Rig
@@ -28,14 +29,19 @@ MM_PER_INCH = 25.4
 MARGIN_MM = 15.0
 RULER_MM = 100.0
 
-_CROP_MM, _TEXT_MM = 5.0, 14.0
+UNSEEN_MM = 0.02
+"""Walls are drawn to this: less than a printer's dot."""
+
+_CROP_MM, _TEXT_MM, _CROSS_MM = 5.0, 14.0, 1.0
 _CORNERS = ("lower left", "lower right", "upper right", "upper left")
 _BLACK, _OBSTACLE = "#000000", "#d9dee2"
 
 
-def true_scale_files(rig: Rig, world: Map, fixtures: Fixtures) -> dict[str, bytes]:
+def true_scale_files(
+    rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()
+) -> dict[str, bytes]:
     """Return the paper markers and the plan as SVG and PDF, by file name."""
-    drawings = {"plan": plan_sheet(rig, world, fixtures)}
+    drawings = {"plan": plan_sheet(rig, world, fixtures, pieces)}
     if fixtures.pads:
         drawings["markers"] = marker_sheet(fixtures.pads)
     files = {}
@@ -94,9 +100,16 @@ def _draw_cells(axes: Axes, pad: MarkerPad, shift: tuple[float, float] = (0.0, 0
     fill_geometry(axes, [translate(cells, *shift)], face=_BLACK, edge="none", rank=5)
 
 
-def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures) -> Figure:
-    """Return the plan of a rig at true scale: walls, markers, base and ruler, to be laid below."""
-    plate, walls = on_rig(rig.plate, rig, world), on_rig(rig.walls, rig, world)
+def plan_sheet(
+    rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()
+) -> Figure:
+    """Return the plan of a rig at true scale: walls, markers, base and ruler, to be laid below.
+
+    Loose pieces are outlined one by one, with their numbers and the holes for their pegs: by them a
+    board is drilled by hand.
+    """
+    plate = on_rig(rig.plate, rig, world)
+    walls = shapely.simplify(on_rig(rig.walls, rig, world), UNSEEN_MM)
     around = outside_of(fixtures)
     x_min, y_min, x_max, y_max = shapely.union(plate, around).bounds
     foot_mm = 24.0
@@ -112,6 +125,7 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures) -> Figure:
         fill_geometry(axes, [around], face="none", edge=SOFT, rank=2)
         fill_geometry(axes, [inside], face="none", edge=INK, rank=3)
         fill_geometry(axes, list(polygon_parts(walls)), face=_OBSTACLE, edge=INK, rank=3)
+        _draw_pieces(axes, pieces)
         for pad in fixtures.pads:
             _draw_cells(axes, pad)
         _draw_starts(axes, rig, world)
@@ -122,6 +136,23 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures) -> Figure:
         )
         axes.text(x_min, low[1] + MARGIN_MM - 4.0, words, fontsize=8, va="top", color=INK)
     return figure
+
+
+def _draw_pieces(axes: Axes, pieces: Sequence[LoosePiece]) -> None:
+    """Draw outline, number and pegs of loose pieces; a peg's middle is a small cross."""
+    fill_geometry(axes, [piece.outline for piece in pieces], face="none", edge=INK, rank=4)
+    pegs = [peg for piece in pieces for peg in piece.pegs]
+    fill_geometry(axes, [peg.outline for peg in pegs], face="white", edge=INK, rank=4)
+    lines = []
+    for peg in pegs:
+        x_mm, y_mm = peg.x_mm, peg.y_mm
+        lines.append([(x_mm - _CROSS_MM, y_mm), (x_mm + _CROSS_MM, y_mm)])
+        lines.append([(x_mm, y_mm - _CROSS_MM), (x_mm, y_mm + _CROSS_MM)])
+    axes.add_collection(LineCollection(lines, colors=INK, linewidths=0.3, zorder=5))
+    for piece in pieces:
+        circle = shapely.maximum_inscribed_circle(piece.outline, 0.5)
+        x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
+        axes.text(x_mm, y_mm, str(piece.number), fontsize=8, ha="center", va="center", color=INK)
 
 
 def _draw_starts(axes: Axes, rig: Rig, world: Map) -> None:

@@ -175,3 +175,10 @@ def test_painted_elements_of_an_svg_are_areas_with_their_holes(tmp_path):
     world = import_map(path, ImportOptions(drawn="free"))
     assert world.free_space.area == pytest.approx(6000 - 400 + 900 + 2400)
     assert [rock.bounds for rock in world.obstacles] == [(40, 20, 60, 40)]
+
+
+def test_what_is_cut_at_the_bounds_is_named_with_its_share(tmp_path):
+    areas = (box(0, 0, 100, 60), box(90, 20, 130, 40), box(5, 5, 9, 9), box(200, 0, 210, 9))
+    world = free_map(tmp_path, *areas, drawn=None, bounds="largest")
+    assert world.facts["reaching_over_bounds"] == ["features[2]: 75 % of it outside"]
+    assert world.facts["outlines_outside_left_out"] == 1

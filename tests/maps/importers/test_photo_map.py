@@ -32,8 +32,6 @@ HEIGHT_MM = 25.0
 CAMERA = TrueCamera(
     target_mm=(200.0, 150.0), distance_mm=800.0, focal_px=950.0, size_px=(1080, 810)
 )
-    target_mm=(200.0, 150.0), distance_mm=800.0, focal_px=950.0, size_px=(1080, 810)
-)
 SHIFT = (-42.0, -42.0)
 """From a map of four markers, whose origin is the first marker's corner, to the table's."""
 

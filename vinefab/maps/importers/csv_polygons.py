@@ -96,8 +96,11 @@ def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
     if {"x", "y"} <= set(named) and "" not in named and len(set(named)) == len(named):
         return named, True
     if len(cells) not in _ORDER or not _is_number(cells[-2 if len(cells) == 4 else -1]):
+        known_text = "; geometry as text (WKT) goes through GDAL: ogr2ogr plan.gpkg FILE"
+        allowed = "polygon,x_mm,y_mm[,role] or x_mm,y_mm"
+        has_text = any(cell.lower() in ("wkt", "geometry", "the_geom") for cell in cells)
         raise BadInputError(
-            f"line {number}", ",".join(cells), "polygon,x_mm,y_mm[,role] or x_mm,y_mm"
+            f"line {number}", ",".join(cells), allowed + (known_text if has_text else "")
         )
     return _ORDER[len(cells)], False
 

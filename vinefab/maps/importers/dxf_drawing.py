@@ -410,6 +410,8 @@ _MM = {
     23: ("US survey yards", 3_600_000.0 / 3937.0),
     24: ("US survey miles", 6_336_000_000.0 / 3937.0),
 }
+_GDAL_LIMITS = (12.0, 9.0)
+"""``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing."""
 _SOLIDS = {"3DSOLID", "BODY", "MESH", "REGION", "SURFACE"}
 _BROKEN = (
     DXFError,
@@ -509,6 +511,8 @@ def _drawing(document: "Document", layers: tuple[str, ...]) -> SourceDrawing:
     items = walk.items(space)
     code = int(document.header.get("$INSUNITS", 0))
     unit, mm_per_unit = _MM.get(code, ("mm (taken; the file names none)", 1.0))
+    if unit == "inches" and tuple(document.header.get("$LIMMAX", ()))[:2] == _GDAL_LIMITS:
+        unit += " (GDAL and QGIS write so whatever the unit is; --scale-mm-per-unit if not)"
     return SourceDrawing(
         items=tuple(items),
         mm_per_unit=mm_per_unit,

@@ -29,7 +29,16 @@ from vinefab.photos.photo_camera import (
 from vinefab.photos.plan_view import PlanView
 from vinefab.photos.rectify import AreaMm, most_pixels_per_mm, rectified, shown_in
 
-_ONLY_OTHERS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lines", "unknown")
+_ONLY_OTHERS = (
+    "join_mm",
+    "layers",
+    "drawn",
+    "bounds",
+    "margin_mm",
+    "wall_mm",
+    "open_lines",
+    "unknown",
+)
 _MOST_CELLS = 6e6
 """Cells of a plan: 0.25 mm in 600 x 600 mm. A finer photo gives better walls than it says."""
 

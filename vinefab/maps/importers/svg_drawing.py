@@ -274,6 +274,11 @@ _SILENT = {
 }  # fmt: skip
 _MOST_COPIED = 50_000
 _DEEPEST_USE = 32
+_PAGE_IS_AREA = (
+    "its background is an outline too; --drawn free if the areas on it are the free space"
+)
+_PAGE_SLACK = 5e-5
+"""Of the page's larger side: programs round the corners of its background."""
 _DEEPEST = 256
 _PROPERTIES = {"clip-path", "display", "fill", "fill-rule", "stroke", "visibility"}
 
@@ -306,7 +311,8 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
 
 def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
     box, mm_per_unit, units = page_frame(root)
-    walk = _Walk(root, frozenset(options.layers), box, walls=options.wall_mm is not None)
+    walls, free = options.wall_mm is not None, options.drawn == "free"
+    walk = _Walk(root, frozenset(options.layers), box, walls=walls, free=free)
     items = walk.items()
     unknown = sorted(set(options.layers) - walk.names)
     if unknown:
@@ -322,6 +328,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
             **({"layers": sorted(options.layers)} if options.layers else {}),
             "elements": dict(walk.read),
             **({"ignored": dict(walk.ignored)} if walk.ignored else {}),
+            **({"page": _PAGE_IS_AREA} if walk.backgrounds and options.drawn is None else {}),
         },
     )
 
@@ -334,6 +341,7 @@ class _Walk:
     layers: frozenset[str]
     page: Floats
     walls: bool = field(kw_only=True)
+    free: bool = field(kw_only=True)
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
@@ -453,28 +461,35 @@ class _Walk:
             yield item
 
     def _without_backgrounds(self, items: list[DrawingItem]) -> list[DrawingItem]:
-        """Return items without the page's background, if one of the others encloses the rest."""
+        """Return items without the page's background, unless it is the bounds of the others."""
         rest = [item for item in items if not any(item is page for page in self.backgrounds)]
         if not self.backgrounds or len(rest) < 2:
             return items
-        hulls = [item.rings[0].hull() for item in rest]
-        low = np.array([hull.min(axis=0) for hull in hulls])
-        high = np.array([hull.max(axis=0) for hull in hulls])
-        around = (low <= low.min(axis=0)).all(axis=1) & (high >= high.max(axis=0)).all(axis=1)
-        if not around.any():
+        painted = any(item.paint is not None for item in rest)
+        if not (self.free and painted) and not _one_is_around(rest):
             return items
         self.ignored["background of the page"] += len(self.backgrounds)
+        self.backgrounds.clear()
         return rest
 
     def _is_page(self, ring: Ring) -> bool:
         """Return whether an outline is the rectangle of the page."""
         points, corner, size = ring.hull(), self.page[:2], self.page[2:]
-        slack = 1e-6 * float(size.max())
+        slack = _PAGE_SLACK * float(size.max())
         low = np.abs(points.min(axis=0) - corner).max()
         high = np.abs(points.max(axis=0) - corner - size).max()
         if not (size.min() > 0.0 and low <= slack and high <= slack):
             return False
         return len(np.unique(points, axis=0)) == 4
+
+
+def _one_is_around(items: list[DrawingItem]) -> bool:
+    """Return whether the box of one item holds those of all others."""
+    hulls = [item.rings[0].hull() for item in items]
+    low = np.array([hull.min(axis=0) for hull in hulls])
+    high = np.array([hull.max(axis=0) for hull in hulls])
+    around = (low <= low.min(axis=0)).all(axis=1) & (high >= high.max(axis=0)).all(axis=1)
+    return bool(around.any())
 
 
 def svg_outlines(node: Node) -> list[Subpath]:

@@ -11,7 +11,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
-from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.drawing import RANGE_LABEL, deployment_plan, map_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
 from vinefab.pages.plan_document import plan_css
@@ -140,3 +140,26 @@ def test_the_style_of_plans_has_the_colours_of_all_pictures():
     chosen, _, preferred = plan_css().partition("/* Dark")[2].partition("@media")
     pairs = [re.findall(r"--([\w-]+): (#\w{6});", text) for text in (chosen, preferred)]
     assert pairs[0] == pairs[1]
+
+
+def test_plans_show_the_range_of_starts_and_explain_it_once():
+    world = world_of(400.0).with_start(
+        "left side, heading +-30", "area 90,15 300,60, clear 2", "195,195,0"
+    )
+    figure = map_plan(world)
+    (axes,) = figure.axes
+    assert {line.get_label() for line in axes.lines} >= {RANGE_LABEL, "start"}
+    lines = [line for line in axes.lines if line.get_label() == RANGE_LABEL]
+    assert tuple(lines[0].get_xdata()) == (15.0, 15.0)
+    grown = deployment_plan(world, deployed(world), (4.0, 4.0))
+    words = [text.get_text() for text in grown.axes[0].get_legend().get_texts()]
+    assert words.count(RANGE_LABEL) == 1
+    plain = map_plan(world_of(400.0).with_start("195,195,0"))
+    assert RANGE_LABEL not in {line.get_label() for line in plain.axes[0].lines}
+
+
+def test_a_range_beyond_what_is_shown_does_not_widen_the_picture():
+    one = map_plan(world_of(400.0).with_start("195,195,0")).axes[0]
+    two = map_plan(world_of(400.0).with_start("left side, heading +-180")).axes[0]
+    assert two.get_xlim() == one.get_xlim()
+    assert two.get_ylim() == one.get_ylim()

@@ -3,6 +3,7 @@ import re
 import shutil
 import subprocess
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree as ET
 
@@ -407,3 +408,36 @@ def test_a_document_stands_alone(grown, tmp_path):
         command = ["rsvg-convert", "-o", tmp_path / "plan.png", tmp_path / "plan.svg"]
         subprocess.run(command, check=True)
         assert (tmp_path / "plan.png").stat().st_size > 5000
+
+
+RANGED = Map(name="m", bounds=shapely.box(0, 0, 100, 80), obstacles=(shapely.box(0, 30, 20, 50),))
+
+
+def test_the_line_of_a_start_its_free_pieces_and_its_headings_are_drawn():
+    ground = parsed(ground_svg(RANGED.with_start("line 10,5 10,75, clear 2, heading 0+-30")))
+    (group,) = [part for part in ground if part.get("class") == "range"]
+    fan, *free, whole = group
+    assert [part.get("class") for part in group] == ["fan", "places", "places", "whole"]
+    assert whole.get("d") == "M10 -5L10 -75"
+    assert [path.get("d") for path in free] == ["M10 -5L10 -28", "M10 -52L10 -75"]
+    base, *arc = corners(fan.get("d"))[:-1]
+    turned = np.degrees(np.arctan2(*(np.array(arc) - base).T[::-1]))
+    assert (turned.min(), turned.max()) == pytest.approx((-30.0, 30.0), abs=0.1)
+
+
+def test_an_area_is_drawn_where_it_is_free_and_a_single_pose_has_no_range():
+    ground = parsed(ground_svg(RANGED.with_start("area 5,5 25,75, clear 2")))
+    (group,) = [part for part in ground if part.get("class") == "range"]
+    assert [part.get("class") for part in group] == ["fan", "whole"]
+    solid = polygon(group[0].get("d"))
+    assert not solid.intersects(shapely.box(0, -51.9, 21.9, -28.1))
+    assert 'class="range"' not in ground_svg(RANGED.with_start("50,10,90"))
+    assert 'class="range"' in ground_svg(RANGED.with_start("50,10,90+-5"), detail=False)
+    assert "range of starts" in RANGED.with_start("50,10,90+-5")._repr_svg_()
+
+
+def test_a_line_that_obstacles_were_moved_over_is_drawn_all_the_same():
+    world = RANGED.with_start("line 50,10 50,40")
+    closed = replace(world, obstacles=(shapely.box(0, 0, 90, 70),))
+    (group,) = [p for p in parsed(ground_svg(closed)) if p.get("class") == "range"]
+    assert [part.get("class") for part in group] == ["whole"]

@@ -23,6 +23,7 @@ from vinefab.prediction.heat_map import (
     stuck_spots,
 )
 from vinefab.prediction.prediction_json import heat_content
+from vinefab.tasks.evaluate import PreparedMap
 
 
 def test_heat_counts_bodies_as_large_as_they_inflate(straight):
@@ -121,3 +122,12 @@ def test_a_robot_that_never_varies_passes_its_cells_always(straight):
     body_mm2 = 100.0 * across_mm + np.pi * (across_mm / 2.0) ** 2
     assert heat.percent_passed(0.5) == pytest.approx(100.0 * body_mm2 / 8e4, rel=0.1)
     assert (heat.cell_mm, heat.low_mm, heat.spots) == (400.0 / 320, (0.0, 0.0), ())
+
+
+def test_heat_of_a_start_with_a_line_is_drawn_from_the_line(explorer, result):
+    prepared = result.prepared.maps[0]
+    world = prepared.world.with_start("left side, heading 0+-5")
+    heat = heat_map_of(explorer, PreparedMap.of(world), TRIALS, poses=12)
+    assert heat.spread == "from the free part of the start's line and 5 degrees either way"
+    near = heat.share[:, : int(40.0 / heat.cell_mm)]
+    assert np.count_nonzero(near.any(axis=1)) * heat.cell_mm > 0.15 * world.size_mm[1]

@@ -162,3 +162,14 @@ def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPat
     assert found["unseen"]["label"] == "other poses on the 2 training maps"
     assert "one of them cannot be used: start is 'none'" in found["note"]
     assert prediction_lines(found)[-1] == found["note"]
+
+
+def test_a_run_from_a_side_is_predicted_from_that_side_of_unseen_maps(few_unseen: int) -> None:
+    words = "left side, heading +-10"
+    _, result, found = predicted(replace(RUN, maps=MapSettings(count=1, seed=3, start=words)))
+    label = f"{few_unseen} unseen grid maps from the left side, heading +-10"
+    assert (found["unseen"]["label"], found.get("note", "")) == (label, "")
+    worlds = [world.with_start(words) for world in unseen_maps("grid", few_unseen, 0).worlds]
+    plan = ScorePlan(task="coverage", poses=1, seed=0)
+    score = score_design_on_task(result.best, worlds, plan, RUN.growth)
+    assert found["unseen"]["score"]["mean"] == pytest.approx(score.composite["mean"], abs=1e-3)

@@ -11,6 +11,7 @@ from vinefab.rig.rig_options import RigOptions
 from vinefab.rig.rig_plan import (
     bridged,
     patches_for,
+    plan_of,
     polygon_parts,
     snapped_union,
     thin_parts,
@@ -206,3 +207,53 @@ def test_tips_of_corners_stay_as_they_are():
     tip = Polygon([(0, 0), (40, 0), (40, 12)])
     assert len(thin_parts(polygon_parts(tip), 0.8)) == 0
     assert patches_for(polygon_parts(tip), 0.8)[1].is_empty
+
+
+def _area(shape, heading_deg, x_mm, y_mm):
+    pose = Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=math.radians(heading_deg))
+    return Start(pose=pose, area=shape, clearance_mm=5.0)
+
+
+@pytest.fixture
+def planned(make_printer, make_map):
+    """Plans a rig: what stands at some height, the plate and the notes, in map coordinates."""
+
+    def plan(start, *obstacles, **options):
+        world = make_map(*obstacles, starts=(start,))
+        made = plan_of(world, make_printer(), RigOptions(style="plate", border_mm=5.0, **options))
+        return made.on_map(shapely.union_all(made.solids)), made.on_map(made.plate), made.notes
+
+    return plan
+
+
+BELOW = LineString([(5, 17.5), (195, 17.5)])
+"""Along the lower border."""
+
+
+def test_a_line_along_the_border_has_an_opening_as_long_as_it_needs(planned):
+    line = _area(LineString([(60, 30), (140, 30)]), 90, 100, 30)
+    solid, _, notes = planned(line, entry_width_mm=20.0)
+    assert 190.0 - solid.intersection(BELOW).length == pytest.approx(80.0 + 20.0, abs=0.01)
+    assert notes == ("start 1: the border is open for its line or area: 100 mm",)
+
+
+def test_each_free_piece_of_a_line_has_an_opening(planned):
+    line = _area(LineString([(40, 30), (160, 30)]), 90, 60, 30)
+    solid, _, notes = planned(line, box(70, 20, 130, 60), entry_width_mm=10.0)
+    assert len(solid.intersection(BELOW).geoms) == 3
+    assert "2 openings, 70 mm together" in notes[0]
+
+
+def test_walls_beside_a_whole_side_stay(planned):
+    line = _area(LineString([(25, 20), (25, 170)]), 0, 25, 95)
+    solid, _, _ = planned(line, entry_width_mm=20.0)
+    assert solid.covers(box(10.01, 15.01, 100, 19.99))
+    assert not solid.intersects(box(5, 21, 14, 169))
+
+
+def test_an_area_far_inside_has_an_entry_at_its_pose_only(planned):
+    _, plate, notes = planned(_area(box(90, 90, 130, 110), 90, 100, 100), entry_width_mm=20.0)
+    assert not plate.contains(Point(100, 100))
+    assert plate.contains(Point(125, 100))
+    assert "only its pose has an entry" in notes[0]
+    assert "comes up from below" in notes[0]

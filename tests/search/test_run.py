@@ -13,9 +13,10 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
+from vinefab.search.evaluator import with_pose_range
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.record.result import Progress, RunResult, map_fingerprint
+from vinefab.search.record.run_archive import RunArchive, map_from_text, map_to_text
 from vinefab.search.run import (
     generated_maps,
     progress_line,
@@ -151,3 +152,33 @@ def test_the_result_says_whether_the_winner_is_manufacturable(
     assert time.startswith("time: ")
     assert last == "found no manufacturable robot: the winner violates VF-T02 (crossing)"
     assert "; not manufacturable" in result_lines(checked, "VF-T02 (crossing)")[1]
+
+
+def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
+    small: RunSettings, tmp_path: Path
+) -> None:
+    settings = replace(small, maps=MapSettings(count=2, seed=5, start="left side, heading +-20"))
+    worlds = training_maps(settings)
+    assert {world.starts[0].area.bounds for world in worlds} == {(15.0, 0.0, 15.0, 500.0)}
+    result = run_search(settings, tmp_path / "run")
+    poses = [evaluation.pose for evaluation in result.score.evaluations]
+    assert {pose.x_mm for pose in poses} == {15.0}
+    assert len({pose.y_mm for pose in poses}) > 2
+    assert result.best.origin["start"] == "left side, heading +-20"
+    again_by = next(line for line in result_lines(result) if line.startswith("the same again"))
+    assert "--start 'left side, heading +-20' --map" in again_by
+    assert RunArchive.read(tmp_path / "run" / "run.sqlite").settings.maps == settings.maps
+    again = run_search(settings, tmp_path / "run", resume=True)
+    assert again.score == result.score
+    other = replace(small, maps=MapSettings(count=2, seed=5, start="left side, heading +-21"))
+    with pytest.raises(BadInputError, match=r"maps.start is 'left side, heading .* with which"):
+        run_search(other, tmp_path / "run", resume=True)
+
+
+def test_a_share_of_the_pose_range_is_one_of_the_line() -> None:
+    world = grid_map(5).with_start("left side")
+    (half,), (none,) = with_pose_range(world, 0.5).starts, with_pose_range(world, 0.0).starts
+    assert half.area.length == pytest.approx(250.0)
+    assert (none.area, none.pose) == (None, world.starts[0].pose)
+    assert map_from_text(map_to_text(world)).starts == world.starts
+    assert map_fingerprint(world) != map_fingerprint(with_pose_range(world, 0.5))

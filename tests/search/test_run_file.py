@@ -18,7 +18,7 @@ from vinefab.search.loop import Search
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, Space
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -360,3 +360,58 @@ def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path: Path) 
         '[evaluation]\nfabricable = false\n[optimizer]\nname = "islands"': "islands",
     }.items():
         assert read_run(written(tmp_path, text)).optimizer.name == name
+
+
+@pytest.mark.parametrize(
+    ("start", "text"),
+    [
+        ('"left side, heading 0+-20"', "left side, heading 0+-20"),
+        (
+            '{side = "top", inset_mm = 30, spread_heading_deg = 5}',
+            "top side, inset 30, heading +-5",
+        ),
+        ("{line = [[20, 20], [20, 480]], clearance_mm = 4}", "line 20,20 20,480, clear 4"),
+        ("{area = [[0, 0], [50, 480]], heading_deg = 90}", "area 0,0 50,480, heading 90"),
+    ],
+)
+def test_a_start_may_be_a_place_and_is_recorded_whole(
+    tmp_path: Path, start: str, text: str
+) -> None:
+    settings = read_run(written(tmp_path, f"[maps]\nstart = {start}"))
+    assert settings.maps.start.text == text
+    assert MapSettings(start=text).start == settings.maps.start
+    record = json.loads(json.dumps(plain_settings(settings)))
+    assert settings_from_plain(record).maps == settings.maps
+
+
+def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path: Path) -> None:
+    words = read_run(written(tmp_path, '[maps]\nstart = "250,30,90+-10, spread 5,0"'))
+    table = "{x_mm = 250, y_mm = 30, heading_deg = 90, spread_heading_deg = 10, spread_x_mm = 5}"
+    assert words.maps == read_run(written(tmp_path, f"[maps]\nstart = {table}")).maps
+
+
+@pytest.mark.parametrize(
+    ("start", "key", "allowed"),
+    [
+        ('"leftt"', "maps.start", "did you mean 'left'"),
+        ("5", "maps.start", "a table, or words"),
+        ('{side = "leftt"}', "maps.start.side", "did you mean 'left'"),
+        ("{line = [[20, 20]]}", "maps.start.line", "two or more points"),
+        ("{line = [[nan, 20], [3, 4]]}", "maps.start.line[1][1]", "a finite number"),
+        ("{line = [[1e99, 20], [3, 4]]}", "maps.start.line", "-1e+07 to"),
+        ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not beside"),
+        ("{area = [[0, 0], [9, 9], [9, 0], [0, 9]]}", "maps.start.area", "valid"),
+        ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not beside side"),
+        ('{side = "left", inset_mm = -3}', "maps.start.inset_mm", "0 to"),
+        ('{side = "left", spread_heading_deg = 400}', "maps.start.spread_heading_deg", "0 to 360"),
+        ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "beside"),
+        ('{sid = "left"}', "maps.start.sid", "did you mean 'side'"),
+    ],
+)
+def test_a_place_that_is_none_is_one_line(
+    tmp_path: Path, start: str, key: str, allowed: str
+) -> None:
+    with pytest.raises(BadInputError) as caught:
+        read_run(written(tmp_path, f"[maps]\nstart = {start}"))
+    assert caught.value.key == key
+    assert allowed in caught.value.allowed

@@ -1,5 +1,6 @@
 """Exports of the page: byte for byte what the command line shown beside the button writes."""
 
+import math
 import shlex
 import shutil
 from pathlib import Path
@@ -10,9 +11,11 @@ import vinefab.cli.report  # noqa: F401  so that its names can be replaced
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
-from vinefab.studio.export_answer import export_answer
+from vinefab.model.map import Pose
+from vinefab.studio.export_answer import EXPORTS, _world, export_answer
 from vinefab.studio.state import StudioState
 from vinefab.studio.workplace import Opened, Workplace
 
@@ -214,3 +217,17 @@ def test_commands_are_told_without_writing():
     assert "a path in" in commands["picture"]["error"]
     assert commands["snapshot"]["command"] == "vinefab studio 'my page.html'"
     assert "--style=board --out rig" in commands["rig"]["command"]
+
+
+def test_a_start_moved_away_from_its_line_stands_where_it_is_shown(here):
+    world = grid_map(3).with_start("left side, heading 0+-20")
+    world.write(here / "left.geojson")
+    for pose, kept in (((15.0, 250.0, 10.0), True), ((250.0, 15.0, 90.0), False)):
+        x_mm, y_mm, heading_deg = pose
+        shown = {"x_mm": x_mm, "y_mm": y_mm, "heading_deg": heading_deg}
+        content = opened(pose=shown)
+        content["map"] = {"source": {"file": str(here / "left.geojson")}, "edits": []}
+        (start,) = _world(StudioState.of(content), EXPORTS["rig"]).starts
+        assert start.pose == Pose.of(pose)
+        assert (start.area is not None) == kept
+        assert start.spread_heading_rad == pytest.approx(math.radians(20.0))

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
+from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.tasks.coverage import Coverage
@@ -107,3 +109,15 @@ def test_many_rows_are_weighed_as_each_alone(rows: list[list[float]]) -> None:
     for kind in COMPOSITES:
         alone = [composite(row, 0.3)["mean" if kind == "single" else kind] for row in rows]
         assert composites(np.array(rows), kind, 0.3).tolist() == alone
+
+
+def test_places_of_a_line_do_not_depend_on_which_obstacles_are_looked_at() -> None:
+    for words in ("left side, heading 0+-9", "area 60,60 240,200, clear 5", "250,15,90+-5"):
+        world = grid_map(5).with_start(words)
+        (poses,) = poses_on([PreparedMap.of(world)], 20, [3])
+        exact = draw_poses(world, 20, 3)
+        assert len(poses) == 20
+        for one, two in zip(poses, exact, strict=True):
+            apart_mm = math.hypot(one.x_mm - two.x_mm, one.y_mm - two.y_mm)
+            assert apart_mm < 1e-6
+            assert one.heading_rad == two.heading_rad

@@ -25,7 +25,6 @@ from vinefab.model.files.contacts_toml import CONTACTS_SCHEMA, contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
     FEW_PHOTOS,
-    TWO_SIDED,
     ThresholdFit,
     fit_threshold,
 )
@@ -34,10 +33,11 @@ from vinefab.physics.anchoring import ASSUMED_FRICTION
 ANGLE_ERROR_DEG = 2.0
 """Standard error of the angle of a contact where an observation does not give one [assumed]."""
 
-SHAPE_ANGLES_DEG = tuple(np.arange(0.0, 45.01, 0.5).tolist())
+SHAPE_STEP_DEG = 0.5
+SHAPE_ANGLES_DEG = tuple(np.arange(0.0, 45.01, SHAPE_STEP_DEG).tolist())
 """Half-angles at which robots are grown again."""
 
-SHAPE_ERRORS_MM = tuple(np.geomspace(1.0, 64.0, 13).tolist())
+SHAPE_ERRORS_MM = tuple(np.geomspace(2.0, 64.0, 11).tolist())
 """Errors of shapes that are tried: at least what tracing leaves [assumed]."""
 
 TAILS = 3.0
@@ -55,7 +55,7 @@ class ShapeFit:
     """Half-angles at which robots that are grown again look like those on the photos."""
 
     value_deg: float
-    # 95 % interval by profile likelihood, as if branches were independent
+    # 95 % interval by profile likelihood, photos as the independent units
     low_deg: float
     high_deg: float
     photos: int
@@ -160,8 +160,7 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
     threshold = _threshold(photos, error_deg)
     ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
     breadth = _breadth(photos)
-    given = None if ratio is None else ratio.value
-    shapes = _shape_fit(photos, 1.0 if given is None else given)
+    shapes = _shape_fit(photos, _other_ratio(ratio))
     if threshold is None and ratio is None and breadth is None:
         allowed = "observations with contacts that slid or stopped, or with the film's breadth"
         raise BadInputError("contacts", "none", allowed, photos[0].file)
@@ -266,28 +265,46 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     if not known:
         return None
     squared = np.concatenate(known)
-    likely = np.max([_log_likely(squared, error_mm) for error_mm in SHAPE_ERRORS_MM], axis=0)
+    # Children follow their parents: the branches of a photo count as one observation together.
+    weight = np.concatenate([np.full(len(table), 1.0 / len(table)) for table in known])
+    likely = np.max([_log_likely(squared, weight, mm) for mm in SHAPE_ERRORS_MM], axis=0)
     fall = 2.0 * (likely.max() - likely)
     angles = np.array(SHAPE_ANGLES_DEG)
-    inside, top = angles[fall <= TWO_SIDED], angles[fall <= 0.1]
+    # As many independent observations as photos: the few give a wide interval.
+    most_fall = float(student.ppf(0.975, max(1, len(known) - 1))) ** 2
+    inside, top = angles[fall <= most_fall], angles[fall <= 0.1]
     return ShapeFit(
         value_deg=float(0.5 * (top[0] + top[-1])),
-        low_deg=float(inside[0]),
-        high_deg=float(inside[-1]),
+        # Between two half-angles that were grown anything may be.
+        low_deg=max(angles[0], float(inside[0]) - SHAPE_STEP_DEG),
+        high_deg=min(angles[-1], float(inside[-1]) + SHAPE_STEP_DEG),
         photos=len(known),
         branches=len(squared),
-        error_mm=float(np.median(np.sqrt(squared[:, likely.argmax()]))),
+        error_mm=_typical_mm(squared[:, likely.argmax()]),
     )
 
 
-def _log_likely(squared_mm2: Floats, error_mm: float) -> Floats:
+def _typical_mm(squared_mm2: Floats) -> float:
+    """Return the median distance of branches that are there in both."""
+    both = squared_mm2[squared_mm2 > 0.0]
+    return float(np.median(np.sqrt(both))) if len(both) else 0.0
+
+
+def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
     """Return the log likelihood of branches' distances at each half-angle, shape (angles,).
 
     A t distribution of two coordinates: a branch that went another way for a reason of its own is
     an outlier, and does not decide alone.
     """
     far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
-    return np.asarray(-np.sum(0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm), axis=0))
+    return np.asarray(-weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm)))
+
+
+def _other_ratio(measured: MeasuredNumber | None) -> float:
+    """Return the ratio of widths that robots are grown again with: 1 unless it clearly is not."""
+    if measured is None or measured.value is None or measured.low <= 1.0 <= measured.high:
+        return 1.0
+    return measured.value
 
 
 def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
@@ -305,7 +322,8 @@ def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
         if name in photo.chains_mm
     ]
     table = np.array(rows).reshape(-1, len(grown))
-    return np.asarray(table[np.isfinite(table).all(axis=1)])
+    # What never emerges, neither on the photo nor at any half-angle, says nothing.
+    return np.asarray(table[table.any(axis=1)])
 
 
 def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:

@@ -19,6 +19,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
+from vinefab.model.start_place import StartPlace, start_text, with_starts
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
@@ -222,7 +223,8 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
     if not settings.maps.files and not note:
         environment, options = settings.maps.environment, settings.maps.options
         try:
-            return _prepared(unseen_maps(environment, UNSEEN, 0, options), settings, 1, 0), note
+            family = _started(unseen_maps(environment, UNSEEN, 0, options), settings)
+            return _prepared(family, settings, 1, 0), note
         except BadInputError as error:
             note = f"on no unseen maps, because one of them cannot be used: {error}"
     worlds = tuple(prepared.world for prepared in fresh.maps)
@@ -238,9 +240,19 @@ def _own_places(settings: RunSettings) -> str:
     """Return why a run that names places has no unseen maps; empty if it names none."""
     if len(targets_mm(settings)):
         return "on no unseen maps, because the run's targets are points of its own"
-    if settings.maps.start is not None:
+    start = settings.maps.start
+    if start is not None and not (isinstance(start, StartPlace) and start.side):
         return "on no unseen maps, because the run's start is a place on its own"
     return ""
+
+
+def _started(family: MapFamily, settings: RunSettings) -> MapFamily:
+    """Return unseen maps with the side that a run starts from."""
+    start = settings.maps.start
+    if start is None:
+        return family
+    worlds = tuple(with_starts(world, (start,), "maps.start") for world in family.worlds)
+    return replace(family, label=f"{family.label} from the {start_text(start)}", worlds=worlds)
 
 
 def _with_whole_range(settings: RunSettings) -> RunSettings:

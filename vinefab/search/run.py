@@ -1,5 +1,6 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, replace
@@ -253,10 +254,13 @@ def _repeat_line(best: Design) -> list[str]:
     if "seed_of_score" not in best.origin:
         return []
     task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
-    given = "task parameters and start" if "start" in best.origin else "task parameters"
+    words = str(best.origin.get("start", ""))
+    said = bool(words) and not words.startswith("x_mm")  # as --start takes it
+    start = f"--start {shlex.quote(words)} " if said else ""
+    given = "task parameters and start" if words and not said else "task parameters"
     return [
         f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
-        f"--map ..., with the training maps in their order and the run's {given}"
+        f"{start}--map ..., with the training maps in their order and the run's {given}"
     ]
 
 

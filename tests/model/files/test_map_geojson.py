@@ -234,3 +234,81 @@ def test_a_missing_file_a_folder_and_bytes_are_unreadable(tmp_path: Path) -> Non
     (tmp_path / "b.geojson").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UnreadableFileError, match="UTF-8"):
         read_map(tmp_path / "b.geojson")
+
+
+LINE = [[5, 5], [5, 95]]
+SQUARE = [[[5, 5], [30, 5], [30, 30], [5, 30], [5, 5]]]
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("left side, heading 0+-20", "LineString"),
+        ("line 20,20 20,80 30,90, clear 3", "LineString"),
+        ("area 5,5 30,30, heading 45+-10", "Polygon"),
+        ("area 5,5 30,5 5,40", "Polygon"),
+    ],
+)
+def test_starts_of_lines_and_areas_come_back(reading: Any, words: str, kind: str) -> None:
+    world = Map(name="m", bounds=shapely.box(0, 0, 100, 100)).with_start(words)
+    text = map_text(world)
+    assert json.loads(text)["features"][-1]["geometry"]["type"] == kind
+    again = reading(text)
+    (one,), (two,) = world.starts, again.starts
+    assert two.area.normalize() == one.area.normalize()
+    assert two.pose.heading_rad == pytest.approx(one.pose.heading_rad, abs=1e-9)
+    assert (two.pose.x_mm, two.pose.y_mm) == (one.pose.x_mm, one.pose.y_mm)
+    assert two.clearance_mm == one.clearance_mm
+    assert two.spread_heading_rad == pytest.approx(one.spread_heading_rad)
+    assert map_text(again) == text
+
+
+def test_a_line_or_side_of_another_program_needs_no_more_than_its_role(reading: Any) -> None:
+    line = feature("LineString", LINE, role="start", clearance_mm=4)
+    side = {
+        "type": "Feature",
+        "geometry": None,
+        "properties": {"role": "start", "side": "right", "inset_mm": 10, "spread_heading_deg": 9},
+    }
+    area = feature("Polygon", SQUARE, role="start", heading_deg=45)
+    world = reading(collection(BOUNDS, OBSTACLE, line, side, area, start(50, 10)))
+    assert [one.pose.heading_deg for one in world.starts] == pytest.approx([0, 180, 45, 90])
+    assert [(one.pose.x_mm, one.pose.y_mm) for one in world.starts[:2]] == [(5, 50), (90, 50)]
+    assert [one.clearance_mm for one in world.starts[:3]] == [4.0, 10.0, 15.0]
+    assert world.starts[1].area.bounds == (90, 0, 90, 100)
+    assert [one.area is None for one in world.starts] == [False, False, False, True]
+
+
+def start_of(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    return collection(BOUNDS, OBSTACLE, feature(kind, coordinates, role="start", **properties))
+
+
+BAD_STARTS = [
+    (start_of("LineString", [[5, 5]]), r"\[3\].geometry.coordinates .*two or more positions"),
+    (start_of("LineString", [[5, 5], [5, 5]]), r"\[3\]: start.area .*between different points"),
+    (start_of("LineString", [[5, 5], [5, "a"]]), r"features\[3\] is .*numbers"),
+    (start_of("Polygon", [[[5, 5], [9, 9], [9, 5], [5, 9]]]), r"features\[3\] is 'Self-inter"),
+    (start_of("LineString", LINE, side="left"), r"\[3\].properties.side is 'left'; .*no geometry"),
+    (start_of("LineString", LINE, spread_x_mm=3), r"spread_x_mm is 3.0; allowed: 0 for a line"),
+    (start_of("LineString", LINE, clearance_mm=-1), r"\[3\]: start.clearance_mm is -1"),
+    (start_of("LineString", LINE, inset_mm=1), r"\[3\]: start.inset_mm .*a side beside it"),
+    (start_of("LineString", LINE), r"features\[3\] is 'line 5,5 5,95'; .*15 mm from walls"),
+    (start_of("Polygon", [BLOCK]), r"features\[3\] is 'area 40,40 60,60'; .*meets free space"),
+    (start_of("LineString", [[-9, 0], [-9, 9]]), r"features\[3\] is .*meets free space"),
+    (start_of("LineString", LINE, heading_deg=0, x_mm=-5, y_mm=5), r"start at \(-5, 5\) is 'outsi"),
+    (start_of("Point", [5, 5], heading_deg=0, inset_mm=5), r"inset_mm is 5.0; allowed: a line, a"),
+    (
+        start_of("Point", [5, 5], side="lefft"),
+        r"side is 'lefft'; .*did you mean 'left'|no geometry",
+    ),
+]
+
+
+@pytest.mark.parametrize(("document", "message"), BAD_STARTS)
+def test_a_start_that_cannot_be_used_is_one_clear_line(
+    reading: Any, document: Any, message: str
+) -> None:
+    with pytest.raises(BadInputError, match=message) as caught:
+        reading(document)
+    assert "world.geojson" in str(caught.value)
+    assert "\n" not in str(caught.value)

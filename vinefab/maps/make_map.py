@@ -199,7 +199,7 @@ def import_(
     layers: Sequence[str] = (),
     **options: Any,  # noqa: ANN401  each has its own type, see `ImportOptions`
 ) -> Map:
-    """Return the map in a file of another program: DXF, SVG, CSV, GeoJSON, ROS (YAML), PNG, JPEG.
+    """Return the map in a file of another program: a drawing, a GIS layer, a ROS map or a photo.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def import_(
     start
         Where robots start, ``(x_mm, y_mm, heading_deg)`` in the map; the roomiest place if None.
     layers
-        Read only these layers (DXF) or groups (SVG).
+        Read only these layers (DXF, GeoPackage) or groups (SVG).
     **options
         ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
         ``open_lines``, ``unknown``, ``photo``, as in

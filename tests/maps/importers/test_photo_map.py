@@ -30,9 +30,7 @@ BRICKS = (
     box(323.0, 40.0, 353.0, 100.0),
 )
 HEIGHT_MM = 25.0
-CAMERA = TrueCamera(
-    target_mm=(200.0, 150.0), distance_mm=800.0, focal_px=950.0, size_px=(1080, 810)
-)
+CAMERA = TrueCamera(target_mm=(200.0, 150.0), distance_mm=800.0, focal_px=665.0, size_px=(756, 567))
 SHIFT = (-42.0, -42.0)
 """From a map of four markers, whose origin is the first marker's corner, to the table's."""
 
@@ -43,7 +41,9 @@ def table(tmp_path_factory):
     markers = corner_markers(TABLE)
     picture = photo_of_bricks(CAMERA, TABLE.bounds, markers, BRICKS, HEIGHT_MM)
     path = tmp_path_factory.mktemp("photo") / "table.jpg"
-    picture.save(path, quality=88)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 30  # focal length for film of 36 x 24 mm: truly 30.4
+    picture.save(path, quality=88, exif=exif)
     return path
 
 
@@ -73,7 +73,7 @@ def off_mm(world, shift=(0.0, 0.0)):
 
 def test_bricks_with_markers_around_have_their_walls_within_a_millimetre(found):
     world = found.world
-    assert max(off_mm(world, SHIFT)) < 1.2
+    assert max(off_mm(world, SHIFT)) < 1.3
     assert world.environment == "photo"
     assert world.facts["markers"] == [0, 1, 2, 3]
     assert world.size_mm == pytest.approx((484.0, 384.0), abs=1.5)
@@ -96,7 +96,7 @@ def test_four_corners_of_a_rectangle_give_the_perspective(table):
     assert world.bounds.equals(box(0.0, 0.0, 400.0, 300.0)) or (
         shapely.hausdorff_distance(world.bounds, box(0.0, 0.0, 400.0, 300.0)) < 0.5
     )
-    assert max(off_mm(world)) < 0.9
+    assert max(off_mm(world)) < 1.2
 
 
 def test_obstacles_may_be_told_by_their_colour(table):

@@ -24,6 +24,7 @@ from vinefab.photos.photo_camera import (
     PhotoCamera,
     fit_camera,
     inverse,
+    plane_homography,
     projected,
 )
 from vinefab.photos.plan_view import PlanView
@@ -248,18 +249,18 @@ def _placing(
     if mm_per_pixel is not None:
         return {}
     control = _control(photo, chosen, found, None)
-    camera = fit_camera(photo, control)
     noise_px = _POINT_NOISE_PX if not found else control.noise_px
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
-    places_px = camera.to_photo(places)
+    places_px = projected(plane_homography(control), places)
     points = np.array(chosen.points_px, dtype=np.float64).reshape(-1, 2)
     rng, worst = child(0), []
     for _ in range(_TRIALS):
         moved = {key: value + rng.normal(0.0, noise_px, (4, 2)) for key, value in found.items()}
         picked = points + rng.normal(0.0, noise_px, points.shape)
         trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
-        again = fit_camera(photo, _control(photo, trial, moved, None)).to_map(places_px)
+        fitted = plane_homography(_control(photo, trial, moved, None))
+        again = projected(inverse(fitted), places_px)
         worst.append(float(np.hypot(*_aligned(again, places).T).max()))
     return {
         "shape_within_mm": round(float(np.quantile(worst, 0.95)), 3),

@@ -108,8 +108,11 @@ class Floor:
             Image.Resampling.BILINEAR,
             fillcolor=(150, 130, 110),
         )
-        seen = np.asarray(image.reduce(supersampling), dtype=np.float64)
-        seen = ndimage.gaussian_filter(seen, (blur_px, blur_px, 0)) if blur_px else seen
+        # A lens mixes light, and the camera stores its 2.2th root.
+        light = (np.asarray(image, dtype=np.float64) / 255.0) ** 2.2
+        light = light.reshape(rows, supersampling, columns, supersampling, 3).mean(axis=(1, 3))
+        light = ndimage.gaussian_filter(light, (blur_px, blur_px, 0)) if blur_px else light
+        seen = 255.0 * light ** (1.0 / 2.2)
         seen = seen + np.random.default_rng(seed).normal(0.0, noise, seen.shape)
         return Photo(name="rendered", pixels=np.clip(np.round(seen), 0, 255).astype(np.uint8))
 

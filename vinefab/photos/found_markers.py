@@ -23,6 +23,8 @@ _LARGEST_SEARCHED = 2400
 """Pixels of the longer side in which markers are searched; their corners are then found in the
 whole photo."""
 
+_GAMMA = 2.2
+
 
 def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Floats]:
     """Return the corners of each marker that a photo shows, by its number.
@@ -44,7 +46,7 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
         If a number is seen twice, or OpenCV is not installed.
     """
     cv2 = _opencv(photo)
-    grey = np.asarray(Image.fromarray(photo.pixels).convert("L"))
+    grey = _light(photo)
     times = max(1, -(-max(grey.shape) // _LARGEST_SEARCHED))
     small = np.asarray(Image.fromarray(grey).reduce(times)) if times > 1 else grey
     parameters = cv2.aruco.DetectorParameters()
@@ -58,6 +60,15 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
         rough = (square.reshape(4, 2).astype(np.float64) + 0.5) * times
         found[int(number)] = _refined(grey, rough)
     return found
+
+
+def _light(photo: Photo) -> NDArray[np.uint8]:
+    """Return how much light fell on each pixel, 0 to 255.
+
+    Lenses blur light, and cameras store about its 2.2th root, in which white spreads over black.
+    """
+    light = np.round(255.0 * (np.arange(256) / 255.0) ** _GAMMA).astype(np.uint8)
+    return light[np.asarray(Image.fromarray(photo.pixels).convert("L"))]
 
 
 def _opencv(photo: Photo) -> Any:  # noqa: ANN401  OpenCV's own types are incomplete
@@ -81,11 +92,11 @@ def _refined(grey: NDArray[np.uint8], corners: Floats) -> Floats:
 
 
 _SIDE_PARTS = 64
+_AVERAGED = 8
 _ACROSS = 33
 _NEAR_ENDS = 0.1
 _REACH_CELLS = 0.45
 _FAR_OFF = 3.0
-_GAMMA = 2.2
 
 
 def _side(grey: NDArray[np.uint8], start: Floats, end: Floats) -> tuple[Floats, Floats]:
@@ -102,9 +113,10 @@ def _side(grey: NDArray[np.uint8], start: Floats, end: Floats) -> tuple[Floats, 
     bright = ndimage.map_coordinates(
         grey, spots[..., ::-1].reshape(-1, 2).T, np.float64, order=1, mode="nearest"
     )
-    # Lenses blur light; cameras store about its 2.2th root, in which white spreads over black.
-    light = (bright / 255.0) ** _GAMMA
-    rise = np.clip(np.diff(light.reshape(_SIDE_PARTS, _ACROSS), axis=1), 0.0, None)
+    # Neighbours are averaged first: of noise, what rises would be taken and what falls left out.
+    bright = bright.reshape(-1, _AVERAGED, _ACROSS).mean(axis=1)
+    places = places.reshape(-1, _AVERAGED, 2).mean(axis=1)
+    rise = np.clip(np.diff(bright, axis=1), 0.0, None)
     rise = np.clip(rise - 0.25 * rise.max(axis=1, keepdims=True), 0.0, None) + 1e-9
     middles = 0.5 * (steps[1:] + steps[:-1])
     edge = places + (rise @ middles / rise.sum(axis=1))[:, None] * outwards

@@ -16,7 +16,8 @@ def made(tmp_path_factory):
     size = ("--columns", "3", "--rows", "3", "--size", "250")
     assert main(["map", "grid", *size, "--out", str(folder / "grid.geojson"), "-q"]) == 0
     arguments = ["rig", str(folder / "grid.geojson"), "--out", str(folder / "rig")]
-    assert main([*arguments, "--no-pictures", "--height-mm", "40", "-q"]) == 0
+    style = ("--style", "plate")
+    assert main([*arguments, *style, "--no-pictures", "--height-mm", "40", "-q"]) == 0
     return folder / "rig"
 
 

@@ -39,6 +39,7 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/search/kill.py 20
 	$(BIN)/python tests/fabrication/pieces/many_trees.py 2000
 	$(BIN)/python tests/fabrication/pieces/partition_times.py
+	$(BIN)/python tests/observation/many_photos.py 24
 
 outlines: $(READY)
 	$(BIN)/python tests/fabrication/outline/property.py

@@ -35,6 +35,7 @@ __all__ = [
     "Map",
     "MapSettings",
     "PartSettings",
+    "PhotoReport",
     "Pose",
     "Pouch",
     "RunResult",
@@ -51,7 +52,9 @@ __all__ = [
     "check",
     "designs",
     "fabricate",
+    "fit_observations",
     "maps",
+    "observe",
     "optimize",
     "printers",
     "recipes",
@@ -62,12 +65,15 @@ __all__ = [
 
 _HOMES = {
     "vinefab.api": (
+        "PhotoReport",
         "WrittenFolder",
         "WrittenReport",
         "aim",
         "check",
         "designs",
         "fabricate",
+        "fit_observations",
+        "observe",
         "optimize",
         "printers",
         "recipes",
@@ -95,12 +101,15 @@ _HOMES = {
 
 if TYPE_CHECKING:
     from vinefab import maps as maps
+    from vinefab.api import PhotoReport as PhotoReport
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
     from vinefab.api import aim as aim
     from vinefab.api import check as check
     from vinefab.api import designs as designs
     from vinefab.api import fabricate as fabricate
+    from vinefab.api import fit_observations as fit_observations
+    from vinefab.api import observe as observe
     from vinefab.api import optimize as optimize
     from vinefab.api import printers as printers
     from vinefab.api import recipes as recipes

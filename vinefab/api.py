@@ -27,6 +27,7 @@ from vinefab.core.validation import number, whole
 from vinefab.inputs import (
     DesignLike,
     MapLike,
+    PoseLike,
     RecipeLike,
     all_names,
     as_parameters,
@@ -49,7 +50,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_given
 from vinefab.model.finding import CheckReport
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Pose
 
 if TYPE_CHECKING:
     from vinefab.model.score import Score
@@ -106,6 +107,28 @@ class WrittenReport:
 
     def __repr__(self) -> str:
         return "\n".join([f"<WrittenReport {self.path}>", *self.summary])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhotoReport:
+    """What `observe` read off a photo, or `fit_observations` off several.
+
+    Parameters
+    ----------
+    path
+        The page (HTML) or the fitted numbers (TOML), or None if none was asked for.
+    summary
+        The numbers to take away, a line each.
+    numbers
+        Every number as plain values, schema ``vinefab/observation-1`` or ``vinefab/contacts-1``.
+    """
+
+    path: Path | None
+    summary: tuple[str, ...]
+    numbers: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return "\n".join(["<PhotoReport>", *self.summary])
 
 
 def designs() -> tuple[str, ...]:
@@ -696,6 +719,161 @@ def rig(
         raise ExportRefusedError(f"rig of {place.name}", f"{rules} forbid it", made.report)
     write_folder(folder, made.files, RIG_MARK, force=force)
     return WrittenFolder(path=folder, files=tuple(made.files), report=made.report)
+
+
+def observe(
+    photo: str | PathLike[str],
+    map: MapLike,
+    design: DesignLike,
+    pose: PoseLike | None = None,
+    *,
+    rig: str | PathLike[str] | None = None,
+    corners_px: Iterable[float] | None = None,
+    obstacle_height_mm: float | None = None,
+    film_colour: tuple[int, int, int] | None = None,
+    outline: str | PathLike[str] | None = None,
+    growth: Mapping[str, object] | None = None,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
+) -> PhotoReport:
+    """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
+
+    Parameters
+    ----------
+    photo
+        A JPEG or PNG file.
+    map
+        The map that the rig was made from, or the path of its file.
+    design
+        A design, its path or its name.
+    pose
+        Where the robot was launched, ``(x_mm, y_mm, heading_deg)``; the map's first start if None.
+    rig
+        The rig's ``rig.json``: where its markers lie and how high its obstacles are. Without it,
+        markers are looked for where `vinefab rig` puts them.
+    corners_px
+        Instead of markers: column and row of the lower left, lower right, upper right and upper
+        left corner of the bounds' box in the photo, eight numbers.
+    obstacle_height_mm
+        Height of the obstacles, which hide what lies behind them.
+    film_colour
+        Red, green and blue of the film, 0 to 255; None: as it is at the base.
+    outline
+        The film outlined by hand: GeoJSON in map millimetres, or SVG in pixels of the photo.
+    growth
+        Growth options of the prediction by name, as in ``Design.grow``.
+    out
+        A page (HTML) to write.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    PhotoReport
+        A ``summary`` in lines, all ``numbers``, and the page's ``path``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, no markers are seen, or no film is found.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
+    >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
+    """
+    from vinefab.observation.observation_json import observation_text
+    from vinefab.observation.observation_page import observation_html
+    from vinefab.observation.observe_photo import observe_photo
+    from vinefab.observation.photo_setup import PhotoSetup
+    from vinefab.photos.photo import read_photo
+    from vinefab.prediction.deploy import first_start
+
+    page = None if out is None else path_given("out", out)
+    if page is not None:
+        ensure_writable(page, force=force)
+    world, robot = map_given(map), design_given(design)
+    with python_words():
+        setup = PhotoSetup.of(
+            rig=None if rig is None else path_given("rig", rig),
+            corners_px=None if corners_px is None else tuple(corners_px),
+            obstacle_mm=obstacle_height_mm,
+            film_colour=None if film_colour is None else tuple(film_colour),
+            outline=None if outline is None else path_given("outline", outline),
+        )
+        start = first_start(world) if pose is None else Pose.of(pose)
+        seen = observe_photo(
+            read_photo(path_given("photo", photo)),
+            world,
+            robot,
+            start,
+            setup,
+            growth=growth_given(growth),
+            map_file=world.name if isinstance(map, Map) else str(map),
+            design_file=robot.name if isinstance(design, Design) else str(design),
+        )
+    if page is not None:
+        write_text(page, observation_html(seen), force=force)
+    numbers = json.loads(observation_text(seen))
+    return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=numbers)
+
+
+def fit_observations(
+    observations: str | PathLike[str] | Iterable[str | PathLike[str]],
+    *,
+    angle_error_deg: float = 2.0,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
+) -> PhotoReport:
+    """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
+
+    Parameters
+    ----------
+    observations
+        JSON files of observations, one for each photo.
+    angle_error_deg
+        Standard error of the angles of contacts where an observation does not give it (assumed).
+    out
+        A file (TOML) to write; predictions read it with ``growth={"contacts": out}``.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    PhotoReport
+        A ``summary`` in lines, all ``numbers``, and the file's ``path``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or the observations say nothing of contacts.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> fitted = fit_observations(["one.json", "two.json"], out="mine.toml")  # doctest: +SKIP
+    >>> fitted.numbers["head_on_half_angle_deg"]["low"]  # doctest: +SKIP
+    """
+    from vinefab.observation.contact_fit import fit_files
+
+    file = None if out is None else path_given("out", out)
+    if file is not None:
+        ensure_writable(file, force=force)
+    paths = [path_given("observations", one) for one in several_given(observations, Path)]
+    with python_words():
+        found = fit_files(paths, angle_error_deg)
+    if file is not None:
+        write_text(file, found.text(), force=force)
+    return PhotoReport(
+        path=file, summary=tuple(found.lines()), numbers=json.loads(found.json_text())
+    )
 
 
 def report(

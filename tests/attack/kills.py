@@ -27,6 +27,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
+from PIL import Image
+
 from vinefab.cli.main import COMMANDS
 from vinefab.cli.main import main as run_command
 from vinefab.cli.main import run as run_program
@@ -73,6 +75,8 @@ COMMAND_LINES = {
     "--out c.html --json c.json",
     "aim": "aim plain_vine --map grid.geojson --deployments 5000 --seed {n} --out a.html "
     "--json a.json",
+    "observe": "observe photo{n}.png --map grid.geojson --design plain{n}.toml --out o.html "
+    "--corners 10,310,310,310,310,10,10,10 --json o.json",
     "report": "report three_level_tree --map grid.geojson --poses 1 --seed {n} --out r.html "
     "--json r.json",
     "bench": "bench --json bench.json",
@@ -230,6 +234,9 @@ def prepare_inputs(folder: Path) -> None:
         record = f"optimize record{n}.toml --out record{n} -q"
         subprocess.run(program(*record.split()), cwd=folder, check=True)
     for n in (1, 2):
+        photo = Image.new("RGB", (320, 320), (180, 180, 176))
+        photo.paste((214, 88, 40), (147, 240, 173, 300 + n))
+        photo.save(folder / f"photo{n}.png")
         row = f"friction_incline,,2{n},deg,1\n"
         (folder / f"results{n}.csv").write_text(f"measure,setting,value,unit,uncertainty\n{row}")
 

@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.model.files.design_toml import design_text, read_design
@@ -107,7 +108,7 @@ def test_reports_say_measured_on_their_page_and_in_their_numbers(
 
 
 def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, measured):
-    more = ("--map", grid, "--deployments", 1000, "--alone", "--json", "-")
+    more = ("--map", grid, "--deployments", 5000, "--alone", "--json", "-")
     code, words, _ = vinefab("aim", plain, *more, "--contacts", measured)
     assert code == 0
     found = json.loads(words)
@@ -311,3 +312,13 @@ def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
         assert len(complaint.splitlines()) == 1
     assert foreign.read_text() == "mine"
     assert not (tmp_path / "a.toml").exists()
+
+
+def test_the_library_fits_and_reads_the_same(observed, plain, grid, tmp_path):
+    fitted = vf.fit_observations(observed, out=tmp_path / "mine.toml")
+    low = fitted.numbers["head_on_half_angle_deg"]["low"]
+    grown = vf.Design.read(plain).grow(grid, growth={"contacts": fitted.path})
+    assert grown.growth["contacts"]["head_on_half_angle_deg"]["low"] == low
+    assert "head-on half-angle" in "\n".join(fitted.summary)
+    with pytest.raises(vf.BadInputError, match="angle_error_deg is 0"):
+        vf.fit_observations(observed, angle_error_deg=0.0)

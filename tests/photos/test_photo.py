@@ -142,5 +142,6 @@ def test_what_is_no_photo_is_refused_in_one_line(tmp_path, case):
         read_photo(path)
     message = str(caught.value)
     assert message.startswith(str(path))
+    assert message.count("photo.png") == 1
     assert "\n" not in message
     assert len(message) < 300

@@ -207,6 +207,17 @@ def test_starts_that_are_lines_areas_or_places_are_searched():
     assert len(area) == 8
 
 
+def test_a_start_area_too_narrow_for_the_trunk_is_left_out():
+    slit = shapely.box(0.0, 3.0, 300.0, 4.0)
+    start = Start(pose=Pose(x_mm=50.0, y_mm=3.5, heading_rad=0.0), area=slit, clearance_mm=0.0)
+    trial = trial_on(replace(ROOM, starts=(start,)))
+    region = BaseRegion.of(trial, "border")
+    assert region.starts.is_empty
+    assert region.areas.is_empty
+    with pytest.raises(BadInputError, match="room for the trunk"):
+        BaseRegion.of(trial, "starts")
+
+
 def test_starts_in_words_are_searched_and_keep_their_headings():
     region = BaseRegion.of(trial_on(ROOM), "left side, heading 10+-20")
     places = region.places_mm(10.0)

@@ -126,7 +126,9 @@ def test_tiles_lie_against_the_rig_and_print_on_a_bed_of_their_own(make_map, mak
 
 def test_a_rig_without_corners_says_where_its_tiles_go(make_map, make_printer):
     round_hall = shapely.Point(100, 95).buffer(75)
-    made = make_rig(make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(), BARE)
+    made = make_rig(
+        make_map(*WALLS, bounds=round_hall), make_printer(), RigOptions(style="plate"), BARE
+    )
     assert any("markers 0, 1, 2, 3: the rig has no corner there" in n for n in made.rig.notes)
 
 

@@ -191,7 +191,9 @@ def test_thin_walls_are_thickened_and_reported(make_map, make_printer, faces_at)
     comparison = compare_with_map(rig, world)
     assert comparison.share < 1e-4
     assert comparison.thickened_mm2 == pytest.approx(wall.area * 40 / 30 - 40 * 0.5, rel=0.05)
-    assert build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.4), _solid()).thin_places == ()
+    assert (
+        build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.4), _solid()).thin_places == ()
+    )
 
 
 def test_numbers_are_grooves_that_a_printer_bridges(crooked_map, make_printer):
@@ -248,9 +250,7 @@ def test_thin_border_is_reported(make_map, make_printer):
 
 
 def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
-    rig = build_rig(
-        make_map(starts=()), make_printer(), _solid(border_mm=5.0, mark_depth_mm=0.0)
-    )
+    rig = build_rig(make_map(starts=()), make_printer(), _solid(border_mm=5.0, mark_depth_mm=0.0))
     border_mm2 = 190 * 160 - 180 * 150
     assert rig.volume_mm3 == pytest.approx(3.0 * 190 * 160 + 30.0 * border_mm2)
     assert "no start" in rig.notes[0]

@@ -22,7 +22,9 @@ from vinefab.rig.rig_plan import (
 @pytest.fixture
 def rig_of(make_printer, make_map):
     def make(*starts, obstacles=(), **options):
-        return build_rig(make_map(*obstacles, starts=starts), make_printer(), RigOptions(wall_mm=0.0, **options))
+        return build_rig(
+            make_map(*obstacles, starts=starts), make_printer(), RigOptions(wall_mm=0.0, **options)
+        )
 
     return make
 

@@ -77,7 +77,9 @@ def import_command(
     ] = None,
     layer: Annotated[
         list[str] | None,
-        typer.Option(help="Read only this layer (DXF) or group (SVG: id or label); repeatable."),
+        typer.Option(
+            help="Read only this layer (DXF, GeoPackage) or group (SVG: id or label); repeatable."
+        ),
     ] = None,
     drawn: Annotated[
         str | None,

@@ -1,6 +1,6 @@
 """The public functions that make maps: generated, read and imported."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any
 
@@ -9,6 +9,7 @@ from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.importers.importers import import_map, import_suffixes
+from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
@@ -198,7 +199,7 @@ def import_(
     layers: Sequence[str] = (),
     **options: Any,  # noqa: ANN401  each has its own type, see `ImportOptions`
 ) -> Map:
-    """Return the map in a file of another program: DXF, SVG, CSV, GeoJSON, ROS (YAML), PNG, JPEG.
+    """Return the map in a file of another program: a drawing, a GIS layer, a ROS map or a photo.
 
     Parameters
     ----------
@@ -210,11 +211,12 @@ def import_(
     start
         Where robots start, ``(x_mm, y_mm, heading_deg)`` in the map; the roomiest place if None.
     layers
-        Read only these layers (DXF) or groups (SVG).
+        Read only these layers (DXF, GeoPackage) or groups (SVG).
     **options
         ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
         ``open_lines``, ``unknown``, ``photo``, as in
-        `vinefab.maps.importers.source_drawing.ImportOptions`.
+        `vinefab.maps.importers.source_drawing.ImportOptions`; ``photo`` may be a dict of
+        `vinefab.maps.importers.photo_options.PhotoOptions`.
 
     Raises
     ------
@@ -242,6 +244,8 @@ def import_(
             raise BadInputError(name, value, allowed)
     if isinstance(layers, str):
         layers = (layers,)
+    if "photo" in options:
+        options["photo"] = _photo_options(options["photo"])
     chosen = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
         start=None if start is None else Pose.of(start),
@@ -249,3 +253,17 @@ def import_(
         **options,
     )
     return import_map(source, chosen)
+
+
+def _photo_options(given: object) -> PhotoOptions | None:
+    """Return the options of a photo, also from a table of them."""
+    if given is None or isinstance(given, PhotoOptions):
+        return given
+    if not isinstance(given, Mapping):
+        raise BadInputError("photo", given, "PhotoOptions, or a dict of them")
+    known = PhotoOptions.__dataclass_fields__
+    for name, value in given.items():
+        if name not in known:
+            allowed = f"one of {', '.join(known)}{nearest(str(name), known)}"
+            raise BadInputError(f"photo.{name}", value, allowed)
+    return PhotoOptions(**given)

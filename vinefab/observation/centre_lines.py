@@ -10,7 +10,7 @@ fractions of a pixel, all at once, children hanging on their parents' ends.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import shapely
@@ -66,6 +66,9 @@ _STEEP_STOP_MM = 15.0
 """A stop at a wall met outside of the contact range counts as so much film less."""
 
 _ROUNDS = 4
+
+_PAIRED = 12
+"""So many courses of each of two siblings are tried together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -196,11 +199,52 @@ class _Tracing:
             before = dict(chosen)
             for branch in branches:
                 self._choose_one(branch, courses[branch], chosen, cover)
+            self._choose_pairs(branches, courses, chosen, cover)
             if all(chosen[branch] is before[branch] for branch in branches):
                 break
         for branch, course in chosen.items():
             if course is not None:
                 self._take(branch, course.chain_mm, ends_early=course.ends_early)
+
+    def _choose_pairs(
+        self,
+        branches: list[int],
+        courses: dict[int, list[_Course]],
+        chosen: dict[int, _Course | None],
+        cover: NDArray[np.int64],
+    ) -> None:
+        """Choose for two siblings together, which may each have taken the other's film."""
+        parent = self.tree.parent
+        for one, other in combinations(branches, 2):
+            first, second = chosen[one], chosen[other]
+            if parent[one] != parent[other] or first is None or second is None:
+                continue
+            now = (first, second)
+            for course in now:
+                cover[course.around] -= 1
+            best = max(
+                product(self._best_few(courses[one]), self._best_few(courses[other])),
+                key=lambda pair: self._worth_of(pair, cover),
+            )
+            if self._worth_of(best, cover) <= self._worth_of(now, cover) + 1e-9:
+                best = now
+            for branch, course in zip((one, other), best, strict=True):
+                cover[course.around] += 1
+                chosen[branch] = course
+
+    def _best_few(self, courses: list[_Course]) -> list[_Course]:
+        """Return the courses that cover most film if no other branch did."""
+        alone = {id(c): float(self.coarse.value[c.cells].sum()) + c.worth for c in courses}
+        return sorted(courses, key=lambda course: -alone[id(course)])[:_PAIRED]
+
+    def _worth_of(self, pair: tuple[_Course, _Course], cover: NDArray[np.int64]) -> float:
+        """Return what two courses gain together beside all others."""
+        one, other = pair
+        total = self.coarse.gain(one.cells, cover) + one.worth + other.worth
+        cover[one.around] += 1
+        total += self.coarse.gain(other.cells, cover)
+        cover[one.around] -= 1
+        return total
 
     def _choose_one(
         self,

@@ -31,7 +31,7 @@ def observation_report(seen: Observation) -> Report:
         tone=tone,
         facts=(
             ("photo", seen.photo),
-            ("rectified by", f"{seen.rectified_by}, error {seen.error_mm:.2f} mm (measured)"),
+            ("rectified by", f"{seen.rectified_by}, {seen.error_text}"),
             ("film", seen.film.how),
             ("growth", growth_text(seen.compared.options, [seen.design])),
         ),
@@ -195,8 +195,8 @@ def _branch_section(seen: Observation) -> Section:
         ),
         tables=(
             Table(
-                caption="Branches: lengths in mm; distances at equal arc lengths, in mm and in percent of "
-                "the length seen",
+                caption="Branches: lengths in mm; distances at equal arc lengths, in mm "
+                "and in percent of the length seen",
                 headings=(
                     "branch", "planned", "observed", "predicted", "stop observed",
                     "stop predicted", "mean mm", "Hausdorff mm", "mean %", "diameter mm",

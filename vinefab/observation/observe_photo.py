@@ -33,13 +33,33 @@ MOST_PLAN_PIXELS = 4_000_000
 RIM_MM = 10.0
 """Of the plan around the bounds."""
 
+LEAST_PARALLAX_MM = 0.5
+"""Less is not worth a caution."""
+
 LEAST_EXPLAINED = 0.8
 """With less of the film in the lines, or of the lines on film, design and photo do not fit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """A photo's robot, traced and compared."""
+    """A photo's robot, traced and compared.
+
+    Parameters
+    ----------
+    photo, map_file, design_file
+        How they are called.
+    rectified_by
+        By what the photo was rectified.
+    error_mm
+        Root mean square distance, in the map, of the points that it was rectified by; None where
+        they are just enough, so that no error shows.
+    film, traced, compared
+        What was found.
+    cautions
+        What makes it uncertain, a sentence each.
+    settings
+        How the photo was read.
+    """
 
     photo: str
     map_file: str
@@ -47,7 +67,7 @@ class Observation:
     world: Map
     design: Design
     rectified_by: str
-    error_mm: float
+    error_mm: float | None
     film: Film
     traced: TracedTree
     compared: Compared
@@ -61,7 +81,7 @@ class Observation:
         if trunk.width_mm is None:
             return None
         # Two edges, each found to about a third of a pixel, and the scale's error.
-        slack = 0.5 * self.film.view.mm_per_pixel + 2.0 * self.error_mm
+        slack = 0.5 * self.film.view.mm_per_pixel + 2.0 * (self.error_mm or 0.0)
         return {
             "measured": round(trunk.width_mm, 3),
             "low": round(max(0.0, trunk.width_mm - slack), 3),
@@ -127,6 +147,13 @@ class Observation:
         """Whether this design from this pose can be what the photo shows."""
         return min(self.traced.film_explained, self.traced.lines_supported) >= LEAST_EXPLAINED
 
+    @property
+    def error_text(self) -> str:
+        """How well the photo is rectified, in words."""
+        if self.error_mm is None:
+            return "error unknown: four points fit exactly"
+        return f"error {self.error_mm:.2f} mm, measured"
+
     def lines(self) -> list[str]:
         """Return the result as lines for the user."""
         found, branches = self.summary, self.compared.branches
@@ -136,7 +163,7 @@ class Observation:
         angles = ", ".join(f"{angle:g}" for angle in self.compared.best_half_angles_deg)
         return [
             f"{self.photo}: {self.design.name} on {self.world.name}, rectified by "
-            f"{self.rectified_by} (error {self.error_mm:.2f} mm)",
+            f"{self.rectified_by} ({self.error_text})",
             f"film {self.film.how}; {100 * self.traced.film_explained:.0f} % of it explained",
             f"{seen}, {found['deployed_predicted']} predicted (simulated)",
             *_named("did not deploy, though predicted", missing),
@@ -214,7 +241,7 @@ def observe_photo(  # noqa: PLR0913
         world=world,
         design=design,
         rectified_by=by,
-        error_mm=camera.residual_mm,
+        error_mm=camera.residual_mm if setup.corners_px is None else None,
         film=film,
         traced=traced,
         compared=compared,
@@ -252,14 +279,13 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
             "ended there; --obstacle-height tells"
         )
     radii = [inflated_radius_mm(width) for width in seen.design.build.widths_mm]
-    if camera.focal_px is None:
-        slack = camera.parallax_mm_per_mm * (max(radii) - min(radii))
-        found.append(
-            "the camera's focal length is not known, so that thin branches, which lie lower than "
-            f"the trunk, may be up to {slack:.1f} mm off"
-        )
     away = camera.parallax_mm_per_mm * max(abs(seen.film.sight.plane_mm - camera.z_mm), *radii)
-    if camera.focal_px is not None and away > 1.0:
+    if camera.focal_px is None and away > LEAST_PARALLAX_MM:
+        found.append(
+            "the camera's focal length is not known: what lies higher or lower than the points "
+            f"that the photo was rectified by may be up to {away:.1f} mm off"
+        )
+    if camera.focal_px is not None and away > LEAST_PARALLAX_MM:
         found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
     mixed = [branch.id for branch in branches if branch.is_ambiguous]
     if mixed:

@@ -85,7 +85,7 @@ class PhotoSetup:
         is_svg = outline is not None and outline.suffix.lower() == ".svg"
         return cls(
             markers=markers,
-            corners_px=None if corners_px is None else np.array(corners_px).reshape(4, 2),
+            corners_px=None if corners_px is None else _corners(corners_px),
             obstacle_mm=height,
             film_colour=None if film_colour is None else _colour(film_colour),
             outline=None if outline is None else _outline(outline, is_svg=is_svg),
@@ -103,7 +103,15 @@ class PhotoSetup:
         }
 
 
+def _corners(given: tuple[float, ...]) -> Floats:
+    if len(given) != 8:
+        raise BadInputError("--corners", list(given), "eight numbers: X,Y of four corners")
+    return np.array([number("--corners", part, -1e6, 1e6, "px") for part in given]).reshape(4, 2)
+
+
 def _colour(given: tuple[float, ...]) -> Colour:
+    if len(given) != 3:
+        raise BadInputError("--film-colour", list(given), "three numbers: R,G,B")
     red, green, blue = (
         whole("--film-colour", int(part) if part == int(part) else -1, 0, 255) for part in given
     )

@@ -31,9 +31,11 @@ def photo_preview(imported: PhotoMap) -> Figure:
         x, y = (box[0] + box[2] - bar) / 2.0, box[1] + 0.04 * (box[3] - box[1])
         axes.plot([x, x + bar], [y, y], color="white", lw=6, solid_capstyle="butt", zorder=6)
         axes.plot([x, x + bar], [y, y], color=INK, lw=3, solid_capstyle="butt", zorder=7)
+        height = f", as seen {imported.height_mm:g} mm up" if imported.height_mm else ""
+        markers = ", markers green" if squares else ""
         axes.set_title(
-            f"{world.name}: {len(world.obstacles)} obstacles; walls red, markers green, start a "
-            f"dot; the bar is {bar:g} mm",
+            f"{world.name}: {len(world.obstacles)} obstacles{height}; walls red{markers}, start "
+            f"a dot; the bar is {bar:g} mm",
             fontsize=9,
         )
     return figure

@@ -79,6 +79,8 @@ def read_photo(path: Path) -> Photo:
         raise UnreadableFileError(path, "is not a PNG or JPEG picture, or is damaged") from error
     except Image.DecompressionBombError as error:
         raise UnreadableFileError(path, f"has more than {MOST_MEGAPIXELS} megapixels") from error
+    except UnreadableFileError:
+        raise
     except (OSError, ValueError, SyntaxError, EOFError, struct.error) as error:
         raise UnreadableFileError(path, f"is damaged: {error}") from error
     pixels.setflags(write=False)

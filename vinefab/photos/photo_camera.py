@@ -134,15 +134,11 @@ def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
     BadInputError
         If the points lie on a line or on each other, or the photo would be a mirror image.
     """
-    if len(control.points_px) < 4:
-        homography = _similarity(control)
-        perspective = False
-    else:
-        homography = fitted_homography(control)
-        perspective = True
+    homography = plane_homography(control)
     _ensure_seen_from_above(homography, control)
     residual = projected(inverse(homography), control.points_px) - control.points_mm
     off_mm = np.hypot(*residual.T)
+    perspective = len(control.points_px) >= _FEWEST_OF_PERSPECTIVE
     camera = _Pose.of(photo, control, homography) if perspective else None
     known = camera is not None and camera.focal_share <= MOST_FOCAL_SHARE
     return PhotoCamera(
@@ -159,6 +155,15 @@ def fit_camera(photo: Photo, control: ControlPoints) -> PhotoCamera:
             else _unknown_slope(photo, control, homography)
         ),
     )
+
+
+_FEWEST_OF_PERSPECTIVE = 4
+
+
+def plane_homography(control: ControlPoints) -> Floats:
+    """Return the homography from the map to the photo, for the plane of the control points."""
+    few = len(control.points_px) < _FEWEST_OF_PERSPECTIVE
+    return _similarity(control) if few else fitted_homography(control)
 
 
 def _similarity(control: ControlPoints) -> Floats:
@@ -263,7 +268,7 @@ class _Pose:
                 return np.asarray(apart)
             return np.append(apart, (values[0] - np.log(photo.focal_px)) / EXIF_FOCAL_SHARE)
 
-        fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=2000)
+        fit = least_squares(off, begin, x_scale="jac", method="lm", max_nfev=300)
         share = _first_deviation(np.asarray(fit.jac))
         turn = Rotation.from_rotvec(fit.x[1:4]).as_matrix()
         return cls(float(np.exp(fit.x[0])), share, turn, fit.x[4:7], middle)

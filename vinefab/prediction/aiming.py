@@ -44,7 +44,7 @@ from vinefab.prediction.provenance import Origin
 from vinefab.prediction.robot_set import (
     FRESH_SET_DRAWS,
     GREEDY_SHARE,
-    MOST_ROBOTS,
+    LARGEST_TEAM,
     SET_DRAWS,
     RobotSet,
     TeamSearch,
@@ -66,7 +66,7 @@ WORST_SHARE = 0.1
 PROFILE_HEADINGS, PROFILE_DRAWS = 72, 32
 """Headings at the best place, and draws at each, for the chart of headings."""
 
-DEPLOYMENTS_PER_CANDIDATE, MOST_CANDIDATES = 100, 3_000
+DEPLOYMENTS_PER_CANDIDATE, MOST_TEAM_CANDIDATES = 100, 3_000
 """Several robots are chosen from one pose for so many deployments of the search."""
 
 SHOWN_DEPLOYMENTS = 24
@@ -90,7 +90,7 @@ class AimPlan:
 
     def __post_init__(self) -> None:
         whole("--deployments", self.deployments, FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS)
-        whole("--robots", self.robots, 1, MOST_ROBOTS)
+        whole("--robots", self.robots, 1, LARGEST_TEAM)
         whole("--seed", self.seed, 0, 2**31)
         number("--placing-mm", self.placing_mm, 0.0, MOST_PLACING_MM, "mm")
         number("--placing-deg", self.placing_deg, 0.0, MOST_PLACING_DEG, "deg")
@@ -107,7 +107,7 @@ class AimPlan:
     @property
     def candidates(self) -> int:
         """About how many poses several robots are chosen from."""
-        return min(MOST_CANDIDATES, self.deployments // DEPLOYMENTS_PER_CANDIDATE)
+        return min(MOST_TEAM_CANDIDATES, self.deployments // DEPLOYMENTS_PER_CANDIDATE)
 
     @property
     def placing_text(self) -> str:

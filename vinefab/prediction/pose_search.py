@@ -240,7 +240,7 @@ def _pose(row: Sequence[float]) -> Pose:
 
 # --- Where a base may stand ---------------------------------------------------------------------
 
-LEAST_STEP_MM = 1.0
+LEAST_LOOK_MM = 1.0
 """A heading points into the room if a step of half the trunk's radius, at least this, does."""
 
 
@@ -298,7 +298,7 @@ class BaseRegion:
             border=border,
             starts=starts,
             areas=areas,
-            step_mm=max(0.5 * trial.radius_mm, LEAST_STEP_MM),
+            step_mm=max(0.5 * trial.radius_mm, LEAST_LOOK_MM),
             turns_rad=turns,
             words=words,
         )
@@ -407,7 +407,7 @@ def _border(trial: PoseTrial) -> BaseGeometry:
     free, room = trial.prepared.terrain.free_space(), trial.room
     outer = shapely.get_exterior_ring(shapely.get_parts(free))
     # Arcs around corners are polygons, a little nearer to the wall or farther from it.
-    reach_mm = trial.radius_mm + 5e-3 * max(trial.radius_mm, LEAST_STEP_MM)
+    reach_mm = trial.radius_mm + 5e-3 * max(trial.radius_mm, LEAST_LOOK_MM)
     beside = shapely.buffer(shapely.MultiLineString(list(outer)), reach_mm)
     along = _parts(shapely.intersection(shapely.boundary(room), beside), "LineString")
     merged = shapely.line_merge(shapely.MultiLineString(list(shapely.get_parts(along))))
@@ -420,8 +420,8 @@ def _start_places(trial: PoseTrial, world: Map) -> tuple[BaseGeometry, BaseGeome
     for start in world.starts:
         x, y, across, up = start.pose.x_mm, start.pose.y_mm, start.spread_x_mm, start.spread_y_mm
         if start.area is not None:
-            free = trial.prepared.terrain.free_space()
-            shapes += start_pieces(start, free, trial.radius_mm)
+            # Where the trunk has no room in it, that start is left out, not refused.
+            shapes += start_pieces(start, trial.prepared.terrain.free_space())
         elif across and up:
             shapes.append(shapely.box(x - across, y - up, x + across, y + up))
         elif across or up:
@@ -446,7 +446,7 @@ def _start_in_words(text: str) -> Start | StartPlace:
 HEADINGS = 36
 """Headings that are tried first at every place."""
 
-COARSE, NARROWED, REFINED = 0.6, 0.2, 0.17
+OVERALL, NARROWED, REFINED = 0.6, 0.2, 0.17
 """Shares of the deployments: all over the map, of the best there, around the best of these."""
 
 FEWEST_DRAWS, MOST_DRAWS = 4, 64
@@ -569,7 +569,7 @@ def search_poses(
         more = trial.scores(task, field_.poses, draws.part(field_.draws, until), counted)
         return _Field(field_.poses, field_.total + more.sum(axis=1), until)
 
-    landscape = _landscape(trial, task, region, draws, COARSE * deployments, counted)
+    landscape = _landscape(trial, task, region, draws, OVERALL * deployments, counted)
     flat = landscape.scores.ravel()
     known = np.isfinite(flat)
     found = _Field(landscape.poses[known], flat[known] * landscape.draws, landscape.draws)
@@ -601,7 +601,7 @@ def _landscape(
     headings = region.headings_rad
     # On the border half of the headings point outward.
     per_place = HEADINGS * FEWEST_DRAWS * (1.0 if region.border.is_empty else 0.5)
-    finest_mm = max(0.5 * float(np.abs(draws.offset_mm).max()), LEAST_STEP_MM)
+    finest_mm = max(0.5 * float(np.abs(draws.offset_mm).max()), LEAST_LOOK_MM)
     spacing_mm = max(region.spacing_mm(max(1, int(deployments / per_place))), finest_mm)
     places = region.places_mm(spacing_mm)
     poses = np.column_stack([np.repeat(places, HEADINGS, axis=0), np.tile(headings, len(places))])

@@ -100,7 +100,7 @@ def _tighten(bounds: Floats, share: float, gains: Floats) -> None:
 
 # --- Robots on a map ----------------------------------------------------------------------------
 
-MOST_ROBOTS = 50
+LARGEST_TEAM = 50
 
 SET_DRAWS = 32
 """Draws of contacts and placing errors at which candidates are compared."""

@@ -35,7 +35,7 @@ from vinefab.rig.split import Cuts, cuts_of, grid_of
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
 
-WELD_MM = 2.0 * GRID_MM
+WELD_MM = GRID_MM
 """Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
 
 _SMALLER = 0.6
@@ -256,8 +256,10 @@ def courses_of(
     pegs = [peg.outline for peg in piece.pegs]
     courses = [Course(pieces=polygon_parts(walls), low_mm=0.0, high_mm=high_mm)]
     if hollow:
-        closed, thick_mm = (tongue, 2.0 * options.mark_depth_mm) if tongued else (
-            polygon_parts(outline), options.top_mm
+        closed, thick_mm = (
+            (tongue, 2.0 * options.mark_depth_mm)
+            if tongued
+            else (polygon_parts(outline), options.top_mm)
         )
         if len(closed):
             courses.append(Course(pieces=closed, low_mm=0.0, high_mm=thick_mm))

@@ -46,8 +46,9 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
     """Move all parts to their places, cut them at half their height and compare with the map.
 
     What is compared is the outside that a robot can touch: a hole of a part in which the map has
-    no free space is a cavity and counts as filled. Works on the parts' triangles and transforms only, not on the plan that they were made from.
-    Walls are upright, which two more cuts confirm; so a share of areas is one of volumes.
+    no free space is a cavity and counts as filled. Works on the parts' triangles and transforms
+    only, not on the plan that they were made from. Walls are upright, which two more cuts confirm;
+    so a share of areas is one of volumes.
     """
     options = rig.options
     bodies = [_body(part) for part in rig.parts]

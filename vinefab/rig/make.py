@@ -18,10 +18,10 @@ from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.open_shell import shell_words
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
-from vinefab.rig.open_shell import shell_words
 from vinefab.rig.plate import build_rig, refuse_early
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
@@ -144,7 +144,7 @@ def make_rig(
             drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
                 cut.jobs
             )
-            section = rig_section(rig, printing, drawn)
+            section = rig_section(rig, printing, drawn, why_style)
             page = rig_page(rig, section, report, comparison)
             files |= {**drawn, "report.html": page.encode()}
         files["parts.csv"] = parts_text(rig, printing).encode()

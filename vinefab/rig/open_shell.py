@@ -15,7 +15,7 @@ from shapely.ops import nearest_points
 from vinefab.core.errors import BadInputError
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
-from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
+from vinefab.rig.rig_plan import Polygons, polygon_parts
 from vinefab.rig.solid import STROKE_MM, Course, centred, grooves, strokes
 
 LEAST_ROOM_MM = 1.2
@@ -159,7 +159,7 @@ def corbelled(
         low_mm = height_mm - _PEG_FOOT_MM - left * CORBEL_STEP_MM
         if left and low_mm + CORBEL_STEP_MM <= 0.0:
             continue  # the next one stands on the bed too
-        reach = shapely.buffer(walls, (count - left) * CORBEL_STEP_MM, quad_segs=2)
+        reach = shapely.buffer(walls, (count - left) * CORBEL_STEP_MM, quad_segs=8)
         inset = shapely.buffer(target, -left * _INSET_MM, join_style="mitre")
         grown = shapely.intersection(inset, reach if left else within)
         courses.append(

@@ -24,6 +24,7 @@ from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, s
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
 from vinefab.rig.comparison_with_map import RigComparison
+from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.printing import BASIS, Bed, Printing
 from vinefab.rig.relief import Colour, Label, Prism, relief_png
@@ -274,7 +275,9 @@ MOST_BEDS = 24
 """A page shows at most so many beds; the folder has a picture of each."""
 
 
-def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> Section:
+def rig_section(
+    rig: Rig, printing: Printing, pictures: Mapping[str, bytes], why_style: str
+) -> Section:
     """Return the section about a rig."""
     sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
     marked = rig.options.marker_kind != "none"
@@ -292,6 +295,11 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
         title="Test rig",
         paragraphs=(
             f"Printing on {rig.printer.name} takes about {printing.total.words()}: {BASIS}.",
+            *(
+                f"{words[0].upper()}{words[1:]}."
+                for words in (why_style, shell_words(rig))
+                if words
+            ),
             "plan.svg and plan.pdf are the rig's plan at true scale with markers and a ruler: lay "
             "the rig onto it, or draw the map on paper."
             + (" markers.svg and .pdf are paper markers." if marked else ""),

@@ -13,9 +13,9 @@ from vinefab.rig.split import usable_mm
 BASIS = (
     "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
     "shell s and infill f; time = lines of nozzle x layer over their speeds, of walls and of fill, "
-    "+ slowing at corners and ends of lines + travel + layers x the time per layer change (compared "
-    "with PrusaSlicer 2.5: docs/making.md); with flow_mm3_s, a measured mean: plastic / flow + "
-    "layers x the time per layer change"
+    "+ slowing at corners and ends of lines + travel + layers x the time per layer change "
+    "(compared with PrusaSlicer 2.5: docs/making.md); with a measured flow_mm3_s: plastic / flow "
+    "+ layers x the time per layer change"
 )
 """The formulas, for reports."""
 
@@ -83,9 +83,7 @@ def _layers(part: RigPart, printer: Printer) -> int:
     return math.ceil(part.size_mm[2] / printer.layer_mm)
 
 
-def _moving_s(
-    part: RigPart, sides: UprightFaces, plastic_mm3: float, printer: Printer
-) -> float:
+def _moving_s(part: RigPart, sides: UprightFaces, plastic_mm3: float, printer: Printer) -> float:
     """Return how long the nozzle moves for a part: along walls, in its inside, and between."""
     # A line as wide as the nozzle, its sides round.
     line_mm2 = (printer.nozzle_mm - _ROUND * printer.layer_mm) * printer.layer_mm
@@ -102,7 +100,9 @@ def _moving_s(
     wide_mm, deep_mm, _ = part.size_mm
     least_mm = _LEAST_CHORD * min(wide_mm, deep_mm)
     chord_mm = max(_CHORD * part.volume_mm3 / side_mm2, least_mm)
-    fill_s = fill_mm / printer.fill_speed_mm_s + fill_mm / chord_mm * printer.fill_speed_mm_s / slope
+    fill_s = (
+        fill_mm / printer.fill_speed_mm_s + fill_mm / chord_mm * printer.fill_speed_mm_s / slope
+    )
     travel = printer.travel_speed_mm_s
     hop_s = _HOP_MM / travel + travel / slope + _RETRACT_S
     hops = _layers(part, printer) * (_HOPS + _HOPS_PER_RING * sides.rings)

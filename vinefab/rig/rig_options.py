@@ -98,7 +98,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
 
 
 STYLES = ("auto", "plate", "board", "sheet")
-"""What ``auto`` stands for is chosen in `vinefab.rig.make`: plate or board, the quicker to print."""
+"""``auto`` is plate or board, the quicker to print: `vinefab.rig.make` chooses."""
 
 JOINTS = ("dovetail", "none")
 
@@ -116,8 +116,9 @@ class RigOptions:
     Parameters
     ----------
     style
-        ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
-        board that a laser cuts and drills) or ``sheet`` (obstacles cut from sheet in layers).
+        ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on
+        their plate), ``board`` (printed obstacles with pegs on a board that a laser cuts and
+        drills) or ``sheet`` (obstacles cut from sheet in layers).
     plate_mm
         Thickness of the base plate, of the board, of the sheet.
     height_mm

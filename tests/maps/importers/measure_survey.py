@@ -11,10 +11,10 @@ is in any of the drawn polygons (scan lines, no union), its narrowest passage wi
 import argparse
 import json
 import math
-import resource
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -121,7 +121,9 @@ def write(polygons, path):
         _write_dxf(rings, path)
     else:
         wkb = shapely.to_wkb(shapely.polygons([shapely.linearrings(ring) for ring in rings]))
-        raw.write(str(path), wkb, [], [], geometry_type="Polygon", crs=None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # no reference system: mm
+            raw.write(str(path), wkb, [], [], geometry_type="Polygon", crs=None)
 
 
 def _write_dxf(rings, path):
@@ -166,12 +168,21 @@ def _scan(image, points):
         image[line, left:right] = True
 
 
+def _peak_mb():
+    """Return the largest resident memory of this process (rusage counts the parent's too)."""
+    status = Path("/proc/self/status")
+    if not status.is_file():
+        return math.nan
+    line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024.0
+
+
 def imported(path):
     """Import a file, as the process that is measured does, and write what came out."""
     begin = time.process_time()
     world = import_map(Path(path), ImportOptions(drawn="free"))
     seconds = time.process_time() - begin
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    peak_mb = _peak_mb()
     begin = time.process_time()
     narrowest = narrow_passages(world.free_space, 1)[0]
     found = {

@@ -141,3 +141,9 @@ def test_layers_are_advised_only_where_there_are_some(tmp_path):
         path = tmp_path / f"plan{suffix}"
         path.write_text(write(apart))
         assert ("--layer" in refused(path, ImportOptions()).allowed) == (suffix == ".svg")
+
+
+def test_no_scale_is_advised_for_a_single_point(tmp_path):
+    path = tmp_path / "plan.geojson"
+    path.write_text(geojson([([(5, 5), (5, 5)], False)]))
+    assert "--scale" not in refused(path, ImportOptions()).allowed

@@ -217,6 +217,13 @@ def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
         import_map(tmp_path / "world.pgm", ImportOptions())
 
 
+def test_a_dwg_file_with_the_name_of_a_dxf_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "plan.dxf"
+    path.write_bytes(b"AC1032" + bytes(200))
+    with pytest.raises(UnreadableFileError, match="is a DWG file, not DXF: save it as DXF"):
+        import_map(path, ImportOptions())
+
+
 @pytest.mark.parametrize(
     ("document", "kind"),
     [

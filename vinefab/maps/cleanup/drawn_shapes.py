@@ -23,7 +23,10 @@ _MOST_PAIRS = 250_000
 """Of outlines whose boxes overlap, beside two for each outline: 700 in each other."""
 _MOST_NEAR = 5_000_000
 """Pairs of segments whose boxes overlap."""
+_NEAR_EACH = 20
+"""Of each segment, where there are many."""
 _MOST_CROSSINGS = 100_000
+"""Or one for each segment, where there are more of them."""
 _AT_ONCE = 32
 _FAR = 10.0
 
@@ -99,6 +102,8 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
     low, high = extent(points)
     # Halves first: the difference of two huge numbers may not be finite.
     size_mm = float(max(0.5 * high - 0.5 * low)) * frame.scale_mm_per_unit * 2.0
+    if size_mm == 0.0:
+        raise BadInputError("drawing", "one single point", "lines, outlines or areas")
     if not _LEAST_SIZE_MM <= size_mm <= LARGEST_MM:
         raise BadInputError(
             "drawing",
@@ -177,6 +182,8 @@ def refuse_tangle(points_mm: Sequence[Floats], where: str) -> None:
     last = np.concatenate([line[1:] for line in points_mm])
     if len(first) ** 2 <= 2 * _MOST_CROSSINGS:
         return
+    most_crossings = max(_MOST_CROSSINGS, len(first))
+    most_near = max(_MOST_NEAR, _NEAR_EACH * len(first))
     segments = np.asarray(shapely.linestrings(np.stack([first, last], axis=1)))
     tree = shapely.STRtree(segments)
     near = crossings = 0
@@ -184,14 +191,14 @@ def refuse_tangle(points_mm: Sequence[Floats], where: str) -> None:
         one, other = tree.query(segments[begin : begin + _AT_ONCE])
         one, other = one[other > one + begin] + begin, other[other > one + begin]
         near += len(one)
-        if near <= _MOST_NEAR:
+        if near <= most_near:
             sides = _beside(first[one], last[one], first[other], last[other])
             sides &= _beside(first[other], last[other], first[one], last[one])
             crossings += int(sides.sum())
-        if near > _MOST_NEAR or crossings > _MOST_CROSSINGS:
+        if near > most_near or crossings > most_crossings:
             raise BadInputError(
                 where,
-                f"{len(segments)} segments with over {_MOST_CROSSINGS} crossings",
+                f"{len(segments)} segments with over {most_crossings} crossings",
                 "lines that rarely cross; leave out what is no wall, or clean the drawing",
             )
 

@@ -301,7 +301,8 @@ def refuse_open(
         f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
         "not closed",
         f"outlines whose ends meet within --join-mm ({join_mm:.4g}{here}); "
-        "or --wall-mm W to make lines walls, or --open drop to leave them out",
+        f"{changes.layer_advice}or --wall-mm W to make lines walls, or --open drop to leave "
+        "them out",
     )
 
 

@@ -384,6 +384,7 @@ _MOST_TAGS = 2_000_000
 """Pairs of group code and value: ezdxf takes 3 us and 270 bytes for each."""
 _MOST_MENDED_TAGS = 1_000_000
 """In a damaged file, which is read twice."""
+_DWG = b"AC10"
 _BINARY = b"AutoCAD Binary DXF"
 _BYTES_PER_BINARY_TAG = 8
 _MOST_ENTITIES = 500_000
@@ -457,6 +458,8 @@ def _document(path: Path) -> tuple["Document", int]:
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
+    if data.startswith(_DWG):
+        raise UnreadableFileError(path, "is a DWG file, not DXF: save it as DXF in a CAD program")
     tags = _tag_count(data)
     if tags > _MOST_TAGS:
         problem = f"is a drawing of about {tags} values; at most {_MOST_TAGS} can be read"

@@ -51,7 +51,7 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
     _ensure_kind(path)
     with located(path), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        drawing = _drawing(path, options, _gdal())
+        drawing = _drawing(path.resolve(), options, _gdal())
     if said:
         lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
         drawing = replace(

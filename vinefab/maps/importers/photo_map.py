@@ -24,6 +24,7 @@ from vinefab.photos.photo_camera import (
     PhotoCamera,
     fit_camera,
     inverse,
+    plane_homography,
     projected,
 )
 from vinefab.photos.plan_view import PlanView
@@ -51,6 +52,7 @@ _SMOOTHING_PX = 0.7
 _POINT_NOISE_PX = 1.0
 """How far points that a person picks may be off (assumed)."""
 
+_HEIGHTS = 5
 _LEAST_CONTRAST = 20.0
 _EDGE_CELLS = 9
 _EDGE_SHARE = 0.5
@@ -65,6 +67,7 @@ class PhotoMap:
 
     world: Map
     view: PlanView  # the photo, rectified to the height of the obstacles
+    height_mm: float  # of the obstacles
     markers_mm: Floats  # corners of the markers where the view shows them, shape (n, 4, 2)
 
 
@@ -85,18 +88,21 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
     with located(path):
         chosen.ensure_one_scale(options.scale_mm_per_unit)
         scene = _Scene.of(photo, chosen, options.scale_mm_per_unit)
-        views = [scene.view(height) for height in sorted({0.0, chosen.height_mm})]
-        tones = _Tones.of(views[0], chosen, scene.shown(views[0], 0.0))
+        heights = np.linspace(0.0, chosen.height_mm, _HEIGHTS if chosen.height_mm else 1).tolist()
+        views = [scene.view(height) for height in heights]
+        shown = [scene.shown(view, height) for view, height in zip(views, heights, strict=True)]
+        tones = _Tones.of(views[0], chosen, shown[0])
+        # What stands upright is seen at its place at every height; its sides are seen beside it
+        # on the floor or at the top. (In between: where one's side and another's top would meet.)
         solid = np.logical_and.reduce([tones.solid(view) for view in views])
-        shown = np.logical_and.reduce(
-            [
-                scene.shown(view, height)
-                for view, height in zip(views, sorted({0.0, chosen.height_mm}), strict=True)
-            ]
-        )
-        free = shown & (~solid | _within(scene.quiet_squares(), views[0]))
+        free = np.logical_and.reduce(shown) & (~solid | _within(scene.quiet_squares(), views[0]))
         world = _world(path, scene, views[0], free, options, tones)
-    return PhotoMap(world=world, view=views[-1], markers_mm=scene.markers_at(chosen.height_mm))
+    return PhotoMap(
+        world=world,
+        view=views[-1],
+        height_mm=chosen.height_mm,
+        markers_mm=scene.markers_at(chosen.height_mm),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -243,18 +249,18 @@ def _placing(
     if mm_per_pixel is not None:
         return {}
     control = _control(photo, chosen, found, None)
-    camera = fit_camera(photo, control)
     noise_px = _POINT_NOISE_PX if not found else control.noise_px
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
-    places_px = camera.to_photo(places)
+    places_px = projected(plane_homography(control), places)
     points = np.array(chosen.points_px, dtype=np.float64).reshape(-1, 2)
     rng, worst = child(0), []
     for _ in range(_TRIALS):
         moved = {key: value + rng.normal(0.0, noise_px, (4, 2)) for key, value in found.items()}
         picked = points + rng.normal(0.0, noise_px, points.shape)
         trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
-        again = fit_camera(photo, _control(photo, trial, moved, None)).to_map(places_px)
+        fitted = plane_homography(_control(photo, trial, moved, None))
+        again = projected(inverse(fitted), places_px)
         worst.append(float(np.hypot(*_aligned(again, places).T).max()))
     return {
         "shape_within_mm": round(float(np.quantile(worst, 0.95)), 3),
@@ -275,7 +281,8 @@ def _parallax(camera: PhotoCamera, area_mm: AreaMm, chosen: PhotoOptions) -> dic
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
     if camera.focal_px is None:
-        words = f"up to {camera.parallax_mm_per_mm:.2f} (assumed: a lens of at least 13 mm)"
+        words = f"up to {camera.parallax_mm_per_mm:.2f} (assumed: a lens of at least 13 mm); "
+        words += "a scan has none"
         return {"parallax_mm_per_mm_of_height": words}
     slope = camera.to_map(camera.to_photo(places, 1.0), 0.0) - places
     words = f"up to {float(np.hypot(*slope.T).max()):.2f} (computed)"

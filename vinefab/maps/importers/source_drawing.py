@@ -189,7 +189,7 @@ class ImportOptions:
     join_mm
         Widest gap in an outline that is closed.
     layers
-        Names of the layers (DXF) or groups (SVG) to read; empty for all.
+        Names of the layers (DXF, GeoPackage) or groups (SVG) to read; empty for all.
     drawn
         What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``, see
         `AssembleOptions`.

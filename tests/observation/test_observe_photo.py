@@ -1,0 +1,222 @@
+"""`vinefab observe` on a small rendered photo with the truth known; mutants of it must be seen."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rendered_photo import Look, Scene, render
+
+import vinefab as vf
+from vinefab.cli.main import main
+from vinefab.core.errors import BadInputError
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Stop
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.files.contacts_toml import read_contacts
+from vinefab.model.map import Map, Pose, Start
+from vinefab.observation.beside_prediction import distance_mm
+from vinefab.observation.observation_json import observation_text
+from vinefab.observation.observe_photo import observe_photo
+from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.photos.photo import read_photo
+
+POSE = Pose(x_mm=60.0, y_mm=12.0, heading_rad=np.pi / 2)
+WORLD = Map(
+    name="table",
+    bounds=shapely.box(0, 0, 160, 140),
+    obstacles=(shapely.box(50, 84, 72, 98), shapely.Polygon([(92, 70), (126, 62), (120, 92)])),
+    starts=(Start(pose=POSE),),
+)
+DESIGN = Design(
+    name="fork",
+    trunk_length_mm=40.0,
+    levels=(
+        Level.of(branches=3, length_mm=55.0, angle_deg=100.0),
+        Level.of(branches=2, length_mm=25.0, angle_deg=70.0),
+    ),
+    build=Build(widths_mm=(14.0, 10.0, 7.0), fillet_mm=(2.0, 2.0), tail_mm=20.0, pressure_kpa=0.0),
+)
+LOOK = Look(
+    tilt_deg=20.0, turn_deg=250.0, distance_mm=500.0, pixels=(800, 640), height_mm=12.0,
+    light_deg=(40.0, 35.0), shade=0.4,
+)  # fmt: skip
+SETUP = PhotoSetup(obstacle_mm=12.0)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return grow(DESIGN, Terrain.of(WORLD), POSE)
+
+
+@pytest.fixture(scope="module")
+def photo_file(truth, tmp_path_factory):
+    path = tmp_path_factory.mktemp("photo") / "table.jpg"
+    path.write_bytes(render(Scene(WORLD, truth, DESIGN.build, LOOK))[2])
+    return path
+
+
+@pytest.fixture(scope="module")
+def seen(photo_file):
+    return observe_photo(read_photo(photo_file), WORLD, DESIGN, POSE, SETUP)
+
+
+def test_the_scene_has_all_that_is_asked_about(truth):
+    assert {Stop.FULL_LENGTH, Stop.NOT_DEPLOYED} <= set(truth.stop.tolist())
+    assert len(set(truth.stop.tolist())) >= 3
+
+
+def test_centre_lines_are_recovered_within_two_millimetres(truth, seen):
+    means = [
+        distance_mm(branch.points_mm, truth.chain_mm(index))
+        for index, branch in enumerate(seen.traced.branches)
+        if truth.deployed[index]
+    ]
+    assert max(mean for mean, _ in means) < 1.5
+    assert max(most for _, most in means) < 2.0
+    assert seen.fits
+
+
+def test_what_came_out_where_it_stopped_and_what_it_met_are_seen(truth, seen):
+    stops = [Stop(stop).label for stop in truth.stop.tolist()]
+    assert [branch.stop_observed for branch in seen.compared.branches] == stops
+    assert all(b.order_observed == b.order_predicted for b in seen.compared.branches)
+    assert any(b.order_observed for b in seen.compared.branches)
+    assert not seen.not_as_predicted
+
+
+def test_widths_are_measured(seen):
+    for branch in seen.compared.branches:
+        if branch.deployed_observed and branch.seen > 0.5:
+            assert branch.width_mm == pytest.approx(branch.nominal_width_mm, abs=0.9)
+
+
+def test_another_design_is_seen(photo_file):
+    other = replace(DESIGN, levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
+    found = observe_photo(read_photo(photo_file), WORLD, other, POSE, SETUP)
+    assert not found.fits
+    assert any("hardly" in caution for caution in found.cautions)
+
+
+@pytest.mark.parametrize(
+    "wrong", [Pose(x_mm=75.0, y_mm=30.0, heading_rad=1.0), Pose(x_mm=140, y_mm=20, heading_rad=1.6)]
+)
+def test_a_wrong_pose_is_seen(photo_file, wrong):
+    try:
+        fits = observe_photo(read_photo(photo_file), WORLD, DESIGN, wrong, SETUP).fits
+    except BadInputError:  # no film at the base
+        fits = False
+    assert not fits
+
+
+def test_a_pose_a_little_off_changes_nothing(photo_file, truth):
+    near = Pose(x_mm=61.5, y_mm=11.0, heading_rad=POSE.heading_rad + 0.03)
+    found = observe_photo(read_photo(photo_file), WORLD, DESIGN, near, SETUP)
+    trunk, _ = distance_mm(found.traced.branches[0].points_mm, truth.chain_mm(0))
+    assert trunk < 1.5
+    assert found.fits
+
+
+@pytest.fixture(scope="module")
+def files(photo_file, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    WORLD.write(folder / "table.geojson")
+    DESIGN.write(folder / "fork.toml")
+    return {"photo": photo_file, "map": folder / "table.geojson", "design": folder / "fork.toml"}
+
+
+def test_the_command_writes_page_and_json(files, tmp_path, capsys):
+    out, numbers = tmp_path / "seen.html", tmp_path / "seen.json"
+    given = ["--map", files["map"], "--design", files["design"], "--pose", "60,12,90"]
+    given += ["--obstacle-height", "12", "--out", out, "--json", numbers]
+    assert main(["observe", str(files["photo"]), *map(str, given)]) == 0
+    found = json.loads(numbers.read_text())
+    assert found["schema"] == "vinefab/observation-1"
+    assert found["rectified"]["error_mm"] < 1.0
+    assert found["summary"]["deployed_observed"] == found["summary"]["deployed_predicted"]
+    low, middle, high = (found["film"]["width_mm"][name] for name in ("low", "measured", "high"))
+    assert low < middle < high
+    ids = {branch["id"]: branch for branch in found["branches"]}
+    outcomes = {c["outcome"] for branch in ids.values() for c in branch["contacts"]}
+    assert outcomes <= {"slid", "stopped", "unclear"}
+    assert "stopped" in outcomes
+    page = out.read_text()
+    assert "data:image/png" in page
+    assert "measured" in capsys.readouterr().out
+
+
+def test_an_outline_by_hand_serves_as_well(seen, photo_file, tmp_path):
+    lines = [b.corners_mm for b in seen.traced.branches if b.deployed]
+    radii = [b.nominal_width_mm / 2 for b in seen.compared.branches if b.deployed_observed]
+    areas = [
+        shapely.LineString(seen.film.moved(line, radius, seen.film.sight.plane_mm)).buffer(radius)
+        for line, radius in zip(lines, radii, strict=True)
+    ]
+    path = tmp_path / "outline.geojson"
+    path.write_text(shapely.to_geojson(shapely.union_all(areas)))
+    setup = replace(PhotoSetup.of(outline=path), obstacle_mm=12.0)
+    found = observe_photo(read_photo(photo_file), WORLD, DESIGN, POSE, setup)
+    assert found.film.how == "outlined by hand"
+    for branch, other in zip(found.traced.branches, seen.traced.branches, strict=True):
+        if branch.deployed:
+            assert distance_mm(branch.points_mm, other.points_mm)[0] < 1.0
+
+
+def test_a_photo_without_film_or_markers_is_refused_in_one_line(tmp_path):
+    bare = tmp_path / "bare.png"
+    Image.new("RGB", (400, 300), (186, 188, 184)).save(bare)
+    with pytest.raises(BadInputError, match="0 of 4"):
+        observe_photo(read_photo(bare), WORLD, DESIGN, POSE, SETUP)
+    corners = PhotoSetup.of(corners_px=(20, 280, 380, 280, 380, 20, 20, 20))
+    with pytest.raises(BadInputError, match="--film-colour"):
+        observe_photo(read_photo(bare), WORLD, DESIGN, POSE, corners)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--film-colour", "300,0,0"], "--film-colour"),
+        (["--film-colour", "1,2"], "--film-colour"),
+        (["--corners", "1,2,3"], "--corners"),
+        (["--obstacle-height", "-3"], "--obstacle-height"),
+        (["--outline", "missing.svg"], "missing.svg"),
+        (["--out", "page.txt"], "--out"),
+    ],
+)
+def test_bad_options_are_one_line(files, arguments, words, capsys):
+    given = ["--map", str(files["map"]), "--design", str(files["design"])]
+    assert main(["observe", str(files["photo"]), *given, *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_the_front_door_gives_the_same(files):
+    report = vf.observe(
+        files["photo"], files["map"], files["design"], (60, 12, 90), obstacle_height_mm=12
+    )
+    assert report.path is None
+    assert report.numbers["summary"]["fits"] is True
+    assert "table.jpg" in report.summary[0]
+
+
+def test_what_the_command_writes_can_be_fitted(files, seen, tmp_path, capsys):
+    content = json.loads(observation_text(seen))
+    content |= {"map": str(files["map"]), "design": str(files["design"])}
+    (tmp_path / "seen.json").write_text(json.dumps(content))
+    assert main(["observe", str(tmp_path / "seen.json"), "--fit", str(tmp_path / "mine.toml")]) == 0
+    words = capsys.readouterr().out
+    found = read_contacts(tmp_path / "mine.toml")
+    assert found.head_on_half_angle_deg.low <= 1.0  # the truth is the default
+    assert found.head_on_half_angle_deg.photos == 1
+    assert 0.9 < found.film_breadth_ratio.value < 1.1
+    assert "whole shapes grown again" in words
+    assert "1 photo with contacts: too few" in words

@@ -69,7 +69,10 @@ def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
         (("score", "plain_vine", "--maps", "{grid}", "--start", "area 900,0 999,9"), "free space"),
         (("grow", "plain_vine", "--map", "{grid}", "--start", "left", "--pose", "9,9,0"), "beside"),
         (("check", "plain_vine", "--start", "left side"), "together with --map"),
-        (("map", "grid", "--start", "left, inset 20, clear 900", "--out", "x.geojson"), "here the most is"),
+        (
+            ("map", "grid", "--start", "left, inset 20, clear 900", "--out", "x.geojson"),
+            "here the most is",
+        ),
     ],
 )
 def test_a_start_that_cannot_be_used_is_one_line_and_exit_code_2(

@@ -220,3 +220,16 @@ def test_what_the_command_writes_can_be_fitted(files, seen, tmp_path, capsys):
     assert 0.9 < found.film_breadth_ratio.value < 1.1
     assert "whole shapes grown again" in words
     assert "1 photo with contacts: too few" in words
+
+
+def test_a_rig_says_where_its_markers_are_and_how_high_it_is(tmp_path):
+    path = tmp_path / "rig.json"
+    marker = {"number": 2, "corners_mm": [[0, 9], [9, 9], [9, 0], [0, 0]], "z_mm": 3.0, "made": "x"}
+    content = {"options": {"height_mm": 24.0, "scale": 2.0}, "markers": [marker]}
+    path.write_text(json.dumps(content))
+    setup = PhotoSetup.of(rig=path)
+    assert setup.obstacle_mm == 12.0
+    assert [(m.number, m.z_mm, m.corners_mm.shape) for m in setup.markers] == [(2, 3.0, (4, 2))]
+    path.write_text(json.dumps({"options": {"height_mm": 24.0}}))
+    with pytest.raises(BadInputError, match="markers is missing"):
+        PhotoSetup.of(rig=path)

@@ -15,6 +15,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.design import Collar
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Pose, Start
+from vinefab.rig import base_holder as module
 from vinefab.rig.base_holder import ASSUMED_COLLAR_MM, CLAMP_MM
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.rig_options import RigOptions
@@ -191,6 +192,15 @@ def test_where_no_holder_can_stand_it_is_said_or_refused(
     assert any("no base holder" in note and reason in note for note in made.rig.notes)
     with pytest.raises(BadInputError, match=rf"rig\.base_start is 1.*{reason}"):
         made_of(world, make_printer(), base_start=1, **sizes)
+
+
+def test_a_holder_that_is_no_closed_solid_never_forbids_the_rig(
+    make_map, make_printer, monkeypatch
+):
+    monkeypatch.setattr(module, "mesh_problems", lambda *_: ("is not closed",))
+    made = made_of(make_map(*WALLS), make_printer())
+    assert made.files
+    assert any("no base holder: its dial comes out as no" in note for note in made.rig.notes)
 
 
 def test_a_start_that_is_not_there_is_refused(make_map, make_printer):

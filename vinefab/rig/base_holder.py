@@ -22,11 +22,11 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
 from vinefab.rig.rig_options import GRID_MM
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
 from vinefab.rig.solid import Pocket, centred, grooves, mesh_of, prism, strokes
@@ -55,7 +55,8 @@ _MARK_MM, _STROKE_MM, _DIGIT_MM = 0.4, 0.8, 5.0
 _STEPS_DEG = (5.0, 10.0, 15.0, 30.0)
 _FINE_DEG = 2.5
 _STEP_MM = 0.5
-_TOUCH_MM, _SLIVER_MM, _WELD_MM, _FREE_MM = 0.02, 0.05, 2e-3, 3.0
+_TOUCH_MM, _SLIVER_MM, _FREE_MM = 0.02, 0.05, 3.0
+_WELDS_MM = (2e-3, 5e-3, 1e-2, 2e-2)
 _NEAR_BOX_MM = (-1500.0, -1500.0, 1500.0, 1500.0)
 
 
@@ -242,6 +243,8 @@ def _holder(number: int, start: Start, place: _Place, tube: BaseTube) -> BaseHol
         _block_part(place, sizes, reach_mm),
         _cap_part(place, sizes, reach_mm),
     )
+    if any(mesh_problems(Mesh.of_corners(part.vertices_mm[part.faces]), part) for part in parts):
+        return "its dial comes out as no closed solid there: another --entry-mm may help"
     screw_mm = sizes.block_mm - _NUT_DEEP_MM + _NUT_HEIGHT_MM + SPLIT_MM + _CAP_EAR_MM
     axis_mm = sizes.axis_mm - place.plate_mm
     return BaseHolder(
@@ -612,9 +615,22 @@ def _standing(rear: tuple[float, float, float], low_mm: float) -> Floats:
     )
 
 
+def _welded(body: Manifold) -> tuple[Floats, Ints]:
+    """Return a solid's mesh, corners joined that lie nearer than a file can tell apart.
+
+    Where edges of hooks and dial nearly meet, rounding to single precision would leave triangles
+    without an area; the least welding that avoids them is taken.
+    """
+    vertices, faces = mesh_of(body)
+    for weld_mm in _WELDS_MM:
+        vertices, faces = mesh_of(body.simplify(weld_mm))
+        if not Mesh.of_corners(vertices[faces]).form_problems():
+            break
+    return vertices, faces
+
+
 def _part(name: str, body: Manifold, to_frame: Floats, volume_mm3: float, place: _Place) -> RigPart:
-    # Corners nearer than a file can tell apart would leave triangles without an area.
-    vertices, faces = mesh_of(body.simplify(_WELD_MM))
+    vertices, faces = _welded(body)
     return RigPart(
         name=name,
         vertices_mm=vertices,

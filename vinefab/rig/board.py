@@ -35,7 +35,7 @@ from vinefab.rig.split import Cuts, cuts_of, grid_of
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
 
-WELD_MM = GRID_MM
+WELD_MM = 0.1 * GRID_MM
 """Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
 
 _SMALLER = 0.6

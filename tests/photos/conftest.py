@@ -47,6 +47,14 @@ class TrueCamera:
         return inner @ np.column_stack([turn[:, :2], shift + plane_mm * turn[:, 2]])
 
 
+BEYOND = (150, 130, 110)
+"""Colour of what lies beyond the floor."""
+
+
+def _light(values):
+    return (np.asarray(values, dtype=np.float32) / np.float32(255.0)) ** np.float32(2.2)
+
+
 @dataclass
 class Floor:
     """A painted floor: pixels (rows, columns, 3), 0 to 255, from its upper left corner on."""
@@ -101,18 +109,22 @@ class Floor:
         columns, rows = camera.size_px
         large = np.diag([supersampling, supersampling, 1.0])
         matrix = self.matrix() @ np.linalg.inv(large @ camera.homography())
-        image = Image.fromarray(np.round(self.pixels).astype(np.uint8)).transform(
-            (columns * supersampling, rows * supersampling),
-            Image.Transform.PERSPECTIVE,
-            (matrix / matrix[2, 2]).ravel()[:8].tolist(),
-            Image.Resampling.BILINEAR,
-            fillcolor=(150, 130, 110),
-        )
         # A lens mixes light, and the camera stores its 2.2th root.
-        light = (np.asarray(image, dtype=np.float64) / 255.0) ** 2.2
-        light = light.reshape(rows, supersampling, columns, supersampling, 3).mean(axis=(1, 3))
+        seen_from = (matrix / matrix[2, 2]).ravel()[:8].tolist()
+        large_px = (columns * supersampling, rows * supersampling)
+        channels = [
+            Image.fromarray(_light(self.pixels[..., channel])).transform(
+                large_px,
+                Image.Transform.PERSPECTIVE,
+                seen_from,
+                Image.Resampling.BILINEAR,
+                fillcolor=float(_light(beyond)),
+            )
+            for channel, beyond in enumerate(BEYOND)
+        ]
+        light = np.stack([np.asarray(one.reduce(supersampling)) for one in channels], axis=-1)
         light = ndimage.gaussian_filter(light, (blur_px, blur_px, 0)) if blur_px else light
-        seen = 255.0 * light ** (1.0 / 2.2)
+        seen = 255.0 * light.astype(np.float64) ** (1.0 / 2.2)
         seen = seen + np.random.default_rng(seed).normal(0.0, noise, seen.shape)
         return Photo(name="rendered", pixels=np.clip(np.round(seen), 0, 255).astype(np.uint8))
 

@@ -58,11 +58,13 @@ def photo_of_bricks(
         for height in np.linspace(0.0, height_mm, max(2, round(2 * height_mm))):
             places = projected(large.homography(height), corners) - 0.5
             pen.polygon([tuple(place) for place in places], fill=BRICK)
-    seen = np.asarray(picture.reduce(3), dtype=np.float64)
+    # A lens mixes light, and the camera stores its 2.2th root.
+    light = (np.asarray(picture, dtype=np.float64) / 255.0) ** 2.2
+    light = light.reshape(rows, 3, columns, 3, 3).mean(axis=(1, 3))
     row, column = np.mgrid[0:rows, 0:columns]
     aside = (column / columns - 0.55) ** 2 + (row / rows - 0.4) ** 2
-    seen = ndimage.gaussian_filter(seen * (1.0 - 0.5 * aside)[..., None], (0.7, 0.7, 0.0))
-    seen += rng.normal(0.0, 4.0, seen.shape)
+    light = ndimage.gaussian_filter(light * (1.0 - aside)[..., None], (0.7, 0.7, 0.0))
+    seen = 255.0 * light ** (1.0 / 2.2) + rng.normal(0.0, 4.0, light.shape)
     return Image.fromarray(np.clip(np.round(seen), 0, 255).astype(np.uint8))
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS, CornerMarker
-from vinefab.photos.photo import Photo
+from vinefab.photos.photo import CAMERA_GAMMA, Photo
 from vinefab.photos.photo_camera import ControlPoints, fitted_homography, inverse, projected
 
 FEWEST_MARKERS = 2
@@ -22,8 +22,6 @@ FEWEST_MARKERS = 2
 _LARGEST_SEARCHED = 2400
 """Pixels of the longer side in which markers are searched; their corners are then found in the
 whole photo."""
-
-_GAMMA = 2.2
 
 
 def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Floats]:
@@ -63,11 +61,8 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
 
 
 def _light(photo: Photo) -> NDArray[np.uint8]:
-    """Return how much light fell on each pixel, 0 to 255.
-
-    Lenses blur light, and cameras store about its 2.2th root, in which white spreads over black.
-    """
-    light = np.round(255.0 * (np.arange(256) / 255.0) ** _GAMMA).astype(np.uint8)
+    """Return how much light fell on each pixel, 0 to 255."""
+    light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
     return light[np.asarray(Image.fromarray(photo.pixels).convert("L"))]
 
 

@@ -24,6 +24,10 @@ _EXIF, _WIDTH, _HEIGHT, _FOCAL_35 = 0x8769, 0xA002, 0xA003, 0xA405
 _LENSES_35MM_MM = (8.0, 800.0)
 
 
+CAMERA_GAMMA = 2.2
+"""Lenses mix light, and cameras store about this root of it, in which white spreads over black."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Photo:
     """A photo or a scan as a person looks at it.

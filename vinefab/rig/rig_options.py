@@ -34,10 +34,11 @@ class Printer:
     layer_mm: float = 0.2  # height of a layer
     shell_mm: float = 0.8  # thickness of the skin
     infill: float = 0.15  # share of the inside that is filled
+    # wall_speed_mm_s, fill_speed_mm_s, travel_speed_mm_s: of the nozzle
     wall_speed_mm_s: float = 80.0
     fill_speed_mm_s: float = 100.0
     travel_speed_mm_s: float = 150.0
-    acceleration_mm_s2: float = 2000.0
+    acceleration_mm_s2: float = 2000.0  # of the nozzle
     # mean extrusion rate of whole parts; where one was measured, it takes the place of the speeds
     flow_mm3_s: float | None = None
     layer_change_s: float = 1.0  # extra time per layer

@@ -102,7 +102,7 @@ def test_four_corners_of_a_rectangle_give_the_perspective(table):
 def test_obstacles_may_be_told_by_their_colour(table):
     options = {"marker_mm": 30.0, "height_mm": HEIGHT_MM}
     world = imported(table, obstacles="60,40,40,70", **options)
-    assert max(off_mm(world, SHIFT)) < 1.5
+    assert max(off_mm(world, SHIFT)) < 2.0  # the tolerance says where a wall is, not half the light
     assert world.facts["threshold"] is None
 
 

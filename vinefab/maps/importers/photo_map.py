@@ -18,7 +18,7 @@ from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS
 from vinefab.model.map import Map
 from vinefab.photos.found_markers import find_markers, square_points
-from vinefab.photos.photo import Photo, read_photo
+from vinefab.photos.photo import CAMERA_GAMMA, Photo, read_photo
 from vinefab.photos.photo_camera import (
     ControlPoints,
     PhotoCamera,
@@ -326,14 +326,15 @@ class _Tones:
         return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
 
     def _between(self, bright: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the brightness half-way across an edge where one is near, else the threshold.
+        """Return the brightness of half the light at an edge where one is near, else the threshold.
 
         In a shadow, and where the light is weaker, an edge lies at another brightness.
         """
         high = ndimage.maximum_filter(bright, _EDGE_CELLS)
         low = ndimage.minimum_filter(bright, _EDGE_CELLS)
         edge = high - low > _EDGE_SHARE * self.contrast
-        return np.where(edge, (high + low) / 2.0, np.float32(self.threshold or 0.0))
+        light = (high**CAMERA_GAMMA + low**CAMERA_GAMMA) / 2.0
+        return np.where(edge, light ** (1.0 / CAMERA_GAMMA), np.float32(self.threshold or 0.0))
 
 
 def _brightness(view: PlanView) -> NDArray[np.float32]:

@@ -63,7 +63,7 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
 def _light(photo: Photo) -> NDArray[np.uint8]:
     """Return how much light fell on each pixel, 0 to 255."""
     light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
-    return light[np.asarray(Image.fromarray(photo.pixels).convert("L"))]
+    return np.asarray(light[np.asarray(Image.fromarray(photo.pixels).convert("L"))])
 
 
 def _opencv(photo: Photo) -> Any:  # noqa: ANN401  OpenCV's own types are incomplete

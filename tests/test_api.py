@@ -31,6 +31,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.map_view import lost_places
 from vinefab.pages.plan_svg import contour_path
 from vinefab.rig.rig_options import read_printer
 
@@ -442,7 +443,8 @@ def test_a_robot_shows_levels_tips_and_reasons_in_a_notebook(nouns):
         assert out > 3
         for stop, count in grown.stops.items():
             seen = kinds[f"stop-{stop.replace('_', '-')}"]
-            assert seen == (count + 1 if count and stop != "not_deployed" else bool(count))
+            rings = len(lost_places(grown)) if stop == "not_deployed" else count
+            assert seen == (rings + 1 if count else 0)
             assert any(word.endswith(f" ({count})") for word in words) or not count
         for level in (1, 2, 3):
             here = grown.tree.level == level
@@ -494,7 +496,7 @@ def test_a_robot_that_never_emerged_has_a_picture_too(world):
     for deployment in (grown, dataclasses.replace(grown, design=None, world=None)):
         _, kinds, words = shown(deployment)
         assert f"never emerged ({len(grown.tree)})" in words
-        assert kinds["mark"] == 1  # in the legend, without a shape
+        assert kinds["mark"] == 2  # a ring at the base, and one in the legend
 
 
 # --- wrong things

@@ -22,6 +22,7 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
@@ -281,7 +282,8 @@ def _save(world: Map, out: Path, output: CommandOutput) -> None:
     write_text(out, map_text(world), force=output.force)
     width_mm, height_mm = world.size_mm
     output.say(
-        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
+        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
+        f"{counted(len(world.obstacles), 'obstacle')}, "
         f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
     )
     for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:

@@ -184,7 +184,7 @@ def _drawing_dxf(drawing: Job, path: Path) -> str:
 def deployed_lines(deployed: Deployed) -> list[str]:
     """Return one line for each deployment: how far it got."""
     return [
-        f"deployed on {name}: {int(found.deployed.sum())} of {len(found.tree)} branches, "
+        f"deployed on {name}: {int(found.deployed.sum())} of {counted(len(found.tree), 'branch')}, "
         f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
         for name, found in deployed
     ]

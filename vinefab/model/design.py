@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number, positive, whole
 
@@ -388,8 +389,9 @@ class Design:
         )
         more = " + ..." if len(self.levels) > 4 else ""
         return (
-            f"<Design {reprlib.repr(self.name)}: {self.depth} levels of {lengths_mm}{more} mm, "
-            f"{self.branch_count} branches, trunk {self.build.widths_mm[0]:.5g} mm wide>"
+            f"<Design {reprlib.repr(self.name)}: {counted(self.depth, 'level')} of "
+            f"{lengths_mm}{more} mm, "
+            f"{counted(self.branch_count, 'branch')}, trunk {self.build.widths_mm[0]:.5g} mm wide>"
         )
 
     @property

@@ -163,7 +163,7 @@ def _draw_tips(axes: Axes, deployment: Deployment, size: float) -> None:
     lost = int(np.count_nonzero(~deployment.deployed))
     if lost:
         axes.plot(
-            *lost_places(deployment).T,
+            *np.array([place.at_mm for place in lost_places(deployment)]).T,
             "o",
             color=INK,
             markersize=9.0 * size,
@@ -196,6 +196,8 @@ def draw_names(axes: Axes, deployment: Deployment) -> None:
 
 def draw_targets(axes: Axes, targets_mm: Floats) -> None:
     """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
+    if not len(targets_mm):
+        return
     for marker, size, label in (("o", 7.0, "target"), ("+", 9.0, "")):
         axes.plot(
             *targets_mm.T,

@@ -1,6 +1,7 @@
 """What part of a map a picture shows, without detail too fine to be seen; loads no plotting."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,6 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import pieces_on, start_range
@@ -61,17 +61,32 @@ def robot_box(deployment: Deployment) -> Box:
     return x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm
 
 
-def lost_places(deployment: Deployment) -> Floats:
-    """Return the ends of the body at which branches never emerged, each once, shape (k, 2)."""
-    tree, pose = deployment.tree, deployment.pose
-    ends = {}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostPlace:
+    """An end of a body at which branches should have emerged and never did."""
+
+    at_mm: tuple[float, float]
+    front_mm: float  # front length at which the body ended there
+    count: int  # of the branches, descendants included
+
+
+def lost_places(deployment: Deployment) -> list[LostPlace]:
+    """Return where branches never emerged: each end of the body once, the base for a trunk."""
+    tree, pose, counts = deployment.tree, deployment.pose, Counter[int]()
     for branch in np.flatnonzero(~deployment.deployed).tolist():
-        while branch >= 0 and not deployment.deployed[branch]:
-            branch = int(tree.parent[branch])  # noqa: PLW2901  to the nearest one that did
-        ends[branch] = (
-            deployment.chain_mm(branch)[-1] if branch >= 0 else np.array([pose.x_mm, pose.y_mm])
+        end = branch
+        while end >= 0 and not deployment.deployed[end]:
+            end = int(tree.parent[end])
+        counts[end] += 1
+    fronts_mm = deployment.base_mm + deployment.grown_mm
+    return [
+        LostPlace(
+            at_mm=(pose.x_mm, pose.y_mm) if end < 0 else tuple(deployment.chain_mm(end)[-1]),
+            front_mm=0.0 if end < 0 else float(fronts_mm[end]),
+            count=count,
         )
-    return np.array(list(ends.values())).reshape(-1, 2)
+        for end, count in counts.items()
+    ]
 
 
 def at_least_wide(box: Box) -> Box:

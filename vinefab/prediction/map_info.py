@@ -12,6 +12,7 @@ from shapely import Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import positive, whole
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
@@ -293,7 +294,8 @@ def info_lines(info: MapInfo) -> Iterator[str]:
     world, (width_mm, height_mm) = info.world, info.world.size_mm
     regions = info.regions_mm2
     yield (
-        f"{world.name}: {width_mm:g} x {height_mm:g} mm, {len(world.obstacles)} obstacles, "
+        f"{world.name}: {width_mm:g} x {height_mm:g} mm, "
+        f"{counted(len(world.obstacles), 'obstacle')}, "
         f"{world.wall_count} walls, {_vertices(world)} vertices"
     )
     yield (

@@ -47,7 +47,7 @@ def grow_design(
     from vinefab.prediction.deploy import deploy
 
     given = growth_given(growth, **shortcuts)
-    place = map_given(world)
+    place = map_given(world, "world")
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
@@ -183,7 +184,7 @@ def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) ->
     if not stayed:
         return []
     diameter_mm = 2.0 * options.radius_mm(design.build.widths_mm[0])
-    where = "" if count == 1 else f" in {stayed} of {count} deployments"
+    where = "" if count == 1 else f" in {stayed} of {counted(count, 'deployment')}"
     return [
         f"the trunk never leaves its start{where}: no room for its inflated body of "
         f"{diameter_mm:.0f} mm"
@@ -271,7 +272,7 @@ class DeployedDesign:
         stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
         return [
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
-            f"{len(tree)} branches: {stops} (simulated)",
+            f"{counted(len(tree), 'branch')}: {stops} (simulated)",
             f"growth: {growth_text(self.options, [self.design])}",
             *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
@@ -293,7 +294,8 @@ class DeployedDesign:
             return []
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
         return [
-            f"{len(tight)} branches slid steeply with a long straight body behind the tip, where a "
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
+            "tip, where a "
             f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
         ]
 

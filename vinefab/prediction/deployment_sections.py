@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
@@ -114,7 +115,9 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
         "poses where there is one map); the table has it. With fewer than ten maps it is too "
         "narrow."
     )
-    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in families)
+    counts = "; ".join(
+        f"{outcomes.label}: {counted(len(outcomes), 'deployment')}" for outcomes in families
+    )
     return Section(
         title="Predictions",
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),
@@ -208,7 +211,8 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
     )
     total = sum(len(deployment.tree) for deployment in deployments)
     return Table(
-        caption=f"{_capital(label)}: how {total} branches of {len(deployments)} deployments ended "
+        caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
+        f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",

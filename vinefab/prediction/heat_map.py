@@ -12,6 +12,7 @@ from matplotlib.patheffects import Normal, Stroke
 from shapely import LineString
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -201,7 +202,8 @@ def heat_section(heat: HeatMap) -> Section:
     """Return where robots go on one map, and where they get stuck."""
     often, ever = heat.percent_passed(0.5), heat.percent_passed()
     words = (
-        f"{heat.deployments} deployments on {heat.world.name}, poses drawn {heat.spread} (uniform; "
+        f"{counted(heat.deployments, 'deployment')} on {heat.world.name}, poses drawn "
+        f"{heat.spread} (uniform; "
         f"simulated). Some body covers {ever:.1f} % of the free space; more than half of the "
         f"deployments cover {often:.1f} %. The raster's cells are {heat.cell_mm:.2f} mm."
     )

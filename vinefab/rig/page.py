@@ -12,6 +12,7 @@ from matplotlib.patheffects import Normal, Stroke
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.package.package_page import check_section
 from vinefab.fabrication.package.sheet_pictures import path_points_mm
@@ -249,7 +250,7 @@ def _draw_north(axes: Axes) -> None:
 def _title(rig: Rig, count: int, size_mm: tuple[float, float]) -> str:
     thickened = "; yellow: thickened to print" if rig.thickened.area else ""
     return (
-        f"{rig.name}: {count} parts, {size_mm[0]:.0f} x {size_mm[1]:.0f} mm, obstacles "
+        f"{rig.name}: {counted(count, 'part')}, {size_mm[0]:.0f} x {size_mm[1]:.0f} mm, obstacles "
         f"{rig.options.height_mm:g} mm high, scale {rig.options.scale:.4g}{thickened}"
     )
 
@@ -371,8 +372,10 @@ def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigCom
     return page_html(
         Report(
             title=f"{rig.name}: test rig",
-            verdict=f"{len(rig.parts)} parts; every file read back closed and oriented; assembled, "
-            f"the walls differ from the map by {100 * comparison.share:.4f} %; {found} findings",
+            verdict=f"{counted(len(rig.parts), 'part')}; every file read back closed and "
+            "oriented; assembled, "
+            f"the walls differ from the map by {100 * comparison.share:.4f} %; "
+            f"{counted(found, 'finding')}",
             tone="bad" if found else "good",
             facts=(
                 ("size", f"{wide_mm:.0f} x {deep_mm:.0f} mm"),

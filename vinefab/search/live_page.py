@@ -15,6 +15,7 @@ from vinefab.core.errors import (
     ForeignFileError,
     InterruptedRunError,
 )
+from vinefab.core.plain_text import counted
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
@@ -222,7 +223,7 @@ class _BestSoFar:
         )
         found = penalty.cuts(design)
         if found is None or found.left > 0.0:
-            return f", not yet in {settings.most} pieces that lie flat"
+            return f", not yet in {counted(settings.most, 'piece')} that lie flat"
         count = 1 + len(found.branches)
         return f", {count} piece{'s' * (count > 1)} by the quick rules"
 
@@ -256,7 +257,10 @@ def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
         ("task", settings.task.name),
         ("training maps", f"{maps.count} {where}"),
         ("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
-        ("size", f"{search.population} designs x {search.generations} generations"),
+        (
+            "size",
+            f"{counted(search.population, 'design')} x {counted(search.generations, 'generation')}",
+        ),
         ("manufacturability", made),
         *([("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
     )

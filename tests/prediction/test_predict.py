@@ -259,6 +259,8 @@ CONTACTS = ContactRange(
         )
         for measure in CONTACT_MEASURES
     },
+    angles_deg=(1.0, 5.0, 10.0, 15.0),
+    standing="assumed",
 )
 
 

@@ -31,7 +31,7 @@ from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import WAYS, area_notes, start_words
-from vinefab.prediction.map_info import info_lines, info_text, map_info
+from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
@@ -284,11 +284,11 @@ def _save(world: Map, out: Path, output: CommandOutput) -> None:
     output.say(
         f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
         f"{counted(len(world.obstacles), 'obstacle')}, "
-        f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
+        f"{counted(world.wall_count, 'wall')}, free area {world.free_space.area / 1e6:.4g} m2"
     )
     for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:
         output.say(f"start: {start_words(start)}")
-    for note in area_notes([world]):
+    for note in [*size_notes(world), *area_notes([world])]:
         output.say(f"note: {note}")
     for key, value in world.facts.items():
         output.say(f"  {key}: {value}")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
@@ -293,8 +294,8 @@ class DeployedDesign:
             return []
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
         return [
-            f"{len(tight)} branches slid steeply with a long straight body behind the tip, where a "
-            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the tip, "
+            f"where a real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
         ]
 
     @property

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.rig.board import build_board
 from vinefab.rig.comparison_with_map import compare_with_map
@@ -117,6 +118,13 @@ def test_long_cavities_have_ribs_and_rings_are_held():
     assert walls.is_valid
     assert len(walls.interiors) >= 3  # the hole of the obstacle and at least two cavities
     assert ring.covers(walls)
+
+
+def test_corners_a_rounding_error_apart_do_not_divide_by_zero():
+    world = corridors_map(1, CorridorsOptions())
+    options = RigOptions(style="board").fitted(world, 300.0)
+    rig, _ = build_board(world, read_printer("generic_220"), options)
+    assert any(part.hollow for part in rig.parts)  # a warning of a buffer fails the test
 
 
 def test_narrow_obstacles_stay_solid():

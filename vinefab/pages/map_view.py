@@ -9,6 +9,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import pieces_on, start_range
@@ -58,6 +59,19 @@ def robot_box(deployment: Deployment) -> Box:
     (x_min, y_min), (x_max, y_max) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     rim_mm = max(0.05 * (x_max - x_min), 0.05 * (y_max - y_min), 10.0)
     return x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm
+
+
+def lost_places(deployment: Deployment) -> Floats:
+    """Return the ends of the body at which branches never emerged, each once, shape (k, 2)."""
+    tree, pose = deployment.tree, deployment.pose
+    ends = {}
+    for branch in np.flatnonzero(~deployment.deployed).tolist():
+        while branch >= 0 and not deployment.deployed[branch]:
+            branch = int(tree.parent[branch])  # noqa: PLW2901  to the nearest one that did
+        ends[branch] = (
+            deployment.chain_mm(branch)[-1] if branch >= 0 else np.array([pose.x_mm, pose.y_mm])
+        )
+    return np.array(list(ends.values())).reshape(-1, 2)
 
 
 def at_least_wide(box: Box) -> Box:

@@ -133,7 +133,8 @@ def draw_best_deployments(axes: Axes, found: AimResult, robot: AimedRobot) -> No
         axes.add_collection(
             LineCollection(chains, colors=SOFT, linewidths=0.6, alpha=0.35, zorder=2)
         )
-    draw_deployment(axes, robot.shown[0], robot.design.build.widths_mm)
+    widths_mm = found.plan.options.drawn_widths_mm(robot.design.build.widths_mm)
+    draw_deployment(axes, robot.shown[0], widths_mm)
     _draw_best(axes, found, robot)
 
 

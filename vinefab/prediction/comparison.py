@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import growth_text
+from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -364,14 +364,21 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
 
 
 def same_map_section(
-    world: Map, robots: Sequence[tuple[str, Design, Deployment]], words: str
+    world: Map,
+    robots: Sequence[tuple[str, Design, Deployment]],
+    options: GrowthOptions,
+    words: str,
 ) -> Section:
     """Return all designs deployed on the same map from the same pose."""
     pictures = tuple(
         Picture(
             image=svg_bytes(
                 deployment_plan(
-                    world, deployment, design.build.widths_mm, longest_in=4.6, whole=True
+                    world,
+                    deployment,
+                    options.drawn_widths_mm(design.build.widths_mm),
+                    longest_in=4.6,
+                    whole=True,
                 )
             ),
             caption=f"{name} on {world.name} (simulated).",
@@ -475,7 +482,7 @@ def comparison_page(
                 paired_difference_section(measure, found.differences),
                 side_by_side_section(found.outcomes()),
                 contact_section(found, measure),
-                same_map_section(world, robots, found.growth),
+                same_map_section(world, robots, found.plan.options, found.growth),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )

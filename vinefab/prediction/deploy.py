@@ -317,14 +317,18 @@ class DeployedDesign:
         history = None if frames is None else history_content(frames)
         return deployment_text(self.deployment, *names, self.metrics, history)
 
+    @property
+    def _widths_mm(self) -> tuple[float, ...]:
+        """Lay-flat widths to draw."""
+        return self.options.drawn_widths_mm(self.design.build.widths_mm)
+
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""
         # matplotlib takes longer to load than the growth to simulate.
         from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
         from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
 
-        widths_mm = self.design.build.widths_mm
-        figure = deployment_plan(self.world, self.deployment, widths_mm, named=named)
+        figure = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
         return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
@@ -332,7 +336,7 @@ class DeployedDesign:
         kind = suffix.lower()
         if kind not in (".svg", ".gif"):
             raise BadInputError("suffix", suffix, ".svg or .gif")
-        shapes, widths_mm = self.history.even_steps(frames), self.design.build.widths_mm
+        shapes, widths_mm = self.history.even_steps(frames), self._widths_mm
         if kind == ".svg":
             from vinefab.pages.animation_svg import svg_animation  # noqa: PLC0415  as below
 

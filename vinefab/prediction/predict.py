@@ -201,7 +201,7 @@ class Predicted:
                 if result is not main or index not in chosen
             ]  # fmt: skip
         ended = [(result.prepared.label, result.deployments) for result in self.results]
-        return deployment_section(design, shown[:MOST_PICTURES], ended, self.growth)
+        return deployment_section(design, shown[:MOST_PICTURES], ended, self.plan.options)
 
     @staticmethod
     def _caption(result: FamilyDeployments, index: int, words: str) -> str:

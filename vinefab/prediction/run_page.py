@@ -290,7 +290,7 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
 
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
-    widths_mm = run.design.build.widths_mm
+    widths_mm = run.growth.drawn_widths_mm(run.design.build.widths_mm)
     # A robot that hardly grew would be shown without the map that stopped it.
     whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     targets = targets_mm(run.settings)

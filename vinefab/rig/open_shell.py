@@ -32,6 +32,9 @@ _PEG_FOOT_MM = 1.5
 _MITRE_LIMIT = 5.0
 _MULTIPLE = 1e-6
 
+_NEAR_MM = 1e-6
+"""Overlays leave corners a rounding error apart; a mitre between two such divides by zero."""
+
 
 def shell_wall_mm(printer: Printer, options: RigOptions) -> float:
     """Return how thick the walls of shells are; 0 when obstacles are solid.
@@ -106,7 +109,12 @@ def walls_of(outline: Polygon, wall_mm: float) -> Polygon:
 def _roomy(inner: BaseGeometry) -> Polygons:
     """Return where there is room: an opening drops narrow places and round-off at corners."""
     half_mm = 0.5 * LEAST_ROOM_MM
-    shrunk = shapely.buffer(inner, -half_mm, join_style="mitre", mitre_limit=_MITRE_LIMIT)
+    shrunk = shapely.buffer(
+        shapely.set_precision(inner, _NEAR_MM),
+        -half_mm,
+        join_style="mitre",
+        mitre_limit=_MITRE_LIMIT,
+    )
     grown = shapely.buffer(shrunk, half_mm, quad_segs=2)
     # A rounding error of the two buffers must not thin the wall.
     return polygon_parts(shapely.intersection(grown, inner))
@@ -151,7 +159,8 @@ def corbelled(
     two faces nearly coincide.
     """
     within = _in_walls(outline, wall_mm)
-    target = shapely.union_all([_foot(walls, within, peg) for peg in pegs])
+    feet = [_foot(walls, within, peg) for peg in pegs]
+    target = shapely.set_precision(shapely.union_all(feet), _NEAR_MM)
     far_mm = shapely.hausdorff_distance(shapely.union_all([walls, target]), walls)
     count = max(1, math.ceil(far_mm / CORBEL_STEP_MM - _MULTIPLE)) if pegs else 0
     courses = []

@@ -235,7 +235,9 @@ class _BestSoFar:
                 deployment=deployment,
                 is_growing=np.zeros(len(deployment.tree), dtype=np.bool_),
             )
-            image = svg_animation(self._world, [frame], design.build.widths_mm)
+            image = svg_animation(
+                self._world, [frame], growth.drawn_widths_mm(design.build.widths_mm)
+            )
             self._drawn = design, image
         return self._drawn[1]
 

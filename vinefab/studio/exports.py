@@ -153,7 +153,7 @@ class RigExport:
     """Printable obstacles."""
 
     printer: str = DEFAULT_PRINTER
-    style: str = "plate"
+    style: str = "auto"
     height_mm: float = 30.0
     fit_mm: float = 0.0  # length of the rig's longer side; 0: the map's size
     lid: bool = False

@@ -85,7 +85,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
-    widths_mm = state.design.build.widths_mm
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     entries = [_ground_entry(place, asked.have) for place in places]
     for entry, grown, rows in zip(entries, by_map, trial.rows, strict=False):
         entry.update(_growth_entry(grown, trial.scores[rows].tolist()))

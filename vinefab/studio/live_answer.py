@@ -86,8 +86,9 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
     scores, problems = _scores(deployment, prepared)
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return place | {
-        "robot_svg": robot_svg(deployment, state.design.build.widths_mm),
+        "robot_svg": robot_svg(deployment, widths_mm),
         "front_full_mm": deployment.full_mm,
         "scores": scores,
         "facts": _facts(state.design, deployment),

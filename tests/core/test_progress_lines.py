@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from vinefab.cli import progress_lines
 from vinefab.cli.common_options import CommandOutput
-from vinefab.cli.progress_lines import _State, progress_in_lines
+from vinefab.core import progress_lines
+from vinefab.core.progress_lines import _State, progress_in_lines
 
 
 @pytest.fixture

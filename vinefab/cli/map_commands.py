@@ -284,7 +284,8 @@ def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -
     width_mm, height_mm = world.size_mm
     output.say(
         f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
-        f"{counted(len(world.obstacles), 'obstacle')}, {counted(world.wall_count, 'wall')}, free area {world.free_space.area / 1e6:.4g} m2"
+        f"{counted(len(world.obstacles), 'obstacle')}, {counted(world.wall_count, 'wall')}, "
+        f"free area {world.free_space.area / 1e6:.4g} m2"
     )
     for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:
         output.say(f"start: {start_words(start)}")

@@ -295,8 +295,8 @@ class DeployedDesign:
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
         more = ", ..." if len(tight) > MOST_NAMED else ""
         return [
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the tip, "
-            f"where a real one may bow: {names}{more}"
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
+            f"tip, where a real one may bow: {names}{more}"
         ]
 
     @property

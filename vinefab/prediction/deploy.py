@@ -293,10 +293,10 @@ class DeployedDesign:
         if len(tight) == 0:
             return []
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
+        more = ", ..." if len(tight) > MOST_NAMED else ""
         return [
             f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
-            "tip, where a "
-            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
+            f"tip, where a real one may bow: {names}{more}"
         ]
 
     @property

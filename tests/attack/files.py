@@ -220,10 +220,7 @@ KINDS: dict[str, Kind] = {
     ),
     "rig of a photo": Kind(
         ("rig/rig.json",),
-        (
-            "observe robot.png --map grid.geojson --design plain_vine --rig {file} --json out.json "
-            "--corners 10,310,310,310,310,10,10,10 -q",
-        ),
+        ("observe robot.png --map grid.geojson --design plain_vine --rig {file} -q",),
         (ON_GRID, "robot.png"),
         cpu_s=20.0,
     ),
@@ -247,8 +244,8 @@ KINDS: dict[str, Kind] = {
         (
             "grow plain_vine --map grid.geojson --contacts {file} --json out.json -q",
             "score plain_vine --maps grid.geojson --contacts {file} --json out.json -q",
-            "aim plain_vine --map grid.geojson --contacts {file} --deployments 500 --json out.json "
-            "-q",
+            "aim plain_vine --map grid.geojson --contacts {file} --deployments 5000 -q "
+            "--json out.json",
         ),
         (ON_GRID,),
         cpu_s=30.0,
@@ -258,7 +255,7 @@ KINDS: dict[str, Kind] = {
         (
             "map info {file} --json out.json --svg out.svg -q",
             "grow plain_vine --map {file} --json out.json -q",
-            "aim plain_vine --map {file} --where starts --deployments 500 --json out.json -q",
+            "aim plain_vine --map {file} --where starts --deployments 5000 --json out.json -q",
         ),
         cpu_s=20.0,
     ),

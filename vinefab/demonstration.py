@@ -151,8 +151,9 @@ def run_demo(
     """Run the main job and write everything into a folder."""
     run = settings.run()
     announce(
-        f"training on {run.maps.count} generated maps: {run.search.generations} generations "
-        f"of {run.search.population} designs"
+        f"training on {run.maps.count} generated maps: "
+        f"{counted(run.search.generations, 'generation')} "
+        f"of {counted(run.search.population, 'design')}"
     )
     unseen = tuple(
         grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
@@ -167,7 +168,7 @@ def run_demo(
 
     result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
     progress(0.6, "testing the winner on unseen maps")
-    announce(f"testing the winner on {len(unseen)} maps that it never saw")
+    announce(f"testing the winner on {counted(len(unseen), 'map')} that it never saw")
     scores = _scores(result.best, run, unseen)
     predicted = predict(
         result.best,

@@ -1,4 +1,5 @@
-"""Damaged files by the thousand: ``python tests/attack/files.py 3000``, or KIND SEED for one.
+"""Damaged files by the thousand: ``python tests/attack/files.py 3000``, or KIND SEED for one;
+names of kinds after the count select some.
 
 Every kind of file that a command reads is taken from the repository or made by a command, then
 damaged at random (`mutations`) and given to a command that reads it. What must come of it stands
@@ -16,6 +17,9 @@ from itertools import count
 from pathlib import Path
 
 import ezdxf
+import numpy as np
+import pyogrio
+import shapely
 from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -188,6 +192,73 @@ KINDS: dict[str, Kind] = {
         ("map import {stem}.yaml --out out.geojson -q",),
         ("*.yaml",),
     ),
+    "photo": Kind(
+        ("floor.png", "floor.jpg"),
+        (
+            "map import {file} --points 0,0;160,0 --distance-mm 320 --out out.geojson -q",
+            "map import {file} --points 9,99;150,99;150,9;9,9 --rectangle-mm 280,180 "
+            "--out out.geojson --preview out.png -q",
+            "map import {file} --marker-mm 30 --out out.geojson -q",
+        ),
+    ),
+    "layers": Kind(
+        ("layers.gpkg", "layers.fgb", "layers.shp"), (*IMPORT, f"{IMPORT[0]} --drawn free")
+    ),
+    "shapefile": Kind(
+        ("layers.shx", "layers.dbf", "layers.prj", "layers.cpg"),
+        ("map import layers.shp --out out.geojson -q",),
+        ("layers.s*", "layers.[dpc]*"),
+    ),
+    "robot photo": Kind(
+        ("robot.png",),
+        (
+            "observe {file} --map grid.geojson --design plain_vine --json out.json -q "
+            "--out out.html --corners 10,310,310,310,310,10,10,10",
+        ),
+        (ON_GRID,),
+        cpu_s=20.0,
+    ),
+    "rig of a photo": Kind(
+        ("rig/rig.json",),
+        ("observe robot.png --map grid.geojson --design plain_vine --rig {file} -q",),
+        (ON_GRID, "robot.png"),
+        cpu_s=20.0,
+    ),
+    "film outline": Kind(
+        ("film.geojson", "film.svg"),
+        (
+            "observe robot.png --map grid.geojson --design plain_vine --outline {file} -q "
+            "--json out.json --corners 10,310,310,310,310,10,10,10",
+        ),
+        (ON_GRID, "robot.png"),
+        cpu_s=20.0,
+    ),
+    "observation": Kind(
+        ("seen.json",),
+        ("observe {file} --fit out.toml --json out.json -q",),
+        (ON_GRID,),
+        cpu_s=20.0,
+    ),
+    "contacts": Kind(
+        ("contacts.toml",),
+        (
+            "grow plain_vine --map grid.geojson --contacts {file} --json out.json -q",
+            "score plain_vine --maps grid.geojson --contacts {file} --json out.json -q",
+            "aim plain_vine --map grid.geojson --contacts {file} --deployments 5000 -q "
+            "--json out.json",
+        ),
+        (ON_GRID,),
+        cpu_s=30.0,
+    ),
+    "started map": Kind(
+        ("started.geojson",),
+        (
+            "map info {file} --json out.json --svg out.svg -q",
+            "grow plain_vine --map {file} --json out.json -q",
+            "aim plain_vine --map {file} --where starts --deployments 5000 --json out.json -q",
+        ),
+        cpu_s=20.0,
+    ),
     "results": Kind(
         ("results.csv", "coup/results.csv"), ("calibrate {file} --out out.toml --json out.json -q",)
     ),
@@ -227,9 +298,13 @@ KINDS: dict[str, Kind] = {
     ),
 }
 
+OBSERVE = "observe robot.png --map grid.geojson --design plain_vine --json seen.json -q"
 MAKE = (
     "map grid --columns 3 --rows 3 --size 300 --out grid.geojson -q",
     "map cave --size 300 --out cave.geojson -q",
+    "map start grid.geojson --start left|side,heading|0+-20 --out started.geojson -q",
+    f"{OBSERVE} --corners 10,310,310,310,310,10,10,10",
+    "observe seen.json --fit contacts.toml -q",
     "grow plain_vine --map grid.geojson --json g.json -q",
     "check plain_vine --json k.json -q",
     "fabricate plain_vine --out pkg --allow-uncalibrated --r12 -q",
@@ -237,6 +312,11 @@ MAKE = (
     "rig grid.geojson --out rig --no-pictures -q",
     "optimize tiny.toml --out run -q",
 )
+
+
+def words_of(line: str) -> tuple[str, ...]:
+    """Return the words of a command line, where ``|`` stands for a space in a word."""
+    return tuple(word.replace("|", " ") for word in line.split())
 
 
 def _write_drawings(folder: Path) -> None:
@@ -257,6 +337,34 @@ def _write_drawings(folder: Path) -> None:
     (folder / "plain.pgm").write_bytes(PLAIN_IMAGE)
 
 
+def _write_surveys(folder: Path) -> None:
+    """Write photos of a floor and of a robot, outlines of its film, and layers of a survey."""
+    floor = Image.new("RGB", (160, 120), (200, 200, 196))
+    floor.paste((20, 20, 20), (60, 40, 90, 70))
+    for name in ("floor.png", "floor.jpg"):
+        floor.save(folder / name)
+    photo = Image.new("RGB", (320, 320), (180, 180, 176))
+    photo.paste((214, 88, 40), (147, 240, 173, 300))
+    photo.save(folder / "robot.png")
+    (folder / "film.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="320" height="320" viewBox="0 0 320 320">'
+        '<rect x="147" y="240" width="26" height="60"/></svg>'
+    )
+    ring = [[137, 10], [163, 10], [163, 70], [137, 70], [137, 10]]
+    (folder / "film.geojson").write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
+    shapes = shapely.to_wkb([shapely.box(0, 0, 100, 60), shapely.box(40, 20, 60, 40)])
+    names = np.array(["room", "pillar"], dtype=object)
+    for suffix in ("gpkg", "shp", "fgb"):
+        pyogrio.raw.write(
+            folder / f"layers.{suffix}",
+            np.asarray(shapes, dtype=object),
+            [names],
+            ["name"],
+            geometry_type="Polygon",
+            crs="EPSG:25832",
+        )
+
+
 def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
     """Fill a folder with a good file of every kind."""
     for name in ("designs", "laser_profiles"):
@@ -267,10 +375,9 @@ def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
         if 'schema = "vinefab/run' in text:
             (folder / "short" / path.name).write_text(text)
     _write_drawings(folder)
+    _write_surveys(folder)
     commands = (
-        Attempt(
-            name=line, arguments=tuple(line.split()), folder=str(folder), rewrites=True, cpu_s=99
-        )
+        Attempt(name=line, arguments=words_of(line), folder=str(folder), rewrites=True, cpu_s=99)
         for line in make
     )
     for verdict in judged(commands):
@@ -343,9 +450,10 @@ def main(arguments: Sequence[str]) -> int:
     """Print the counts; return 1 if anything failed."""
     with tempfile.TemporaryDirectory() as folder:
         good = stock(Path(folder) / "good")
-        if len(arguments) == 2:
+        if len(arguments) == 2 and arguments[1].isdigit():
             return show(arguments[0].replace("_", " "), int(arguments[1]), good)
-        tally = attack(plan_of(int(arguments[0]) if arguments else 3_000, list(KINDS)), good)
+        kinds = [name.replace("_", " ") for name in arguments[1:]] or list(KINDS)
+        tally = attack(plan_of(int(arguments[0]) if arguments else 3_000, kinds), good)
     sys.stdout.write(tally.report("tests/attack/files.py"))
     return 1 if tally.failures else 0
 

@@ -36,7 +36,7 @@ from vinefab.core.hashing import MANIFEST_NAME, digests_in, sha256_of_file
 from vinefab.core.replacement import INCOMPLETE_NAME
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-WRITES_NOTHING = {"profiles", "studio"}
+WRITES_NOTHING = {"profiles", "rules", "studio"}
 """The studio writes when its page asks for it, a file in one step (`tests/studio`)."""
 UNDISTURBED_EVERY = 7
 LONGEST_S = 600.0
@@ -77,6 +77,14 @@ COMMAND_LINES = {
     "--json a.json",
     "observe": "observe photo{n}.png --map grid.geojson --design plain{n}.toml --out o.html "
     "--corners 10,310,310,310,310,10,10,10 --json o.json",
+    "observe --fit": "observe seen{n}.json --fit fitted.toml --json fit.json",
+    "map start": "map start grid.geojson --start {n}50,20,90+-20 --out m.geojson",
+    "map photo": "map import floor{n}.png --points 0,0;160,0 --distance-mm 320 --out m.geojson "
+    "--preview m.png",
+    "new": "new design new{n}.toml --force",
+    "examples": "examples --out examples{n} --force",
+    "study": "study contest run.toml --optimizer pso --optimizer cmaes --seeds 2 --unseen 2 "
+    "--jobs {n} --out contest",
     "report": "report three_level_tree --map grid.geojson --poses 1 --seed {n} --out r.html "
     "--json r.json",
     "bench": "bench --json bench.json",
@@ -84,7 +92,7 @@ COMMAND_LINES = {
 }
 """By what is told of a command: its words, with 1 or 2 for n so that two runs write differently."""
 
-RECORDS = {"optimize", "optimize cluster", "optimize front", "contest", "reproduce"}
+RECORDS = {"optimize", "optimize cluster", "optimize front", "contest", "study", "reproduce"}
 """Commands that go on where a record ends: their files are of any moment, and have no manifest."""
 
 RUN = """schema = "vinefab/run-1"
@@ -104,7 +112,7 @@ final_poses_per_map = 1
 """
 
 
-WITH_PROCESSES = {"optimize cluster", "contest", "reproduce"}
+WITH_PROCESSES = {"optimize cluster", "contest", "study", "reproduce"}
 
 SMALL_BENCH = """
 from vinefab.cli.main import run
@@ -237,6 +245,12 @@ def prepare_inputs(folder: Path) -> None:
         photo = Image.new("RGB", (320, 320), (180, 180, 176))
         photo.paste((214, 88, 40), (147, 240, 173, 300 + n))
         photo.save(folder / f"photo{n}.png")
+        seen = f"observe photo{n}.png --map grid.geojson --design plain{n}.toml --json seen{n}.json"
+        corners = "--corners 10,310,310,310,310,10,10,10"
+        subprocess.run(program(*seen.split(), *corners.split(), "-q"), cwd=folder, check=True)
+        floor = Image.new("RGB", (160, 120), (200, 200, 196))
+        floor.paste((20, 20, 20), (60, 40, 80 + n, 70))
+        floor.save(folder / f"floor{n}.png")
         row = f"friction_incline,,2{n},deg,1\n"
         (folder / f"results{n}.csv").write_text(f"measure,setting,value,unit,uncertainty\n{row}")
 

@@ -18,6 +18,7 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
 from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.generators.rubble import RubbleOptions, rubble_map
 from vinefab.rig.board import build_board
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.make import RigRequest, make_rig
@@ -29,7 +30,7 @@ from vinefab.rig.open_shell import (
     shell_wall_mm,
     walls_of,
 )
-from vinefab.rig.part import PartItem
+from vinefab.rig.part import Mesh, PartItem
 from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import JERK_MM_S, print_estimate, printing_of
@@ -125,6 +126,16 @@ def test_corners_a_rounding_error_apart_do_not_divide_by_zero():
     options = RigOptions(style="board").fitted(world, 300.0)
     rig, _ = build_board(world, read_printer("generic_220"), options)
     assert any(part.hollow for part in rig.parts)  # a warning of a buffer fails the test
+
+
+def test_corners_that_single_precision_melts_into_one_leave_no_flat_triangle():
+    world = rubble_map(4, RubbleOptions())
+    options = RigOptions(style="board", most_parts=200).fitted(world, 300.0)
+    rig, _ = build_board(world, read_printer("generic_220"), options)
+    meshes = {one.name: Mesh.of_corners(one.vertices_mm[one.faces]) for one in rig.parts}
+    assert {
+        name: mesh.form_problems() for name, mesh in meshes.items() if mesh.form_problems()
+    } == {}
 
 
 def test_narrow_obstacles_stay_solid():

@@ -121,7 +121,7 @@ def _check_in_steps(
         subject = replace(flat, job=laser_job(flat.design, profile))
         return subject, merged_reports(report, run_checks(subject, limits, only=others))
     reason = (
-        f"not looked at: the paths of {flat.design.branch_count} branches take long, and "
+        f"not looked at: the paths of {counted(flat.design.branch_count, 'branch')} take long, and "
         "what was found forbids cutting them"
     )
     skipped = (*report.skipped, *(RuleSkipped(rule=rule, reason=reason) for rule in others))

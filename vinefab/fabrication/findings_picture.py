@@ -125,7 +125,7 @@ def listed(findings: Sequence[Finding]) -> tuple[Listed, ...]:
 
 def _line(number: int, group: Sequence[Finding]) -> Listed:
     worst = max(group, key=_excess)
-    count = f"{len(group)} findings, the worst: " if len(group) > 1 else ""
+    count = f"{counted(len(group), 'finding')}, the worst: " if len(group) > 1 else ""
     return Listed(
         number=number,
         severity=worst.severity,

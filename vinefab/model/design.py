@@ -244,7 +244,9 @@ class Build:
         for ratio in self.taper:
             number("build.taper", ratio, 0.01, 1.0)
         if len(self.taper) not in (0, len(self.widths_mm)):
-            raise BadInputError("build.taper", list(self.taper), f"{len(self.widths_mm)} ratios")
+            raise BadInputError(
+                "build.taper", list(self.taper), counted(len(self.widths_mm), "ratio")
+            )
         for width in self.widths_mm:
             positive("build.widths_mm", width)
         for radius in self.fillet_mm:
@@ -369,16 +371,18 @@ class Design:
             raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
         positive("trunk.length", self.trunk_length_mm)
         if self.depth > MOST_LEVELS:
-            raise BadInputError("level", f"{len(self.levels)} levels", f"at most {MOST_LEVELS - 1}")
+            raise BadInputError(
+                "level", counted(len(self.levels), "level"), f"at most {MOST_LEVELS - 1}"
+            )
         if self.branch_count > MOST_BRANCHES:
             raise BadInputError(
-                "level", f"{self.branch_count} branches", f"at most {MOST_BRANCHES} in all"
+                "level", counted(self.branch_count, "branch"), f"at most {MOST_BRANCHES} in all"
             )
         if len(self.build.widths_mm) != self.depth:
             raise BadInputError(
                 "build.widths_mm",
                 list(self.build.widths_mm),
-                f"{self.depth} widths, one per level with the trunk first",
+                f"{counted(self.depth, 'width')}, one per level with the trunk first",
             )
         object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}

@@ -389,8 +389,10 @@ def _landscape_section(found: AimResult) -> Section:
             bar.set_label(_score_words(found))
             bar.outline.set_visible(False)
         caption = (
-            f"{robot.name}: expected score of {int(landscape.known.sum())} places, each at the "
-            f"best of its headings (arrows), {landscape.draws} deployments at each pose: a first "
+            f"{robot.name}: expected score of {counted(int(landscape.known.sum()), 'place')}, "
+            "each at the "
+            f"best of its headings (arrows), {counted(landscape.draws, 'deployment')} at each "
+            "pose: a first "
             f"look that favours luck. Ring: the best robust pose, {pose_text(robot.best.pose)} "
             "(simulated)."
         )

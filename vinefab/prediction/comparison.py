@@ -176,7 +176,7 @@ def compare_designs(
 ) -> DesignComparison:
     """Deploy designs on the same maps from the same poses and compare them pair by pair."""
     if not 2 <= len(designs) <= MOST_DESIGNS:
-        raise BadInputError("DESIGN", f"{len(designs)} designs", f"2 to {MOST_DESIGNS}")
+        raise BadInputError("DESIGN", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
     progress(0.0, "preparing maps")
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)

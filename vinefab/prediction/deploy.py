@@ -184,7 +184,7 @@ def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) ->
     if not stayed:
         return []
     diameter_mm = 2.0 * options.radius_mm(design.build.widths_mm[0])
-    where = "" if count == 1 else f" in {stayed} of {count} deployments"
+    where = "" if count == 1 else f" in {stayed} of {counted(count, 'deployment')}"
     return [
         f"the trunk never leaves its start{where}: no room for its inflated body of "
         f"{diameter_mm:.0f} mm"
@@ -293,10 +293,10 @@ class DeployedDesign:
         if len(tight) == 0:
             return []
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
+        more = ", ..." if len(tight) > MOST_NAMED else ""
         return [
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind "
-            "the tip, where a "
-            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
+            f"tip, where a real one may bow: {names}{more}"
         ]
 
     @property

@@ -215,8 +215,8 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
     total = sum(len(deployment.tree) for deployment in deployments)
     return Table(
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
-        f"{counted(len(deployments), 'deployment')} "
-        "ended (simulated)",
+        f"{counted(len(deployments), 'deployment')} ended "
+        "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",
             "out of pressure", "grown when stuck (median)",

@@ -339,7 +339,7 @@ def cautions(
             sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
     if outcomes.map_count < FEW_MAPS:
         sentences.append(
-            f"Predictions rest on {outcomes.map_count} maps: intervals are too narrow; "
+            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are too narrow; "
             "--environment deploys it on many more."
         )
     if warnings or skipped:

@@ -223,7 +223,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
         Headline(
             name=f"{task} on the training maps",
             value=f"{fresh.composite['mean']:.3f}",
-            detail=f"mean over {len(fresh.evaluations)} fresh poses (simulated); the winner was "
+            detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the "
+            "winner was "
             f"chosen among the finalists {_chosen_by(run.settings)}",
         )
     ]
@@ -234,8 +235,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
     first = Headline(
         name=f"{task} on {unseen['label']}",
         value=interval_words(unseen["score"]),
-        detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its "
-        "95 % interval over "
+        detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its 95 % "
+        "interval over "
         "maps (simulated)",
     )
     ranges = (

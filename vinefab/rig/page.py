@@ -377,7 +377,8 @@ def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigCom
             title=f"{rig.name}: test rig",
             verdict=f"{counted(len(rig.parts), 'part')}; every file read back closed and "
             "oriented; assembled, "
-            f"the walls differ from the map by {100 * comparison.share:.4f} %; {found} findings",
+            f"the walls differ from the map by {100 * comparison.share:.4f} %; "
+            f"{counted(found, 'finding')}",
             tone="bad" if found else "good",
             facts=(
                 ("size", f"{wide_mm:.0f} x {deep_mm:.0f} mm"),

@@ -74,7 +74,15 @@ def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
     """Return corners, as single precision holds them, and triangles of a solid."""
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
-    return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
+    return _sorted(*_without_flat(vertices, np.asarray(mesh.tri_verts, dtype=np.int64)))
+
+
+def _without_flat(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
+    """Return a mesh without triangles of which two corners became one when they were rounded."""
+    merged, index = np.unique(vertices, axis=0, return_inverse=True)
+    corners = index.reshape(-1)[faces]
+    flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
+    return (merged, corners[~flat]) if flat.any() else (vertices, faces)
 
 
 def manifold_of(vertices_mm: Floats, faces: Ints) -> Manifold:

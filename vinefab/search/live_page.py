@@ -223,7 +223,7 @@ class _BestSoFar:
         )
         found = penalty.cuts(design)
         if found is None or found.left > 0.0:
-            return f", not yet in {settings.most} pieces that lie flat"
+            return f", not yet in {counted(settings.most, 'piece')} that lie flat"
         count = 1 + len(found.branches)
         return f", {counted(count, 'piece')} by the quick rules"
 

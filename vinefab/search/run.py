@@ -241,7 +241,7 @@ def result_lines(result: RunResult, violations: str = "", *, verbose: bool = Fal
         f"{counted(best.depth, 'level')}; "
         f"{result.pieces_words}{'; ' * bool(result.pieces_words)}"
         f"{_manufacturability(result, violations)}",
-        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
+        f"on {counted(len(score.evaluations), 'fresh pose')} on the training maps (simulated): "
         f"{composites_text(score.composite)}",
         f"growth: {growth_text(trained_growth(best), [best])}",
         *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),

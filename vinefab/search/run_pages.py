@@ -174,7 +174,7 @@ def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
     kinds = {row["seedless_run"] for row in listing.rows}
     if len(kinds) != 1:
         allowed = "with folders whose runs differ in their seed alone"
-        raise BadInputError("--best", f"{len(kinds)} kinds of runs", allowed)
+        raise BadInputError("--best", f"{counted(len(kinds), 'kind')} of runs", allowed)
     summary = SeedSummary.of(listing.rows)
     if not summary.ended:
         raise BadInputError("--best", "no run that has ended", "once a run has ended")

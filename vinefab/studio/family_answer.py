@@ -15,6 +15,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
@@ -208,7 +209,10 @@ class _Kept:
             if index >= LEAST_MAPS and spent_s > most_s:
                 return places[:index]
             if spent_s > SILENT_S:
-                tell(index / len(places), f"walls for these widths: {index} of {len(places)} maps")
+                tell(
+                    index / len(places),
+                    f"walls for these widths: {index} of {counted(len(places), 'map')}",
+                )
             for radius_mm in radii_mm:
                 place.prepared.terrain.walls(radius_mm)
                 self.walls.add((place.key, radius_mm))

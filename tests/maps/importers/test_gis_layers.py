@@ -129,3 +129,11 @@ def test_what_is_missing_or_of_another_kind_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyogrio", None)
     with pytest.raises(BadInputError, match=r"cave.gpkg.*pip install 'vinefab\[gis\]'"):
         import_map(good, ImportOptions())
+
+
+def test_names_of_columns_in_another_encoding_are_refused(tmp_path):
+    path = written(tmp_path / "plan.shp", [ROOM], name=["room"])
+    table = path.with_suffix(".dbf")
+    table.write_bytes(table.read_bytes().replace(b"name", b"\x95ame"))
+    with pytest.raises(UnreadableFileError, match=r"plan\.shp: cannot be read by GDAL: 'utf-8'"):
+        import_map(path, ImportOptions())

@@ -20,7 +20,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.drawing import draw_start_range, fill_geometry
+from vinefab.pages.drawing import draw_legend, draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
@@ -208,11 +208,14 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
                 markersize=4,
                 mec="white",
                 zorder=6,
+                label="start",
             )
         _draw_north(axes)
         axes.set_title(_title(rig, len(outlines), (wide_mm, deep_mm)), fontsize=9, loc="left")
         axes.set_xlabel("mm of the rig")
         axes.set_ylabel("mm of the rig")
+        if world.starts:
+            draw_legend(axes)
     return figure
 
 

@@ -17,6 +17,7 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 exclude_patterns = ["_build", "pictures"]
 html_theme = "furo"
+html_show_copyright = False
 html_title = f"vinefab {release}"
 html_static_path: list[str] = []
 html_extra_path: list[str] = []

@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def with_focal_length(jpeg: bytes, focal_px: float) -> bytes:
-    """Return a photo that says its focal length, in millimetres of small-format film, as phones do."""
+    """Return a photo that says its focal length for film of 36 x 24 mm, as those of phones do."""
     photo = Image.open(io.BytesIO(jpeg))
     exif = photo.getexif()
     exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = round(

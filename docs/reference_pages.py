@@ -290,6 +290,25 @@ def _rule_part(rule: Rule) -> str:
 # --- Commands -----------------------------------------------------------------------------------
 
 
+COMMANDS_INTRODUCTION = """# Commands
+
+Every command has `-h`. What stands here is what it prints. A design, recipe, machine or printer is
+a path or the name of a shipped one; `--json FILE` writes the result for programs.
+
+## Exit codes
+
+| code | meaning |
+|---|---|
+| 0 | good; of `studio` and `watch` also Ctrl-C |
+| 1 | a rule forbids it, or no manufacturable robot was found |
+| 2 | bad input: one line names file, key, value and what is allowed |
+| 2 | the system refuses: no room, no permission, not enough memory |
+| 3 | a fault of vinefab: one line names a log to report |
+| 129, 130, 143 | terminal closed, interrupted, terminated |
+| 141 | the reader of the output is gone |
+"""
+
+
 def commands_page() -> str:
     """Return the help of every command, as the program prints it."""
     import typer.testing  # noqa: PLC0415  only this page needs a terminal
@@ -297,7 +316,7 @@ def commands_page() -> str:
     from vinefab.cli.main import COMMANDS, UNDER_STUDY, build_app  # noqa: PLC0415
 
     runner = typer.testing.CliRunner()
-    parts = ["# Commands\n\nEvery command has `-h`. What stands here is what it prints.\n"]
+    parts = [COMMANDS_INTRODUCTION]
     for name in COMMANDS:
         if name in UNDER_STUDY:
             continue

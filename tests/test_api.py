@@ -31,6 +31,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.map_view import lost_places
 from vinefab.pages.plan_svg import contour_path
 from vinefab.rig.rig_options import read_printer
 
@@ -442,7 +443,8 @@ def test_a_robot_shows_levels_tips_and_reasons_in_a_notebook(nouns):
         assert out > 3
         for stop, count in grown.stops.items():
             seen = kinds[f"stop-{stop.replace('_', '-')}"]
-            assert seen == (count + 1 if count and stop != "not_deployed" else bool(count))
+            rings = len(lost_places(grown)) if stop == "not_deployed" else count
+            assert seen == (rings + 1 if count else 0)
             assert any(word.endswith(f" ({count})") for word in words) or not count
         for level in (1, 2, 3):
             here = grown.tree.level == level
@@ -494,7 +496,7 @@ def test_a_robot_that_never_emerged_has_a_picture_too(world):
     for deployment in (grown, dataclasses.replace(grown, design=None, world=None)):
         _, kinds, words = shown(deployment)
         assert f"never emerged ({len(grown.tree)})" in words
-        assert kinds["mark"] == 1  # in the legend, without a shape
+        assert kinds["mark"] == 2  # a ring at the base, and one in the legend
 
 
 # --- wrong things
@@ -502,6 +504,8 @@ def test_a_robot_that_never_emerged_has_a_picture_too(world):
 
 ROOM = vf.Map(name="room", bounds=box(0, 0, 100, 100))  # without a start
 VINE = vf.Design.read("plain_vine")
+
+PEGS = vf.maps.pegs(seed=1, columns=5, rows=5)
 
 WRONG = {
     "a map as a design": (lambda _: vf.check(ROOM), "design"),
@@ -572,6 +576,45 @@ WRONG = {
         lambda out: vf.report(VINE, out=out / "p.html", environment="grid", options="a=3"),
         "options",
     ),
+    "a text as yes": (lambda out: vf.fabricate(VINE, out=out / "p", make_zip="no"), "make_zip"),
+    "a number as a force": (lambda out: vf.report(VINE, out=out / "p.html", force=1), "force is 1"),
+    "a text as progress": (
+        lambda out: vf.report(VINE, out=out / "p.html", maps=PEGS, progress="yes"),
+        "progress",
+    ),
+    "no contacts file": (
+        lambda out: VINE.grow(PEGS, contacts=out / "none.toml"), "none.toml: there is no such file"
+    ),
+    "contacts of a number": (lambda _: vf.score(VINE, maps=PEGS, contacts=3), "contacts is 3"),
+    "contacts twice": (
+        lambda _: vf.score(VINE, maps=PEGS, contacts="a", growth={"contacts": "b"}), "contacts"
+    ),
+    "an observation that was not written": (
+        lambda _: vf.fit_observations([vf.PhotoReport(path=None, summary=(), numbers={})]), "out="
+    ),
+    "no observations": (lambda _: vf.fit_observations([]), "observations"),
+    "a number as an observation": (lambda _: vf.fit_observations(3), "observations"),
+    "no photo": (lambda out: vf.observe(out / "none.jpg", PEGS, VINE), "none.jpg"),
+    "a number as a photo": (lambda _: vf.observe(3, PEGS, VINE), "photo"),
+    "a word that nothing keeps": (lambda _: vf.fix(VINE, keep="lenght"), "keep is 'lenght'"),
+    "a number to keep": (lambda _: vf.fix(VINE, keep=3), "keep is 3"),
+    "an unknown design to fix": (lambda _: vf.fix("plain_vin"), "did you mean 'plain_vine'"),
+    "no such level": (lambda _: VINE.with_level(2, width_mm=3.0), "level is 2"),
+    "a trunk with branches": (lambda _: VINE.with_level(1, branches=3), "branches is 3"),
+    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "width_mm is '3'"),
+    "a negative length": (lambda _: VINE.with_level(1, length_mm=-3), "length_mm is -3"),
+    "a number as a name": (lambda _: VINE.with_level(1, name=3), "name is 3"),
+    "a number as layers": (lambda _: vf.maps.import_("a.svg", layers=3), "layers is 3"),
+    "negative poses": (lambda _: vf.score(VINE, maps=PEGS, poses=-1), "poses is -1"),
+    "a negative seed": (lambda _: vf.maps.grid(seed=-1), "seed is -1"),
+    "no robots to aim": (lambda _: vf.aim(VINE, PEGS, robots=0), "robots"),
+    "an unknown task to aim at": (lambda _: vf.aim(VINE, PEGS, "reech"), "did you mean 'reach'"),
+    "a number as a map to aim on": (lambda _: vf.aim(VINE, 3), "world is 3; allowed: a Map"),
+    "an unknown growth option": (
+        lambda _: vf.score(VINE, maps=PEGS, growth={"bodi": 1}), "did you mean 'body'"
+    ),
+    "a text as growth of a check": (lambda _: vf.check(VINE, growth="x"), "growth"),
+    "a start of a number": (lambda _: PEGS.with_start(3), "start is 3"),
     "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip
 
@@ -585,6 +628,70 @@ def test_a_wrong_thing_is_one_line_that_names_it(name, tmp_path):
     assert "\n" not in message
     assert named in message
     assert not any(tmp_path.iterdir())
+
+
+def test_an_unknown_parameter_of_any_function_is_an_error_that_names_it():
+    functions = [getattr(vf, name) for name in vf.__all__ if name.islower() and name != "maps"]
+    functions += [getattr(vf.maps, name) for name in vf.maps.__all__]
+    for function in functions:
+        given = [VINE if name == "design" else PEGS if name in ("world", "map") else "x"
+                 for name, one in inspect.signature(
+                     vf.api.rig if function is vf.rig else function).parameters.items()
+                 if one.default is one.empty and one.kind is one.POSITIONAL_OR_KEYWORD]  # fmt: skip
+        needed = {"out": Path("none")} if function in (vf.rig, vf.fabricate, vf.report) else {}
+        needed |= {"maps": PEGS} if function is vf.score else {}
+        with pytest.raises((vf.VinefabError, TypeError)) as caught:
+            function(*given, **needed, unheard_of=3)
+        assert "\n" not in str(caught.value)
+        assert "unheard_of" in str(caught.value) or "'x'" in str(caught.value), function
+    assert not Path("none").exists()
+
+
+def test_a_level_of_a_design_is_changed_and_nothing_else():
+    tree = vf.Design.read("three_level_tree")
+    changed = tree.with_level(
+        3, branches=1, length_mm=50.0, angle_deg=30.0, growth_percent=120.0,
+        width_mm=7.0, taper=0.8, fillet_mm=3.0, name="other",
+    )  # fmt: skip
+    level = vf.Level.of(1, 50.0, 30.0, 120.0)
+    assert changed.levels == (tree.levels[0], level)
+    assert changed.build.widths_mm == (*tree.build.widths_mm[:2], 7.0)
+    assert changed.build.taper == (1.0, 1.0, 0.8)
+    assert changed.build.fillet_mm == (tree.build.fillet_mm[0], 3.0)
+    assert changed.name == "other"
+    back = changed.with_level(1, length_mm=9.0, width_mm=50.0)
+    assert (back.trunk_length_mm, back.build.widths_mm[0]) == (9.0, 50.0)
+    assert back.levels == changed.levels
+    assert tree.with_level(2) == tree
+
+
+def test_a_fix_is_that_of_the_command(tmp_path):
+    wide = vf.Design.read("three_level_tree").with_level(3, width_mm=0.5, name="thin")
+    path = wide.write(tmp_path / "thin.toml")
+    found = vf.fix(wide, keep=["branches", "length"], progress=False)
+    command(f"check {path} --fix {tmp_path / 'fixed.toml'} --keep branches,length")
+    assert found.design == vf.Design.read(tmp_path / "fixed.toml")
+    assert not found.report.blocking
+    assert vf.check(wide).blocking
+    assert "width" in found._repr_html_()
+    assert "<svg" in found._repr_html_()
+    assert found.summary[0].startswith("fix: ")
+
+
+def test_rules_are_listed_by_id():
+    rule = vf.rules()["VF-C01"]
+    assert rule.id == "VF-C01"
+    assert rule.reason
+
+
+def test_contacts_are_taken_as_a_parameter_as_among_growth_options(world):
+    measured = {"value": 8.0, "low": 6.0, "high": 10.0, "count": 4, "photos": 2,
+                "source": "made up for a test"}  # fmt: skip
+    contacts = {"head_on_half_angle_deg": measured}
+    one = vf.score("plain_vine", "reach", maps=world, poses=2, contacts=contacts)
+    other = vf.score("plain_vine", "reach", maps=world, poses=2, growth={"contacts": contacts})
+    assert one.growth == other.growth
+    assert one.growth["contacts"]
 
 
 def test_a_file_of_somebody_else_is_kept(tmp_path, vine):

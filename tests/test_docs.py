@@ -74,6 +74,41 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     assert not re.search(r'(src|href)="https?://[^"]+\.(js|css)"', home), "nothing from elsewhere"
 
 
+def anchors_of(page: Path) -> set[str]:
+    """Return what headings of a page are called in links, as GitHub and the site name them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    names = (
+        re.sub(r"\[(.*?)\]\(.*?\)", r"\1", one) for one in re.findall(r"^#+ (.*)$", text, re.M)
+    )
+    return {re.sub(r"[^\w\- ]", "", name.lower()).strip().replace(" ", "-") for name in names}
+
+
+def broken_links(page: Path) -> list[str]:
+    """Return the links of a page, to files and headings of the project, that lead nowhere."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    broken = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in link:
+            continue
+        name, _, anchor = link.partition("#")
+        goal = (page.parent / name).resolve() if name else page
+        if not goal.exists() or (anchor and anchor not in anchors_of(goal)):
+            broken.append(link)
+    return broken
+
+
+def test_a_link_that_leads_nowhere_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# Who, `what` 1\n[a](page.md#who-what-1) [b](#who) [c](none.md)\n")
+    assert broken_links(page) == ["#who", "none.md"]
+
+
+def test_every_link_of_the_pages_leads_somewhere():
+    pages = [ROOT / "README.md", ROOT / "vinefab" / "README.md", *sorted(DOCS.rglob("*.md"))]
+    pages = [page for page in pages if "_build" not in page.parts]
+    assert {page.name: broken for page in pages if (broken := broken_links(page))} == {}
+
+
 # --- What a user types --------------------------------------------------------------------------
 
 

@@ -38,6 +38,8 @@ __all__ = [
     "PhotoReport",
     "Pose",
     "Pouch",
+    "ProposedFix",
+    "Rule",
     "RunResult",
     "RunSettings",
     "Score",
@@ -53,6 +55,7 @@ __all__ = [
     "designs",
     "fabricate",
     "fit_observations",
+    "fix",
     "maps",
     "observe",
     "optimize",
@@ -60,12 +63,14 @@ __all__ = [
     "recipes",
     "report",
     "rig",
+    "rules",
     "score",
 ]
 
 _HOMES = {
     "vinefab.api": (
         "PhotoReport",
+        "ProposedFix",
         "WrittenFolder",
         "WrittenReport",
         "aim",
@@ -73,14 +78,17 @@ _HOMES = {
         "designs",
         "fabricate",
         "fit_observations",
+        "fix",
         "observe",
         "optimize",
         "printers",
         "recipes",
         "report",
+        "rules",
         "score",
     ),
     "vinefab.core.errors": ("BadInputError", "ExportRefusedError", "VinefabError"),
+    "vinefab.fabrication.rules.rule": ("Rule",),
     "vinefab.model.deployment": ("Deployment", "Stop"),
     "vinefab.model.design": ("Build", "Collar", "Design", "Level", "Pouch"),
     "vinefab.model.finding": ("CheckReport", "Finding", "Severity"),
@@ -102,6 +110,7 @@ _HOMES = {
 if TYPE_CHECKING:
     from vinefab import maps as maps
     from vinefab.api import PhotoReport as PhotoReport
+    from vinefab.api import ProposedFix as ProposedFix
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
     from vinefab.api import aim as aim
@@ -109,16 +118,19 @@ if TYPE_CHECKING:
     from vinefab.api import designs as designs
     from vinefab.api import fabricate as fabricate
     from vinefab.api import fit_observations as fit_observations
+    from vinefab.api import fix as fix
     from vinefab.api import observe as observe
     from vinefab.api import optimize as optimize
     from vinefab.api import printers as printers
     from vinefab.api import recipes as recipes
     from vinefab.api import report as report
     from vinefab.api import rig as rig
+    from vinefab.api import rules as rules
     from vinefab.api import score as score
     from vinefab.core.errors import BadInputError as BadInputError
     from vinefab.core.errors import ExportRefusedError as ExportRefusedError
     from vinefab.core.errors import VinefabError as VinefabError
+    from vinefab.fabrication.rules.rule import Rule as Rule
     from vinefab.model.deployment import Deployment as Deployment
     from vinefab.model.deployment import Stop as Stop
     from vinefab.model.design import Build as Build

@@ -9,7 +9,8 @@ Degrees and millimetres throughout.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -25,6 +26,7 @@ from vinefab.core.atomic import (
 from vinefab.core.errors import BadInputError, ExportRefusedError
 from vinefab.core.validation import number, whole
 from vinefab.inputs import (
+    ContactsLike,
     DesignLike,
     MapLike,
     PoseLike,
@@ -33,13 +35,16 @@ from vinefab.inputs import (
     as_parameters,
     call_text,
     design_given,
+    flags_given,
     growth_given,
+    limits_given,
     map_given,
     mapping_given,
     maps_given,
     name_given,
     name_or_path,
     options_given,
+    progress_given,
     python_words,
     recipe_given,
     run_given,
@@ -53,6 +58,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Pose
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.rules.rule import Rule
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.rig.rig_options import Printer
@@ -125,13 +131,43 @@ class WrittenReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ProposedFix:
+    """What `fix` found.
+
+    Parameters
+    ----------
+    design
+        The changed design, or None where nothing had to or could be changed.
+    report
+        Its check; without a changed design that of the nearest one found, or of the design itself.
+    summary
+        What was changed, and what it costs, a line each.
+    """
+
+    design: Design | None
+    report: CheckReport
+    summary: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return "\n".join(["<ProposedFix>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the changes and the changed design in a notebook."""
+        from vinefab.noun_methods import html_table, svg_of
+
+        table = html_table(self.summary[0], ("",), [(line,) for line in self.summary[1:]])
+        return table + ((self.design and svg_of(self.design)) or "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PhotoReport:
     """What `observe` read off a photo, or `fit_observations` off several.
 
     Parameters
     ----------
     path
-        The page (HTML) or the fitted numbers (TOML), or None if none was asked for.
+        The page (HTML), the observation (JSON) or the fitted numbers (TOML); None if none was
+        asked for.
     summary
         The numbers to take away, a line each.
     numbers
@@ -142,8 +178,21 @@ class PhotoReport:
     summary: tuple[str, ...]
     numbers: Mapping[str, Any]
 
+    def __fspath__(self) -> str:
+        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
+        if self.path is None:
+            raise BadInputError("path", None, "a file: observe or fit with out=")
+        return str(self.path)
+
     def __repr__(self) -> str:
         return "\n".join(["<PhotoReport>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the lines to take away in a notebook."""
+        from vinefab.noun_methods import html_table
+
+        title = "not written" if self.path is None else f"written: {self.path}"
+        return html_table(title, ("what was measured",), [(line,) for line in self.summary])
 
 
 def designs() -> tuple[str, ...]:
@@ -188,6 +237,7 @@ def score(
     seed: int = 0,
     body: str | None = None,
     head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    contacts: ContactsLike | None = None,
     growth: Mapping[str, object] | None = None,
     **parameters: object,
 ) -> Score:
@@ -210,6 +260,8 @@ def score(
         ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
     head_on_half_angle_deg
         As in ``Design.grow``; a range ``(low, high)`` gives every deployment a value of its own.
+    contacts
+        Numbers that photos measured, as in ``Design.grow``.
     growth
         Any growth options by name, as in ``Design.grow``.
     **parameters
@@ -247,7 +299,9 @@ def score(
         poses=whole("poses", poses, 1, _MOST_POSES),
         seed=whole("seed", seed, 0, _MOST_SEED),
     )
-    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given = growth_given(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     robot = design_given(design)
     return score_design_on_task(robot, worlds, plan, GrowthChoice.of([robot], given).options)
 
@@ -267,9 +321,10 @@ def aim(
     seed: int = 0,
     body: str | None = None,
     head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    contacts: ContactsLike | None = None,
     growth: Mapping[str, object] | None = None,
     out: str | PathLike[str] | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Callable[[float, str], None] | bool = True,
     force: bool = False,
     **parameters: object,
 ) -> AimResult:
@@ -303,12 +358,15 @@ def aim(
         ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
     head_on_half_angle_deg
         As in ``Design.grow``; None: over the range that contacts may have.
+    contacts
+        Numbers that photos measured, as in ``Design.grow``.
     growth
         Any growth options by name, as in ``Design.grow``.
     out
         A page (``.html``) or a picture (``.svg``, ``.png``) to write.
     progress
-        Called with the share of the work that is done and a few words.
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
     force
         Overwrite a file that vinefab did not write.
     **parameters
@@ -340,17 +398,20 @@ def aim(
     """
     from vinefab.prediction.aim_page import aim_document
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
-    from vinefab.prediction.family_deployments import MapFamily, no_progress
+    from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.provenance import origin_of
 
+    flags_given(alone=alone, force=force)
     path = None if out is None else path_given("out", out)
     if path is not None:
         if path.suffix.lower() not in (".html", ".svg", ".png"):
             raise BadInputError("out", str(path), "a file name ending in .html, .svg or .png")
         ensure_writable(path, force=force)
-    place, scored_on = map_given(world), task_given(task, parameters)
+    place, scored_on = map_given(world, "world"), task_given(task, parameters)
     other = None if against is None else design_given(against, "against")
-    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given = growth_given(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     with python_words():
         designs = held_against(design_given(design), other, alone=alone)
         choice = aim_growth(designs, given)
@@ -363,7 +424,8 @@ def aim(
             seed=seed,
             options=choice.options,
         )
-        found = aim_robots(designs, place, scored_on, plan, progress or no_progress)
+        with progress_given("aim", progress) as tell:
+            found = aim_robots(designs, place, scored_on, plan, tell)
     if path is not None:
         call = f"vf.aim({call_text(design)}, {call_text(world)}, {scored_on.name!r}, {where=}, "
         call += f"{robots=}, {alone=}, {placing_mm=}, {placing_deg=}, {deployments=}, {seed=}, "
@@ -386,7 +448,7 @@ def optimize(
     evaluations: int | None = None,
     wall_time_s: float | None = None,
     page: bool = True,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool = True,
     force: bool = False,
 ) -> RunResult:
     """Search for the best design of a run.
@@ -409,7 +471,8 @@ def optimize(
     page
         Whether to write the page, also while the run is going on.
     progress
-        Called after every generation.
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called after every generation.
     force
         Overwrite files that vinefab did not write.
 
@@ -447,6 +510,7 @@ def optimize(
     from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = run_given(run)
+    flags_given(resume=resume, page=page, force=force)
     whole("workers", workers, 1, 1024)
     own_task = None if task is None or isinstance(task, str) else task_given(task, {})
     if isinstance(task, str):
@@ -458,7 +522,8 @@ def optimize(
     if out is None:
         if resume:
             raise BadInputError("resume", resume, "together with out, the folder of the run")
-        return _searched(settings, own_task, workers, progress)
+        with _told("optimize", progress) as tell:
+            return _searched(settings, own_task, workers, tell)
 
     from vinefab.prediction.run_folder import run_in_folder
 
@@ -466,7 +531,7 @@ def optimize(
     for name in ("best.toml", *((PAGE_NAME,) if page else ())):
         ensure_writable(folder / name, force=force)
     given = "..." if source is None else call_text(source)
-    with python_words():
+    with python_words(), _told("optimize", progress) as tell:
         result = run_in_folder(
             settings,
             folder,
@@ -475,12 +540,27 @@ def optimize(
             resume=resume,
             limits=limits if limits.given else None,
             workers=workers,
-            progress=progress,
+            progress=tell,
             source=source,
             task=own_task,
         )
     _write_result(folder, result, settings, page=page, force=force)
     return result
+
+
+@contextmanager
+def _told(
+    title: str,
+    given: Any,  # noqa: ANN401  judged by `progress_given`
+) -> Iterator[Callable[[Progress], None]]:
+    """Return what a run tells its generations to."""
+    if callable(given):
+        yield given
+        return
+    with progress_given(title, given) as tell:
+        yield lambda now: tell(
+            now.share, f"generation {now.generation} of {now.generations}, best {now.best:.4f}"
+        )
 
 
 def _write_result(
@@ -546,19 +626,104 @@ def check(
     from vinefab.fabrication.checking import check_design
 
     robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
-    changed = mapping_given("limits", limits)
-    changed = {rule: mapping_given(f"limits.{rule}", named) for rule, named in changed.items()}
+    changed = limits_given(limits)
     facts, deployed = None, tuple[tuple[str, Deployment], ...]()
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
 
         facts = read_rig(path_given("rig", rig, "a folder that vinefab rig wrote"))
+    options = growth_given(growth)
     if worlds:
         from vinefab.prediction.deploy import deploy_from_starts
 
         with python_words():
-            deployed = deploy_from_starts(robot, worlds, growth_given(growth))
+            deployed = deploy_from_starts(robot, worlds, options)
     return check_design(robot, profile, changed, deployed, worlds, facts)
+
+
+def fix(
+    design: DesignLike,
+    recipe: RecipeLike = DEFAULT_RECIPE,
+    *,
+    maps: MapLike | Iterable[MapLike] = (),
+    keep: str | Iterable[str] = (),
+    limits: Mapping[str, Mapping[str, float]] | None = None,
+    growth: Mapping[str, object] | None = None,
+    progress: Callable[[float, str], None] | bool = True,
+) -> ProposedFix:
+    """Propose the smallest change of a design that clears its errors.
+
+    Fillets are tried first, then widths, tapers, lengths and angles, fewer branches last.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, or a laser profile.
+    maps
+        As in `check`; with maps the ``summary`` says what the fix costs in score, too.
+    keep
+        What must not change: ``branches``, ``length``, ``angle``, ``width``, one or several.
+    limits, growth
+        As in `check`.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+
+    Returns
+    -------
+    ProposedFix
+        The changed ``design``, None where nothing had to or could be changed, and its ``report``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design, recipe or rule.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> fix("plain_vine").summary
+    ('fix: no errors, nothing to fix',)
+    """
+    from vinefab.fabrication.rules.fix import parsed_keeps
+    from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
+
+    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    changed, options = limits_given(limits), growth_given(growth)
+    words = [name_given("keep", word) for word in several_given(keep, str)]
+    with python_words(), progress_given("fix", progress) as tell:
+        found = propose_fix(
+            robot, profile, changed, worlds, lambda share: tell(share, ""),
+            growth=options, keep=parsed_keeps(words),
+        )  # fmt: skip
+        lines = found.lines()
+        if found.design is not None and worlds:
+            lines += score_change_lines(robot, found.design, worlds, options)
+    return ProposedFix(
+        design=found.design,
+        report=found.after or found.before,
+        summary=tuple(as_parameters(line.strip()) for line in lines),
+    )
+
+
+def rules() -> Mapping[str, Rule]:
+    """Return the design rules by id, those of other packages too.
+
+    Each has a ``title``, ``limits`` in its ``unit``, a ``reason`` and a ``remedy``.
+
+    Examples
+    --------
+    >>> rules()["VF-C01"].limits
+    mappingproxy({'error': 4.0, 'warning': 5.0})
+    """
+    from vinefab.fabrication.rule_listing import all_rules
+
+    return {rule.id: rule for rule in all_rules()}
 
 
 def fabricate(
@@ -629,6 +794,13 @@ def fabricate(
     from vinefab.fabrication.job.placement import SheetOptions
     from vinefab.fabrication.package.prepare import PACKAGE_MARK, package, prepare, zip_bytes
 
+    flags_given(
+        allow_uncalibrated=allow_uncalibrated,
+        pass_through=pass_through,
+        r12=r12,
+        make_zip=make_zip,
+        force=force,
+    )
     folder = path_given("out", out)
     archive = folder.with_name(f"{folder.name}.zip")
     ensure_own_folder(folder, PACKAGE_MARK, force=force)
@@ -656,7 +828,7 @@ def rig(
     lid: bool = False,
     allow_empty: bool = False,
     pictures: bool = True,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Callable[[float, str], None] | bool = True,
     force: bool = False,
     **sizes: Any,  # noqa: ANN401  each has its own type, see `RigOptions`
 ) -> WrittenFolder:
@@ -681,7 +853,8 @@ def rig(
     pictures
         Draw the rig and its beds, and write a page about them.
     progress
-        Called with the share of the work that is done and a few words.
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
     force
         Overwrite what vinefab did not write.
     **sizes
@@ -712,9 +885,10 @@ def rig(
     from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
     from vinefab.rig.rig_options import Printer, RigOptions, read_printer
 
+    flags_given(lid=lid, allow_empty=allow_empty, pictures=pictures, force=force)
     folder = path_given("out", out)
     ensure_own_folder(folder, RIG_MARK, force=force)
-    place, machine = map_given(world), printer
+    place, machine = map_given(world, "world"), printer
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(printers())}"
         machine = read_printer(name_or_path("printer", machine, allowed))
@@ -725,10 +899,10 @@ def rig(
         pictures=pictures,
         lid=lid,
     )
-    with python_words():
+    with python_words(), progress_given("rig", progress) as tell:
         if fit_mm is not None:
             options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
-        made = make_rig(place, machine, options, request, progress=progress)
+        made = make_rig(place, machine, options, request, progress=tell)
     if made.report.blocking:
         rules = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         raise ExportRefusedError(f"rig of {place.name}", f"{rules} forbid it", made.report)
@@ -778,14 +952,14 @@ def observe(
     growth
         Growth options of the prediction by name, as in ``Design.grow``.
     out
-        A page (HTML) to write.
+        A page (``.html``) to write, or the numbers (``.json``), which `fit_observations` reads.
     force
         Overwrite a file that vinefab did not write.
 
     Returns
     -------
     PhotoReport
-        A ``summary`` in lines, all ``numbers``, and the page's ``path``.
+        A ``summary`` in lines, all ``numbers``, and the ``path`` of what was written.
 
     Raises
     ------
@@ -808,6 +982,7 @@ def observe(
     from vinefab.photos.photo import read_photo
     from vinefab.prediction.deploy import first_start
 
+    flags_given(force=force)
     page = None if out is None else path_given("out", out)
     if page is not None:
         ensure_writable(page, force=force)
@@ -831,9 +1006,11 @@ def observe(
             map_file=world.name if isinstance(map, Map) else str(map),
             design_file=robot.name if isinstance(design, Design) else str(design),
         )
+    text = observation_text(seen)
     if page is not None:
-        write_text(page, observation_html(seen), force=force)
-    numbers = json.loads(observation_text(seen))
+        is_json = page.suffix.lower() == ".json"
+        write_text(page, text if is_json else observation_html(seen), force=force)
+    numbers = json.loads(text)
     return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=numbers)
 
 
@@ -849,11 +1026,11 @@ def fit_observations(
     Parameters
     ----------
     observations
-        JSON files of observations, one for each photo.
+        JSON files of observations, one for each photo, or what `observe` returned for such ``out``.
     angle_error_deg
         Standard error of the angles of contacts where an observation does not give it (assumed).
     out
-        A file (TOML) to write; predictions read it with ``growth={"contacts": out}``.
+        A file (TOML) to write; predictions read it with ``contacts=out``.
     force
         Overwrite a file that vinefab did not write.
 
@@ -878,6 +1055,7 @@ def fit_observations(
     """
     from vinefab.observation.contact_fit import fit_files
 
+    flags_given(force=force)
     file = None if out is None else path_given("out", out)
     if file is not None:
         ensure_writable(file, force=force)
@@ -904,8 +1082,9 @@ def report(
     seed: int = 0,
     body: str | None = None,
     head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    contacts: ContactsLike | None = None,
     growth: Mapping[str, object] | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Callable[[float, str], None] | bool = True,
     force: bool = False,
 ) -> WrittenReport:
     """Write predictions (simulated), rules and materials of a design as one HTML page.
@@ -934,10 +1113,13 @@ def report(
         ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
     head_on_half_angle_deg
         As in ``Design.grow``; a range ``(low, high)`` gives every deployment a value of its own.
+    contacts
+        Numbers that photos measured, as in ``Design.grow``.
     growth
         Any growth options by name, as in ``Design.grow``.
     progress
-        Called with the share of the work that is done and a few words.
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
     force
         Overwrite a file that vinefab did not write.
 
@@ -964,17 +1146,19 @@ def report(
     from vinefab.prediction.family_deployments import (
         PredictionPlan,
         map_families,
-        no_progress,
         unseen_maps,
     )
     from vinefab.prediction.predict import part_of, predict
     from vinefab.prediction.prediction_json import prediction_text, summary_lines
     from vinefab.prediction.provenance import origin_of
 
-    path, tell = path_given("out", out), progress or no_progress
+    flags_given(force=force)
+    path = path_given("out", out)
     ensure_writable(path, force=force)
     robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
-    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    given = growth_given(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
     grown = GrowthChoice.of([robot], given).options
     plan = PredictionPlan(
         poses=whole("poses", poses, 1, _MOST_POSES),
@@ -986,14 +1170,16 @@ def report(
         if environment is not None:
             unseen = unseen_maps(name_given("environment", environment), count, seed, chosen)
         families = map_families(worlds, unseen)
-    found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
     places = ", ".join(call_text(place) for place in several_given(maps, Map))
     call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, maps=[{places}]"
     if environment is not None:
         call += f", {environment=}, {count=}, options={dict(chosen)}"
     call += f", {poses=}, {seed=}, growth={grown.content})"
     origin = origin_of(call, [robot], profile, families)
-    write_text(path, found.page(origin, (), part_of(tell, 0.6, 1.0)), force=force)
+    with progress_given("report", progress) as tell:
+        found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
+        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
+    write_text(path, page, force=force)
     return WrittenReport(
         path=path,
         summary=tuple(summary_lines(found)),
@@ -1005,7 +1191,7 @@ def _searched(
     settings: RunSettings,
     task: Task | None,
     workers: int,
-    progress: Callable[[Progress], None] | None,
+    progress: Callable[[Progress], None],
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
     from vinefab.prediction.run_winner import predict_winner

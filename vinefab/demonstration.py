@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
@@ -123,7 +124,7 @@ class Demo:
         best, report = self.result.best, self.predicted.prepared.report
         reach = self.predicted.main.outcomes.spread(REACH)
         return (
-            ("winner", f"{best.branch_count} branches on {best.depth} levels"),
+            ("winner", f"{counted(best.branch_count, 'branch')} on {counted(best.depth, 'level')}"),
             ("flat pieces to cut", self._pieces()),
             ("coverage score, training maps", f"{demo_interval_text(self.training)} (simulated)"),
             ("coverage score, unseen maps", f"{demo_interval_text(self.unseen)} (simulated)"),
@@ -137,7 +138,7 @@ class Demo:
                 f"{REACH.text(reach.mean)} (simulated)" if reach else "none",
             ),
             ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
-            ("rig", f"{len(self.rig.rig.parts)} parts to print"),
+            ("rig", f"{counted(len(self.rig.rig.parts), 'part')} to print"),
         )
 
 
@@ -150,8 +151,9 @@ def run_demo(
     """Run the main job and write everything into a folder."""
     run = settings.run()
     announce(
-        f"training on {run.maps.count} generated maps: {run.search.generations} generations "
-        f"of {run.search.population} designs"
+        f"training on {run.maps.count} generated maps: "
+        f"{counted(run.search.generations, 'generation')} "
+        f"of {counted(run.search.population, 'design')}"
     )
     unseen = tuple(
         grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
@@ -166,7 +168,7 @@ def run_demo(
 
     result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
     progress(0.6, "testing the winner on unseen maps")
-    announce(f"testing the winner on {len(unseen)} maps that it never saw")
+    announce(f"testing the winner on {counted(len(unseen), 'map')} that it never saw")
     scores = _scores(result.best, run, unseen)
     predicted = predict(
         result.best,

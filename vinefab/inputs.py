@@ -7,7 +7,7 @@ A design, map, recipe or printer may be an object, a path or a name.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from os import PathLike
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.progress_lines import progress_shown
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 DesignLike = Design | str | PathLike[str]
 MapLike = Map | str | PathLike[str]
+ContactsLike = Mapping[str, object] | str | PathLike[str]
+ProgressLike = Callable[[float, str], None] | bool | None
 PoseLike = Pose | tuple[float, float, float]
 RecipeLike = LaserProfile | str | PathLike[str]
 
@@ -90,6 +93,12 @@ def mapping_given(key: str, given: object) -> Mapping[str, Any]:
     return given or {}
 
 
+def limits_given(given: object) -> dict[str, Mapping[str, Any]]:
+    """Return limits of rules by rule and name."""
+    named = mapping_given("limits", given)
+    return {str(rule): mapping_given(f"limits.{rule}", values) for rule, values in named.items()}
+
+
 def growth_given(given: object, **shortcuts: object) -> Mapping[str, Any]:
     """Return growth options by name: those of a mapping, and those with a parameter of their own.
 
@@ -103,6 +112,25 @@ def growth_given(given: object, **shortcuts: object) -> Mapping[str, Any]:
             raise BadInputError(name, value, f"not beside another one in growth, {options[name]!r}")
         options[name] = value
     return options
+
+
+@contextmanager
+def progress_given(title: str, given: ProgressLike) -> Iterator[Callable[[float, str], None]]:
+    """Return what to tell progress to: the function given, or a line for somebody who watches."""
+    if callable(given):
+        yield given
+        return
+    if given is not None and not isinstance(given, bool):
+        raise BadInputError("progress", given, "True, False, or a function")
+    with progress_shown(title, shown=bool(given)) as tell:
+        yield tell
+
+
+def flags_given(**given: object) -> None:
+    """Raise BadInputError for what is no yes or no: the text ``"no"`` would count as yes."""
+    for key, value in given.items():
+        if not isinstance(value, bool):
+            raise BadInputError(key, value, "True or False")
 
 
 def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -47,7 +47,7 @@ def grow_design(
     from vinefab.prediction.deploy import deploy
 
     given = growth_given(growth, **shortcuts)
-    place = map_given(world)
+    place = map_given(world, "world")
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)
@@ -146,10 +146,11 @@ def _deployment_document(deployment: Deployment) -> str:
 
     world, design = deployment.world, deployment.design
     box_mm = robot_view(world, deployment) if world else robot_box(deployment)
-    # Without a design the widths are not known: centrelines only.
+    # Without a design the widths are not known, and the published model has none.
     thin = (0.0,) * int(deployment.tree.level.max())
+    has_width = design is not None and deployment.growth.get("body") != "centerline"
     parts = [ground_svg(world, box_mm=box_mm)] if world else []
-    parts.append(robot_svg(deployment, design.build.widths_mm if design else thin))
+    parts.append(robot_svg(deployment, design.build.widths_mm if design and has_width else thin))
     parts.append(pose_svg(deployment.pose, START_SIZE * longer_mm(box_mm)))
     names = [design.name if design else "robot", f"on {world.name}" if world else "", "(simulated)"]
     if world and box_mm != world.bounds.bounds:

@@ -118,7 +118,7 @@ def test_fix_shows_what_it_costs_on_maps(vinefab, plain, grid, tmp_path):
     plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
     code, words, _ = vinefab("check", plain, "--fix", tmp_path / "out.toml", "--map", grid)
     assert code == 0
-    assert "coverage, mean over 1 maps" in words
+    assert "coverage, mean over 1 map:" in words
 
 
 def test_fix_refuses_to_write_over_its_own_design(vinefab, plain, tmp_path):

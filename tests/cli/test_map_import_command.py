@@ -1,4 +1,5 @@
 import json
+import re
 
 PASSAGES = [[[x, 0], [x + 100, 0], [x + 100, 20], [x, 20], [x, 0]] for x in (0, 90, 180, 400)]
 
@@ -39,3 +40,17 @@ def test_a_reading_that_is_unknown_is_one_line(vinefab, tmp_path):
     assert "drawn is 'rooms'; allowed: obstacles or free" in complaint
     assert complaint.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_map_says_how_it_was_made_once_and_in_few_digits(vinefab, tmp_path):
+    source = write_passages(tmp_path / "cave.geojson", 4)
+    made, scaled = tmp_path / "a.geojson", ("--scale-mm-per-unit", "1.23456789")
+    code, words, _ = vinefab("map", "import", source, *scaled, "--drawn", "free", "--out", made)
+    lines = [line for line in words.splitlines() if line.startswith("  ")]
+    assert (code, bool(lines)) == (0, True)
+    assert not [line for line in lines if line.endswith(": None")]
+    assert not re.search(r"^  \w+: -?\d+\.\d{7}", words, re.MULTILINE)
+    started = ["map", "start", made, "--start", "110,12,0", "--out", tmp_path / "b.geojson"]
+    code, words, _ = vinefab(*started)
+    assert (code, [line for line in words.splitlines() if line.startswith("  ")]) == (0, [])
+    assert "0 obstacles" in words

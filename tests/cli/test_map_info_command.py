@@ -1,5 +1,10 @@
 import json
 
+import pytest
+
+from vinefab import maps
+from vinefab.prediction.map_info import size_notes
+
 
 def test_info_of_a_map(vinefab, grid, tmp_path):
     numbers, picture = tmp_path / "info.json", tmp_path / "info.svg"
@@ -31,3 +36,44 @@ def test_json_on_standard_output_stands_alone(vinefab, grid):
     assert code == 0
     assert len(json.loads(output)["passages"]) == 2
     assert "narrowest passages" in words
+
+
+def write_room(path, width, height):
+    rectangle = [[0, 0], [width, 0], [width, height], [0, height], [0, 0]]
+    shape = {"type": "Polygon", "coordinates": [rectangle]}
+    feature = {"type": "Feature", "properties": {}, "geometry": shape}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("size", "options", "note"),
+    [
+        ((0.5, 0.4), (), "0.5 x 0.4 mm: if its unit is metres, give --scale-mm-per-unit 1000 "),
+        ((12, 9), (), "12 x 9 mm: if its unit is inches, give --scale-mm-per-unit 25.4 "),
+        ((50_000, 9), (), "50000 x 9 mm: if its unit is tenths of millimetres, give "),
+        (
+            (0.5, 0.4),
+            (10,),
+            "5 x 4 mm: if that is 1000 times too few, give --scale-mm-per-unit 10000 ",
+        ),
+        ((0.01, 0.02), (), "0.01 x 0.02 mm: is that its unit? vinefab map import has "),
+        ((20, 9), (), ""),
+        ((20_000, 9_000), (), ""),
+    ],
+)
+def test_a_map_of_another_unit_is_noted_once_and_taken(vinefab, tmp_path, size, options, note):
+    room, out = write_room(tmp_path / "room.geojson", *size), tmp_path / "out.geojson"
+    scale = ("--scale-mm-per-unit", *options) if options else ()
+    told = [vinefab("map", "import", room, *scale, "--out", out)]
+    if not options:
+        told.append(vinefab("map", "info", room, "--passages", 1))
+    for code, output, complaint in told:
+        assert (code, complaint) == (0, "")
+        notes = [line for line in output.splitlines() if line.startswith("note: this map")]
+        assert len(notes) == bool(note)
+        assert note in output
+
+
+def test_a_small_map_of_a_generator_is_no_mistake():
+    assert size_notes(maps.pegs(columns=1, rows=1, pitch_mm=8.0, diameter_mm=2.0)) == []

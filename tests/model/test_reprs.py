@@ -107,7 +107,7 @@ def report(name: str = "fork", findings: int = 2) -> CheckReport:
         (
             report(),
             "<CheckReport 'fork' with 'co2_60w__stretchlon_200': "
-            "2 errors, 0 warnings, 0 info; 1 rules applied, 1 skipped>",
+            "2 errors, 0 warnings, 0 info; 1 rule applied, 1 skipped>",
         ),
     ],
     ids=lambda value: type(value).__name__,

@@ -4,6 +4,7 @@ import re
 import numpy as np
 import pytest
 import shapely
+from matplotlib.lines import Line2D
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
@@ -11,10 +12,11 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
-from vinefab.pages.drawing import RANGE_LABEL, deployment_plan, map_plan
+from vinefab.pages.drawing import RANGE_LABEL, deployment_plan, legend_entries, map_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
 from vinefab.pages.plan_document import plan_css
+from vinefab.prediction.deploy import deploy
 
 POSE = Pose(x_mm=50.0, y_mm=5.0, heading_rad=1.5)
 
@@ -163,3 +165,55 @@ def test_a_range_beyond_what_is_shown_does_not_widen_the_picture():
     two = map_plan(world_of(400.0).with_start("left side, heading +-180")).axes[0]
     assert two.get_xlim() == one.get_xlim()
     assert two.get_ylim() == one.get_ylim()
+
+
+def test_every_entry_of_a_legend_has_a_symbol():
+    design = Design.read("six_branch_anchor")
+    world = world_of(300).with_start("left side, heading +-30")
+    inside = design.grow(world, pose=(150, 1, 90), body="inflated")
+    assert inside.stops["not_deployed"] == len(inside.tree)
+    (axes,) = deployment_plan(world, inside, design.build.widths_mm).axes
+    entries = dict(legend_entries(axes))
+    assert {RANGE_LABEL, "start", f"never emerged ({len(inside.tree)})"} <= entries.keys()
+    for words, symbol in entries.items():
+        if isinstance(symbol, Line2D):
+            is_seen = symbol.get_marker() not in {" ", "None"} or symbol.get_linestyle() == "-"
+            assert is_seen, words
+        else:
+            assert symbol.get_facecolor()[3] > 0.0, words
+    rings = next(line for line in axes.lines if str(line.get_label()).startswith("never"))
+    assert rings.get_xydata().tolist() == [[150.0, 1.0]]
+
+
+def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
+    world, design = world_of(400), Design.read("three_level_tree")
+    line = GrowthOptions.published().drawn_widths_mm(design.build.widths_mm)
+    assert line == (0.0, 0.0, 0.0)
+    assert GrowthOptions().drawn_widths_mm(design.build.widths_mm) == design.build.widths_mm
+    thin = deploy(design, world, POSE, {"body": "centerline"})
+    assert thin.picture(".svg") == svg_bytes(deployment_plan(world, thin.deployment, line))
+    plans = [deployment_plan(world, thin.deployment, w) for w in (line, design.build.widths_mm)]
+    filled = [len(plan.axes[0].patches) for plan in plans]
+    assert filled[1] - filled[0] == len({*thin.deployment.tree.level.tolist()})
+    words = [[text.get_text() for text in p.axes[0].get_legend().get_texts()] for p in plans]
+    assert ["body: a line without width" in some for some in words] == [True, False]
+    moving = [deploy(design, world, POSE, {"body": body}).animation(".svg", 2) for body in
+              ("centerline", "inflated")]  # fmt: skip
+    assert [b"bodies are lines" in picture for picture in moving] == [True, False]
+    notebook = [design.grow(world, pose=POSE, body=body)._repr_svg_() for body in
+                ("centerline", "inflated")]  # fmt: skip
+    assert ['class="body"' in text for text in notebook] == [False, True]
+    assert ["body: a line without width" in text for text in notebook] == [True, False]
+
+
+def test_ids_of_branches_lie_on_none_other():
+    design = Design.read("grid_explorer")
+    grown = design.grow(world_of(700), pose=(350, 350, 90), body="centerline")
+    (axes,) = deployment_plan(world_of(700), grown, (0.0,) * 4, named=True).axes
+    axes.figure.draw_without_rendering()
+    boxes = np.array([shapely.box(*t.get_window_extent().extents) for t in axes.texts])
+    boxes = boxes[[bool(text.get_text()) for text in axes.texts]]
+    assert len(boxes) > 20
+    one, other = shapely.STRtree(boxes).query(boxes, "intersects")
+    met = shapely.area(shapely.intersection(boxes[one], boxes[other]))[one < other]
+    assert met.max(initial=0.0) < 0.3 * shapely.area(boxes).min()

@@ -237,7 +237,10 @@ def test_a_frame_is_drawn_as_it_is_and_what_grows_on_has_no_mark(grown, share):
 
 def test_the_shape_at_a_tip_says_why_it_stopped(grown):
     robot, final = drawn(grown), grown.deployment
-    marks = robot.findall("./g[@class='tips']/g")
+    rings = robot.findall("./g[@class='tips']/g[@class='mark stop-not-deployed']")
+    lost = [int(ring.find("title").text.split()[0]) for ring in rings]
+    assert sum(lost) == final.stops["not_deployed"]
+    marks = robot.findall("./g[@class='tips']/g[@data-branch]")
     names, fronts_mm = final.tree.ids, final.base_mm + final.grown_mm
     assert len(marks) == np.count_nonzero(final.deployed)
     for mark in marks:

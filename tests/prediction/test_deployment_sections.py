@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
@@ -60,8 +61,12 @@ def test_endings_are_counted_level_by_level():
     )
     world = Map(name="room", bounds=shapely.box(0, -50, 100, 50))
     section = deployment_section(
-        design, [("one", world, deployment)], [("maps", [deployment, deployment])], "rules"
+        design,
+        [("one", world, deployment)],
+        [("maps", [deployment, deployment])],
+        GrowthOptions(),
     )
+    assert "as wide as they inflate" in section.paragraphs[0]
     (table,) = section.tables
     assert table.rows == (
         ("1", "100.0 %", "0.0 %", "0.0 %", "0.0 %", "0.0 %", "-"),

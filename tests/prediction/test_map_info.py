@@ -140,7 +140,7 @@ def test_lines_and_json_show_the_numbers_of_a_corridor():
     share = 1.0 - (4.0 - math.pi) * (10.0 / math.pi) ** 2 / 3600.0
     assert f"a body of 10 mm has room in {100 * share:.1f} % of the free area; 0 of" in lines[-1]
     narrow = list(info_lines(map_info(world, width_mm=19.0)))[-1]
-    assert "has room in 0.0 % of the free area; 1 of these 1 passages" in narrow
+    assert "has room in 0.0 % of the free area; 1 of this 1 passage" in narrow
     document = json.loads(info_text(info))
     assert document["size_mm"] == [300.0, 12.0]
     assert (document["walls"], document["vertices"], document["obstacles"]) == (4, 4, 0)

@@ -259,6 +259,8 @@ CONTACTS = ContactRange(
         )
         for measure in CONTACT_MEASURES
     },
+    angles_deg=(1.0, 5.0, 10.0, 15.0),
+    standing="assumed",
 )
 
 
@@ -325,5 +327,5 @@ def test_cautions_name_counts_and_pressures():
     assert sentences[2].startswith("Pressures rest on assumed numbers")
     assert sentences[3] == "10.0 % of its branches: branches that got stuck."
     assert sentences[4].startswith("Predictions rest on 2 maps")
-    assert sentences[5] == "Design rules: 1 warnings, 3 rules not checked."
+    assert sentences[5] == "Design rules: 1 warning, 3 rules not checked."
     assert len(sentences) == 6

@@ -16,6 +16,7 @@ from vinefab.rig import plate as build
 from vinefab.rig.board import build_board
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files
 from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.page import assembly_plan
 from vinefab.rig.rig_options import Printer, RigOptions
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
@@ -125,6 +126,8 @@ def test_pictures_drawing_and_page_come_with_the_files():
     names = {"report.html", *pictures, *drawings}
     assert names < set(made.files)
     assert made.files["assembly.pdf"].startswith(b"%PDF")
+    words = assembly_plan(made.rig, world, {}).axes[0].get_legend().get_texts()
+    assert "start" in [text.get_text() for text in words]
     for name in names:
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()

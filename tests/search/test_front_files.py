@@ -126,3 +126,24 @@ def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunR
     assert pictures[0] == pictures[1]
     alone = (replace(members[0], is_knee=True),)
     assert svg_bytes(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]
+
+
+def test_scores_of_the_search_and_fresh_ones_have_their_own_marker_and_words(
+    result: RunResult,
+) -> None:
+    figure = front_picture(front_of(result, SETTINGS), result, SETTINGS, WORLD)
+    chart = figure.axes[0]
+    looks = {str(line.get_label()): line.get_marker() for line in chart.lines}
+    assert looks == {
+        "in the search, on training poses": "x",
+        "the front, scored again on fresh poses": "o",
+    }
+    legend = chart.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == list(looks)
+    assert "of one kind" in legend.get_title().get_text()
+    figure.draw_without_rendering()
+    assert legend.get_window_extent().y0 >= chart.get_window_extent().y1 - 1.0  # hides no point
+    (symbols,) = figure.legends
+    words = [text.get_text() for text in symbols.get_texts()]
+    assert {"level 1", "body: a line without width"} <= set(words)
+    assert "target" not in words

@@ -16,10 +16,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from vinefab.cli.progress_lines import progress_in_lines
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_text
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
+from vinefab.core.progress_lines import progress_in_lines
 from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
 from vinefab.core.validation import check_plain

@@ -7,6 +7,7 @@ import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_unchanged, new_folder, write_bytes
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
@@ -41,5 +42,5 @@ def coupon_command(
     with new_folder(out, MARK, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
-    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+    output.say(f"wrote {out}/ ({counted(len(files), 'file')}; begin with README.txt)")
     return 0

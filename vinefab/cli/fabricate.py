@@ -15,6 +15,7 @@ from vinefab.cli.common_options import (
     RecipeIn,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
@@ -80,7 +81,7 @@ def fabricate_command(
         output.say(f"wrote {archive}")
     elif archive.exists():
         output.say(f"note: {archive} is from an earlier run; --zip replaces it")
-    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+    output.say(f"wrote {out}/ ({counted(len(files), 'file')}; begin with README.txt)")
     return 0
 
 

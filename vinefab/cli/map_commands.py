@@ -22,6 +22,7 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
@@ -30,7 +31,7 @@ from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import WAYS, area_notes, start_words
-from vinefab.prediction.map_info import info_lines, info_text, map_info
+from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
@@ -244,7 +245,7 @@ def start_command(
         raise BadInputError("--start", None, WAYS)
     ensure_writable(out, force=force)
     (world,) = started_maps([read_map(map_file)], start)
-    _save(world, out, CommandOutput(quiet=quiet, force=force))
+    _save(world, out, CommandOutput(quiet=quiet, force=force), facts=False)
 
 
 def info_command(
@@ -277,19 +278,22 @@ def info_command(
         output.say(f"wrote {svg}")
 
 
-def _save(world: Map, out: Path, output: CommandOutput) -> None:
+def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -> None:
+    """Write a map and say what it is; `facts` says too how it was made."""
     write_text(out, map_text(world), force=output.force)
     width_mm, height_mm = world.size_mm
     output.say(
-        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
-        f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
+        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
+        f"{counted(len(world.obstacles), 'obstacle')}, {counted(world.wall_count, 'wall')}, "
+        f"free area {world.free_space.area / 1e6:.4g} m2"
     )
     for start in world.starts if any(one.area for one in world.starts) else world.starts[:1]:
         output.say(f"start: {start_words(start)}")
-    for note in area_notes([world]):
+    for note in [*size_notes(world), *area_notes([world])]:
         output.say(f"note: {note}")
-    for key, value in world.facts.items():
-        output.say(f"  {key}: {value}")
+    for key, value in world.facts.items() if facts else ():
+        if value is not None:
+            output.say(f"  {key}: {value:.6g}" if isinstance(value, float) else f"  {key}: {value}")
     output.say(f"wrote {out}")
 
 

@@ -21,6 +21,7 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 
@@ -150,7 +151,7 @@ def _one_photo(
     """Return the photo with its map and design, all of which must be given."""
     if len(photos) != 1:
         allowed = "one photo; several observations (JSON) together with --fit FILE"
-        raise BadInputError("PHOTO", f"{len(photos)} files", allowed)
+        raise BadInputError("PHOTO", counted(len(photos), "file"), allowed)
     if map_file is None:
         raise BadInputError("--map", None, "the map file of what the photo shows")
     if design is None:

@@ -15,6 +15,7 @@ from vinefab.cli.common_options import (
     started_maps,
 )
 from vinefab.core.atomic import write_folder
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import check_lines
 from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.design_toml import read_design
@@ -132,5 +133,5 @@ def rig_command(
     write_folder(out, made.files, RIG_MARK, force=force)
     for line in made.summary():
         output.say(line)
-    output.say(f"wrote {out}/ ({len(made.files)} files)")
+    output.say(f"wrote {out}/ ({counted(len(made.files), 'file')})")
     return 0

@@ -7,6 +7,7 @@ import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.prediction.run_page import EndedRun, write_run_page
 from vinefab.search.run_pages import list_runs, rebuild, write_best
 
@@ -41,7 +42,7 @@ def runs_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     if out is not None and len(folders) > 1:
-        raise BadInputError("--rebuild", f"{len(folders)} folders", "one DIR")
+        raise BadInputError("--rebuild", counted(len(folders), "folder"), "one DIR")
     listing = list_runs(folders)
     if out is not None:
         run = EndedRun.read(folders[0])

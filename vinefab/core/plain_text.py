@@ -15,6 +15,15 @@ def one_line(text: str) -> str:
     return " ".join("".join(printable).split())
 
 
+def agreeing(count: int, one: str, several: str) -> str:
+    """Return the word that agrees with a count.
+
+    >>> [f"{counted(n, 'wall')} {agreeing(n, 'was', 'were')} joined" for n in (1, 2)]
+    ['1 wall was joined', '2 walls were joined']
+    """
+    return one if count == 1 else several
+
+
 def counted(count: int, noun: str) -> str:
     """Return a count with its noun, which is regular.
 

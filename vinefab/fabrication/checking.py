@@ -121,7 +121,7 @@ def _check_in_steps(
         subject = replace(flat, job=laser_job(flat.design, profile))
         return subject, merged_reports(report, run_checks(subject, limits, only=others))
     reason = (
-        f"not looked at: the paths of {flat.design.branch_count} branches take long, and "
+        f"not looked at: the paths of {counted(flat.design.branch_count, 'branch')} take long, and "
         "what was found forbids cutting them"
     )
     skipped = (*report.skipped, *(RuleSkipped(rule=rule, reason=reason) for rule in others))
@@ -184,7 +184,7 @@ def _drawing_dxf(drawing: Job, path: Path) -> str:
 def deployed_lines(deployed: Deployed) -> list[str]:
     """Return one line for each deployment: how far it got."""
     return [
-        f"deployed on {name}: {int(found.deployed.sum())} of {len(found.tree)} branches, "
+        f"deployed on {name}: {int(found.deployed.sum())} of {counted(len(found.tree), 'branch')}, "
         f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
         for name, found in deployed
     ]

@@ -17,6 +17,7 @@ from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import body_paths
 from vinefab.fabrication.outline.body_outline import body_outline
@@ -124,7 +125,7 @@ def listed(findings: Sequence[Finding]) -> tuple[Listed, ...]:
 
 def _line(number: int, group: Sequence[Finding]) -> Listed:
     worst = max(group, key=_excess)
-    count = f"{len(group)} findings, the worst: " if len(group) > 1 else ""
+    count = f"{counted(len(group), 'finding')}, the worst: " if len(group) > 1 else ""
     return Listed(
         number=number,
         severity=worst.severity,
@@ -509,7 +510,7 @@ def _counted(report: CheckReport) -> str:
     counts = [f"{(n := report.count(s))} {_WORDS[s][n != 1]}" for s in Severity]
     waived = sum(finding.waived for finding in report.findings)
     more = [f"{waived} waived"] if waived else []
-    return ", ".join([*counts, *more, f"{len(report.skipped)} rules skipped"])
+    return ", ".join([*counts, *more, f"{counted(len(report.skipped), 'rule')} skipped"])
 
 
 def _draw_key(axes: Axes, page: FindingsPage) -> None:

@@ -148,6 +148,14 @@ class GrowthOptions:
             return 0.0
         return inflated_radius_mm(width_mm) * self.body_width_ratio
 
+    def drawn_widths_mm(self, widths_mm: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the lay-flat widths of a picture: 0 where the body that grew is a line.
+
+        >>> GrowthOptions.published().drawn_widths_mm((40.0, 24.0))
+        (0.0, 0.0)
+        """
+        return (0.0,) * len(widths_mm) if self.body == "centerline" else widths_mm
+
     @property
     def half_angle_range_rad(self) -> tuple[float, float]:
         """Least and greatest head-on half-angle."""

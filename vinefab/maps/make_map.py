@@ -244,6 +244,8 @@ def import_(
             raise BadInputError(name, value, allowed)
     if isinstance(layers, str):
         layers = (layers,)
+    if not isinstance(layers, Sequence) or not all(isinstance(name, str) for name in layers):
+        raise BadInputError("layers", layers, "names of layers")
     if "photo" in options:
         options["photo"] = _photo_options(options["photo"])
     chosen = ImportOptions(

@@ -10,6 +10,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
@@ -78,12 +79,15 @@ def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> l
     if given >= count:
         return notes
     which = (
-        "this start has" if len(maps) == 1 else f"starts of {len(alike)} of {len(maps)} maps have"
+        "this start has"
+        if len(maps) == 1
+        else f"starts of {len(alike)} of {counted(len(maps), 'map')} have"
     )
     if repeats:
         return [
             *notes,
-            f"{which} no spread: its {count} deployments per map differ in the head-on half-angle "
+            f"{which} no spread: its {counted(count, 'deployment')} per map differ in the head-on "
+            "half-angle "
             "alone, so they are samples over contacts, not over starts",
         ]
     deployments = "1 deployment" if given == 1 else f"at most {given} deployments"

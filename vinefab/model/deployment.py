@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
@@ -92,7 +93,7 @@ class Deployment:
         grown_mm, planned_mm = float(self.grown_mm.sum()), self.tree.total_length_mm
         return (
             f"<Deployment: {grown_mm:.5g} of {planned_mm:.5g} mm grown, "
-            f"{len(self.tree)} branches: {stops}>"
+            f"{counted(len(self.tree), 'branch')}: {stops}>"
         )
 
     def chain_mm(self, branch: int) -> Floats:

@@ -3,7 +3,7 @@
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number, positive, whole
 
@@ -243,7 +244,9 @@ class Build:
         for ratio in self.taper:
             number("build.taper", ratio, 0.01, 1.0)
         if len(self.taper) not in (0, len(self.widths_mm)):
-            raise BadInputError("build.taper", list(self.taper), f"{len(self.widths_mm)} ratios")
+            raise BadInputError(
+                "build.taper", list(self.taper), counted(len(self.widths_mm), "ratio")
+            )
         for width in self.widths_mm:
             positive("build.widths_mm", width)
         for radius in self.fillet_mm:
@@ -358,22 +361,28 @@ class Design:
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.name or not all(c.isalnum() or c in "_-." for c in self.name):
+        if (
+            not isinstance(self.name, str)
+            or not self.name
+            or not all(c.isalnum() or c in "_-." for c in self.name)
+        ):
             raise BadInputError("name", self.name, "letters, digits, '_', '-' and '.'")
         if self.name.startswith(".") or len(self.name) > 100:
             raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
         positive("trunk.length", self.trunk_length_mm)
         if self.depth > MOST_LEVELS:
-            raise BadInputError("level", f"{len(self.levels)} levels", f"at most {MOST_LEVELS - 1}")
+            raise BadInputError(
+                "level", counted(len(self.levels), "level"), f"at most {MOST_LEVELS - 1}"
+            )
         if self.branch_count > MOST_BRANCHES:
             raise BadInputError(
-                "level", f"{self.branch_count} branches", f"at most {MOST_BRANCHES} in all"
+                "level", counted(self.branch_count, "branch"), f"at most {MOST_BRANCHES} in all"
             )
         if len(self.build.widths_mm) != self.depth:
             raise BadInputError(
                 "build.widths_mm",
                 list(self.build.widths_mm),
-                f"{self.depth} widths, one per level with the trunk first",
+                f"{counted(self.depth, 'width')}, one per level with the trunk first",
             )
         object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
@@ -388,8 +397,9 @@ class Design:
         )
         more = " + ..." if len(self.levels) > 4 else ""
         return (
-            f"<Design {reprlib.repr(self.name)}: {self.depth} levels of {lengths_mm}{more} mm, "
-            f"{self.branch_count} branches, trunk {self.build.widths_mm[0]:.5g} mm wide>"
+            f"<Design {reprlib.repr(self.name)}: {counted(self.depth, 'level')} of "
+            f"{lengths_mm}{more} mm, "
+            f"{counted(self.branch_count, 'branch')}, trunk {self.build.widths_mm[0]:.5g} mm wide>"
         )
 
     @property
@@ -435,6 +445,72 @@ class Design:
 
         return read_design(name_or_path)
 
+    def with_level(  # noqa: PLR0913  what a level has
+        self,
+        level: int,
+        *,
+        branches: int | None = None,
+        length_mm: float | None = None,
+        angle_deg: float | None = None,
+        growth_percent: float | None = None,
+        width_mm: float | None = None,
+        taper: float | None = None,
+        fillet_mm: float | None = None,
+        name: str | None = None,
+    ) -> "Design":
+        """Return the design with other values of one level; what is None stays.
+
+        Parameters
+        ----------
+        level
+            1 for the trunk, 2 for its children, and so on; a trunk has a length, a width and a
+            taper only.
+        branches, length_mm, angle_deg, growth_percent
+            As in `Level.of`.
+        width_mm, taper, fillet_mm
+            Of this level, as in `Build`.
+        name
+            The name of the new design; None keeps it.
+
+        Raises
+        ------
+        BadInputError
+            If there is no such level, or a value cannot be used.
+
+        Examples
+        --------
+        >>> narrow = Design.read("three_level_tree").with_level(3, width_mm=7.0, name="narrow")
+        >>> narrow.name, narrow.build.widths_mm
+        ('narrow', (40.0, 24.0, 7.0))
+        """
+        place = whole("level", level, 1, self.depth) - 1
+        for key, length in (("length_mm", length_mm), ("width_mm", width_mm)):
+            if length is not None:
+                positive(key, length)
+        fan = {"branches": branches, "angle_deg": angle_deg, "growth_percent": growth_percent}
+        levels, trunk_length_mm = list(self.levels), self.trunk_length_mm
+        if place:
+            levels[place - 1] = _changed_level(levels[place - 1], {"length_mm": length_mm, **fan})
+        else:
+            for key, value in {**fan, "fillet_mm": fillet_mm}.items():
+                if value is not None:
+                    raise BadInputError(key, value, "nothing at level 1: a trunk has none")
+            trunk_length_mm = trunk_length_mm if length_mm is None else length_mm
+        build = self.build
+        tapers = build.taper or (() if taper is None else (1.0,) * self.depth)
+        return replace(
+            self,
+            name=self.name if name is None else name,
+            trunk_length_mm=trunk_length_mm,
+            levels=tuple(levels),
+            build=replace(
+                build,
+                widths_mm=_with_one(build.widths_mm, place, width_mm),
+                taper=_with_one(tapers, place, taper),
+                fillet_mm=_with_one(build.fillet_mm, place - 1, fillet_mm),
+            ),
+        )
+
     def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
         """Write the design as a file that `read` gives back as the same design.
 
@@ -472,13 +548,14 @@ class Design:
 
         return write_text(path_given("path", path), design_text(self), force=force)
 
-    def grow(
+    def grow(  # noqa: PLR0913  options by keyword
         self,
         world: "Map | str | PathLike[str]",
         pose: "Pose | tuple[float, float, float] | None" = None,
         *,
         body: str | None = None,
         head_on_half_angle_deg: float | None = None,
+        contacts: Mapping[str, object] | str | PathLike[str] | None = None,
         children_of_stuck: str | None = None,
         growth: Mapping[str, object] | None = None,
     ) -> "Deployment":
@@ -500,6 +577,9 @@ class Design:
         head_on_half_angle_deg
             A tip whose heading is within this angle of a wall's inward normal stops there, 0 to
             90 (assumed).
+        contacts
+            Numbers that photos measured, in place of assumed ones: what `vinefab.fit_observations`
+            returned with ``out``, or the path of such a file.
         children_of_stuck
             Whether children of a branch that stopped early stay inside (``stop``) or grow from
             where it stopped (``deploy``).
@@ -530,6 +610,7 @@ class Design:
             pose,
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
             children_of_stuck=children_of_stuck,
             growth=growth,
         )
@@ -539,3 +620,22 @@ class Design:
         """Show the flat outline in a notebook."""
         drawn: str | None = front_door().svg_of(self)
         return drawn
+
+
+def _changed_level(old: Level, given: Mapping[str, float | None]) -> Level:
+    """Return a level with the values given that are not None, each as in `Level.of`."""
+    new = Level.of(
+        branches=old.branches if given["branches"] is None else given["branches"],  # type: ignore[arg-type]
+        length_mm=old.length_mm if given["length_mm"] is None else given["length_mm"],
+        angle_deg=given["angle_deg"] or 0.0,
+        growth_percent=100.0 if given["growth_percent"] is None else given["growth_percent"],
+    )
+    # What is not given stays to the last bit.
+    fan_rad = old.fan_rad if given["angle_deg"] is None else new.fan_rad
+    growth = old.growth if given["growth_percent"] is None else new.growth
+    return replace(new, fan_rad=fan_rad, growth=growth)
+
+
+def _with_one(values: tuple[float, ...], place: int, value: float | None) -> tuple[float, ...]:
+    """Return values with one of them replaced, if it is given."""
+    return values if value is None else (*values[:place], value, *values[place + 1 :])

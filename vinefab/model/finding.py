@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 
 
 class Severity(StrEnum):
@@ -153,7 +154,7 @@ class CheckReport:
     def __repr__(self) -> str:
         names = " with ".join(reprlib.repr(name) for name in (self.design, self.recipe) if name)
         counts = ", ".join(self._counted(severity) for severity in Severity)
-        rules = f"{len(self.run)} rules applied, {len(self.skipped)} skipped"
+        rules = f"{counted(len(self.run), 'rule')} applied, {len(self.skipped)} skipped"
         return f"<{' '.join(('CheckReport', names)).rstrip()}: {counts}; {rules}>"
 
     def _repr_html_(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import positive
 from vinefab.model.laser import LaserProfile, OperationSettings
 from vinefab.model.outline import Contour
@@ -125,8 +126,8 @@ class Job:
     def __repr__(self) -> str:
         counts = Counter(path.operation for path in self.paths)
         paths = ", ".join(f"{count} {operation}" for operation, count in counts.items())
-        tiles = f", {len(self.tiles)} tiles" if self.tiles else ""
-        tiles += f", {len(self.sheets)} sheets" if self.sheets else ""
+        tiles = f", {counted(len(self.tiles), 'tile')}" if self.tiles else ""
+        tiles += f", {counted(len(self.sheets), 'sheet')}" if self.sheets else ""
         return (
             f"<Job {reprlib.repr(self.name)}: {self.sheet_width_mm:.5g} x "
             f"{self.sheet_height_mm:.5g} mm sheet, paths: {paths or 'none'}{tiles}>"

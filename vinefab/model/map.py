@@ -282,8 +282,8 @@ class Map:
         --------
         >>> from vinefab import maps
         >>> start = maps.pegs(seed=1).with_start("left side, heading 0+-20").starts[0]
-        >>> start.area, start.pose.heading_deg
-        (<LINESTRING (15 0, 15 440)>, 0.0)
+        >>> start.area.geom_type, start.pose.heading_deg
+        ('LineString', 0.0)
         """
         # Starts in words are built on this module.
         from vinefab.model.start_place import start_from, with_starts  # noqa: PLC0415

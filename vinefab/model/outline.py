@@ -9,6 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, frozen_floats
 
 FLATTEN_MM = 0.01
@@ -167,7 +168,7 @@ class Contour:
         bulges = frozen_floats("bulges", self.bulges)
         count = len(points) if self.closed else len(points) - 1
         if len(points) < 2 or not len(bulges) == len(self.parts) == len(self.branches) == count:
-            raise BadInputError("contour", (len(points), len(bulges)), f"{count} segments")
+            raise BadInputError("contour", (len(points), len(bulges)), counted(count, "segment"))
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "bulges", bulges)
 
@@ -175,7 +176,8 @@ class Contour:
         x0, y0, x1, y1 = self.box_mm
         kind = "closed" if self.closed else "open"
         return (
-            f"<Contour: {kind}, {len(self)} segments ({self.arc_count} arcs), "
+            f"<Contour: {kind}, {counted(len(self), 'segment')} "
+            f"({counted(self.arc_count, 'arc')}), "
             f"{self.length_mm:.5g} mm long, {x1 - x0:.5g} x {y1 - y0:.5g} mm>"
         )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Pose
 
@@ -65,7 +66,7 @@ class Score:
 
     def __repr__(self) -> str:
         weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())
-        return f"<Score {self.task}: {weighed}; {len(self.evaluations)} evaluations>"
+        return f"<Score {self.task}: {weighed}; {counted(len(self.evaluations), 'evaluation')}>"
 
     def _repr_html_(self) -> str:
         """Show the evaluations in a notebook."""

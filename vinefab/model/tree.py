@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
 from vinefab.model.design import Design, Level
 
@@ -39,7 +40,8 @@ class BranchTree:
 
     def __repr__(self) -> str:
         return (
-            f"<BranchTree: {len(self)} branches on {int(self.level.max())} levels, "
+            f"<BranchTree: {counted(len(self), 'branch')} on "
+            f"{counted(int(self.level.max()), 'level')}, "
             f"{self.total_length_mm:.5g} mm>"
         )
 

@@ -14,6 +14,7 @@ from scipy.stats import t as student
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -208,7 +209,7 @@ def _half_angle(fit: ThresholdFit, photos: Sequence[ObservedPhoto]) -> MeasuredN
         side=fit.side,
         count=fit.stopped + fit.slid,
         photos=fit.photos,
-        source=f"{fit.stopped} tips stopped, {fit.slid} slid; photos: {names}",
+        source=f"{counted(fit.stopped, 'tip')} stopped, {fit.slid} slid; photos: {names}",
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
@@ -157,7 +158,7 @@ class Observation:
     def lines(self) -> list[str]:
         """Return the result as lines for the user."""
         found, branches = self.summary, self.compared.branches
-        seen = f"{found['deployed_observed']} of {len(branches)} branches seen (measured)"
+        seen = f"{found['deployed_observed']} of {counted(len(branches), 'branch')} seen (measured)"
         missing = [b.id for b in branches if not b.deployed_observed and b.deployed_predicted]
         extra = [b.id for b in branches if b.deployed_observed and not b.deployed_predicted]
         angles = ", ".join(f"{angle:g}" for angle in self.compared.best_half_angles_deg)
@@ -171,7 +172,7 @@ class Observation:
             f"mean distance from the prediction {self.mean_error_mm:.1f} mm, "
             f"{100 * self.error_share:.1f} % of the way to the farthest tip",
             f"same stop in {found['same_stop']}, same contacts in "
-            f"{found['same_contact_order']} of {len(branches)} branches",
+            f"{found['same_contact_order']} of {counted(len(branches), 'branch')}",
             f"head-on half-angles that have this shape best: {angles} deg",
             *(f"caution: {caution}" for caution in self.cautions),
         ]

@@ -142,6 +142,11 @@ class Scene:
         return self.stage.height_px + FOOT_PX
 
     @property
+    def level_words(self) -> list[tuple[int, str]]:
+        """Levels with what the legend calls them: the first one says what the numbers are."""
+        return [(level, f"level {level}" if level == 1 else f"{level}") for level in self.levels]
+
+    @property
     def margin_px(self) -> int:
         """Room to the left of the map, which stands in the middle."""
         return (self.width_px - self.stage.width_px) // 2
@@ -200,9 +205,10 @@ def frozen_since(frames: Sequence[DeploymentFrame]) -> dict[str, int]:
     return since
 
 
-def frame_text(frame: DeploymentFrame) -> str:
+def frame_text(frame: DeploymentFrame, scene: Scene) -> str:
     """Return what is written under a frame."""
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]
     stuck = int(np.isin(stopped, (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)).sum())
-    return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stuck (simulated)"
+    drawn = "" if any(scene.widths_mm) else "; bodies are lines"
+    return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stuck (simulated){drawn}"

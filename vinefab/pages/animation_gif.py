@@ -98,7 +98,7 @@ class _Painter:
             self._line(draw, chain, level_colour(level), SHARPNESS * line_px(level))
         self._tips(draw, frame)
         self._start(draw, frame.deployment.pose)
-        return self._sheet(whole, frame_text(frame))
+        return self._sheet(whole, frame_text(frame, self.scene))
 
     def _sheet(self, whole: Image.Image, text: str) -> Image.Image:
         """Return map and foot on one sheet."""
@@ -183,9 +183,9 @@ class _Painter:
         label = f"{self.scene.bar_mm:g} mm"
         draw.text((right, 5), label, fill=INK, font=_font(14), anchor="ra")
         x = 10.0
-        for level in self.scene.levels:
+        for level, words in self.scene.level_words:
             draw.line([(x, 43), (x + 16, 43)], fill=level_colour(level), width=4)
-            x = _word(draw, x + 21, f"{level}") + 10
+            x = _word(draw, x + 21, words) + 10
         for stop in self.scene.stops:
             _mark(draw, stop, np.array([x + 4, 43.0]), 1)
             x = _word(draw, x + 13, STOP_WORDS[stop]) + 12

@@ -181,7 +181,7 @@ def _foot(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> lis
     """Return text, scale bar and legend below the map."""
     top, (left, right) = scene.stage.height_px, scene.bar_px
     parts = [
-        clock.during(number, f'<text x="10" y="{top + 19}">{frame_text(frame)}</text>')
+        clock.during(number, f'<text x="10" y="{top + 19}">{frame_text(frame, scene)}</text>')
         for number, frame in enumerate(frames)
     ]
     parts.append(
@@ -189,12 +189,12 @@ def _foot(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> lis
         f'<text x="{right}" y="{top + 18}" text-anchor="end">{scene.bar_mm:g} mm</text>'
     )
     x, y = 10, top + 46
-    for level in scene.levels:
+    for level, words in scene.level_words:
         parts.append(
             f'<path d="M{x} {y - 4}h16" stroke="{level_colour(level)}" stroke-width="4"/>'
-            f'<text x="{x + 21}" y="{y}" font-size="11" fill="{SOFT}">{level}</text>'
+            f'<text x="{x + 21}" y="{y}" font-size="11" fill="{SOFT}">{words}</text>'
         )
-        x += 36
+        x += 27 + 6 * len(words)
     for stop in scene.stops:
         parts.append(
             f'<use href="#m{int(stop)}" x="{x + 8}" y="{y - 4}" stroke="{INK}"/>'

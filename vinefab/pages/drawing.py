@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.patheffects import Normal, Stroke
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -20,12 +19,14 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.figure import house_style, plan_axes
+from vinefab.pages.label_places import write_labels
 from vinefab.pages.map_view import (
     STOP_WORDS,
     Box,
     StartMark,
     bounds_in,
     longer_mm,
+    lost_places,
     robot_view,
     rock_in,
     start_marks,
@@ -37,6 +38,8 @@ _FOOT_IN = 0.58
 """Room below a plan for the axis, before the legend begins."""
 
 RANGE_LABEL = "range of starts"
+
+BODY_IS_LINE = "Bodies are lines: this growth model gives them no width"
 
 MANY_TIPS = 100
 """From so many branches on, markers and lines are drawn finer."""
@@ -63,6 +66,7 @@ def draw_start_range(axes: Axes, mark: StartMark) -> None:
     if mark.fan is not None:
         fill_geometry(axes, [mark.fan], face=START, edge="none", alpha=0.28, rank=2.6)
     if mark.whole is None:
+        axes.plot([], [], color=START, label=RANGE_LABEL if mark.fan is not None else "")
         return
     free = [piece for piece in mark.free if isinstance(piece, Polygon)]
     fill_geometry(axes, free, face=START, edge="none", alpha=0.28, rank=2.5)
@@ -76,7 +80,13 @@ def draw_start_range(axes: Axes, mark: StartMark) -> None:
 
 
 def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:
-    """Draw body, centreline, contacts and tips of a deployment, coloured by level."""
+    """Draw body, centreline, contacts and tips of a deployment, coloured by level.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat width of each level; 0 where the body is a line.
+    """
     levels = deployment.tree.level
     size = 0.5 if len(levels) > MANY_TIPS else 1.0
     # Leaves first, so that the trunk lies on top; the legend says the trunk first.
@@ -85,26 +95,29 @@ def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, 
         chains = [deployment.chain_mm(int(branch)) for branch in members]
         colour, rank = level_colour(level), 20 - level
         lines = [shapely.LineString(chain) for chain in chains if len(chain) > 1]
-        body = shapely.union_all(shapely.buffer(lines, widths_mm[level - 1] / np.pi, quad_segs=8))
-        fill_geometry(axes, [body], face=colour, edge=colour, alpha=0.3, rank=3)
+        if radius_mm := widths_mm[level - 1] / np.pi:
+            body = shapely.union_all(shapely.buffer(lines, radius_mm, quad_segs=8))
+            fill_geometry(axes, [body], face=colour, edge=colour, alpha=0.3, rank=3)
         width_pt = size * max(1.0, 2.2 - 0.3 * level)
         axes.add_collection(
             LineCollection(chains, colors=colour, linewidths=width_pt, zorder=4 + rank / 100)
         )
         count = f"{len(members)} of {np.count_nonzero(levels == level)}"
         axes.plot([], [], color=colour, lw=2.4, label=f"level {level} ({count})", zorder=level)
+    if not any(widths_mm):
+        axes.plot([], [], color=SOFT, lw=1.2, label="body: a line without width")
     _draw_contacts(axes, deployment, size)
     _draw_tips(axes, deployment, size)
 
 
 def draw_legend(axes: Axes) -> None:
     """Explain, below a plan, everything on it that has a label."""
-    handles, labels = _named_once(axes)
-    order = sorted(range(len(labels)), key=lambda i: (not labels[i].startswith("level"), labels[i]))
+    entries = legend_entries(axes)
+    labels = [words for words, _ in entries]
     width_in, height_in = axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
     axes.legend(
-        [handles[i] for i in order],
-        [labels[i] for i in order],
+        [symbol for _, symbol in entries],
+        labels,
         loc="upper center",
         bbox_to_anchor=(0.5, -_FOOT_IN / max(0.5, height_in - 0.9)),
         ncols=max(1, min(4, int(width_in / (0.55 + 0.063 * max(map(len, labels)))))),
@@ -112,12 +125,13 @@ def draw_legend(axes: Axes) -> None:
     )
 
 
-def _named_once(axes: Axes) -> tuple[list[Artist], list[str]]:
-    """Return what is to be explained: of several starts, the first."""
+def legend_entries(axes: Axes) -> list[tuple[str, Artist]]:
+    """Return what is to be explained and its symbol, levels first; of several starts, the first."""
     handles, labels = axes.get_legend_handles_labels()
-    first = dict(zip(reversed(labels), reversed(handles), strict=True))
-    kept = list(dict.fromkeys(labels))
-    return [first[label] for label in kept], kept
+    first: dict[str, Artist] = dict(zip(reversed(labels), reversed(handles), strict=True))
+    if RANGE_LABEL in first:  # areas and fans are filled, with or without a dashed edge
+        first[RANGE_LABEL] = Patch(fc=to_rgba(START, 0.28), ec=START, ls="--", lw=0.9)
+    return sorted(first.items(), key=lambda entry: (not entry[0].startswith("level"), entry[0]))
 
 
 def _draw_contacts(axes: Axes, deployment: Deployment, size: float) -> None:
@@ -148,40 +162,52 @@ def _draw_tips(axes: Axes, deployment: Deployment, size: float) -> None:
             )
     lost = int(np.count_nonzero(~deployment.deployed))
     if lost:
-        axes.plot([], [], " ", label=f"{STOP_WORDS[Stop.NOT_DEPLOYED]} ({lost})")
-
-
-def draw_names(axes: Axes, deployment: Deployment, view_mm: float) -> None:
-    """Write every branch's id beside the middle of its last stretch."""
-    tree, names = deployment.tree, deployment.tree.ids
-    # Branches that share their fate lie on each other: their ids stand one after the other.
-    together: dict[tuple[int, ...], list[int]] = {}
-    for branch in np.flatnonzero(deployment.deployed).tolist():
-        middle = deployment.chain_mm(branch)[-2:].mean(axis=0)
-        cell = np.round(middle / (0.02 * view_mm)).astype(int).tolist()
-        together.setdefault((int(tree.level[branch]), *cell), []).append(branch)
-    for (level, *_), branches in together.items():
-        first, last = deployment.chain_mm(branches[0])[-2:]
-        angle = np.arctan2(*(last - first)[::-1])
-        axes.annotate(
-            ", ".join(names[branch] for branch in branches),
-            tuple((first + last) / 2),
-            xytext=(-7.0 * np.sin(angle), 7.0 * np.cos(angle)),
-            textcoords="offset points",
-            fontsize=6.5 if len(tree) <= MANY_TIPS else 4.5,
-            color=level_colour(level),
-            path_effects=[Stroke(linewidth=1.6, foreground="white"), Normal()],
-            ha="center",
-            va="center",
-            zorder=8,
+        axes.plot(
+            *np.array([place.at_mm for place in lost_places(deployment)]).T,
+            "o",
+            color=INK,
+            markersize=9.0 * size,
+            mfc="none",
+            mew=0.9 * size,
+            zorder=6.2,
+            label=f"{STOP_WORDS[Stop.NOT_DEPLOYED]} ({lost})",
         )
+
+
+def draw_names(axes: Axes, deployment: Deployment) -> None:
+    """Write every branch's id beside the middle of its last stretch; axes are else complete."""
+    tree, out = deployment.tree, np.flatnonzero(deployment.deployed).tolist()
+    # Branches that share their fate lie on each other: one label has the ids of all of them.
+    together: dict[tuple[float, ...], list[int]] = {}
+    for branch in out:
+        ends = tuple(np.round(deployment.chain_mm(branch)[-2:].ravel(), 2).tolist())
+        together.setdefault(ends, []).append(branch)
+    shared = list(together.values())
+    write_labels(
+        axes,
+        np.array([deployment.chain_mm(some[0])[-2:].mean(axis=0) for some in shared]),
+        [", ".join(tree.ids[branch] for branch in some) for some in shared],
+        [level_colour(int(tree.level[some[0]])) for some in shared],
+        size_pt=6.5 if len(tree) <= MANY_TIPS else 4.5,
+        mark_pt=1.5,
+        lines=[deployment.chain_mm(branch) for branch in out],
+    )
 
 
 def draw_targets(axes: Axes, targets_mm: Floats) -> None:
     """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
-    for marker, size in (("o", 7.0), ("+", 9.0)):
+    if not len(targets_mm):
+        return
+    for marker, size, label in (("o", 7.0, "target"), ("+", 9.0, "")):
         axes.plot(
-            *targets_mm.T, marker, color=INK, markersize=size, fillstyle="none", mew=1.1, zorder=6
+            *targets_mm.T,
+            marker,
+            color=INK,
+            markersize=size,
+            fillstyle="none",
+            mew=1.1,
+            zorder=6,
+            label=label,
         )
 
 
@@ -235,6 +261,8 @@ def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_in: float 
             draw_pose(axes, start.pose, max(world.size_mm))
         if targets_mm is not None:
             draw_targets(axes, targets_mm)
+        if world.starts or targets_mm is not None:
+            draw_legend(axes)
     return figure
 
 
@@ -260,7 +288,7 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
         if box != world.bounds.bounds:
             size = " x ".join(f"{side:g}" for side in world.size_mm)
             axes.set_title(f"part of {world.name}, {size} mm", fontsize=8, color=SOFT)
-        if named:
-            draw_names(axes, deployment, longer_mm(box))
         draw_legend(axes)
+        if named:
+            draw_names(axes, deployment)
     return figure

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 
 Tone = Literal["good", "caution", "bad"]
 
@@ -50,7 +51,9 @@ class Table:
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.headings):
-                raise BadInputError(self.caption, len(row), f"{len(self.headings)} cells per row")
+                raise BadInputError(
+                    self.caption, len(row), f"{counted(len(self.headings), 'cell')} per row"
+                )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

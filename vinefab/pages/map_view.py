@@ -1,6 +1,7 @@
 """What part of a map a picture shows, without detail too fine to be seen; loads no plotting."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,34 @@ def robot_box(deployment: Deployment) -> Box:
     (x_min, y_min), (x_max, y_max) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     rim_mm = max(0.05 * (x_max - x_min), 0.05 * (y_max - y_min), 10.0)
     return x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostPlace:
+    """An end of a body at which branches should have emerged and never did."""
+
+    at_mm: tuple[float, float]
+    front_mm: float  # front length at which the body ended there
+    count: int  # of the branches, descendants included
+
+
+def lost_places(deployment: Deployment) -> list[LostPlace]:
+    """Return where branches never emerged: each end of the body once, the base for a trunk."""
+    tree, pose, counts = deployment.tree, deployment.pose, Counter[int]()
+    for branch in np.flatnonzero(~deployment.deployed).tolist():
+        end = branch
+        while end >= 0 and not deployment.deployed[end]:
+            end = int(tree.parent[end])
+        counts[end] += 1
+    fronts_mm = deployment.base_mm + deployment.grown_mm
+    return [
+        LostPlace(
+            at_mm=(pose.x_mm, pose.y_mm) if end < 0 else tuple(deployment.chain_mm(end)[-1]),
+            front_mm=0.0 if end < 0 else float(fronts_mm[end]),
+            count=count,
+        )
+        for end, count in counts.items()
+    ]
 
 
 def at_least_wide(box: Box) -> Box:

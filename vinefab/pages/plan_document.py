@@ -37,6 +37,12 @@ RANGE: LegendEntry = (
 )
 
 
+BODY_LINE: LegendEntry = (
+    '<path class="swatch thin" d="M-7 0H7"/>',
+    "body: a line without width",
+)
+
+
 def plan_document(
     parts: Iterable[str], box_mm: Box, *, title: str = "", legend: Sequence[LegendEntry] = ()
 ) -> str:
@@ -87,12 +93,14 @@ def robot_legend(deployment: Deployment) -> list[LegendEntry]:
         swatch = f'<path class="swatch level-{colour}" d="M-7 0H7"/>'
         entries.append((swatch, f"level {level} ({count})"))
     inner = np.maximum(np.diff(deployment.first_point) - 2, 0)
+    if deployment.growth.get("body") == "centerline":
+        entries.append(BODY_LINE)
     if contacts := int(inner.sum()):
         entries.append((f'<g class="contacts">{CONTACT}</g>', f"contact ({contacts})"))
     for stop in Stop:
         count_stopped = deployment.stops[stop.label]
         if count_stopped:
-            mark = f'<g class="mark {stop_class(stop)}">{MARKS.get(stop, "")}</g>'
+            mark = f'<g class="mark {stop_class(stop)}">{MARKS[stop]}</g>'
             entries.append((mark, f"{STOP_WORDS[stop]} ({count_stopped})"))
     return entries
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
@@ -36,6 +37,7 @@ from vinefab.pages.map_view import (
     StartMark,
     bounds_in,
     longer_mm,
+    lost_places,
     rock_in,
     start_marks,
 )
@@ -59,8 +61,10 @@ MARKS = {
     '-2.3 3.8-3.8 2.3-1.5 0Z"/>',
     Stop.CORNER: '<path d="M0-4.2 4 3H-4Z"/>',
     Stop.PRESSURE: '<path d="M-3.1-3.1H3.1V3.1H-3.1Z"/>',
+    Stop.NOT_DEPLOYED: '<circle r="5.4"/>',
 }
-"""What stands at a tip, by why it stopped, in pixels around it; the shape alone says it."""
+"""What stands at a tip, by why it stopped, in pixels around it; the shape alone says it. A ring
+around a tip: branches never emerged there."""
 
 CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
 """What stands where a body is wrapped around a wall, in pixels around it."""
@@ -124,7 +128,9 @@ def robot_svg(
         parts.append(_level(level, course, widths_mm[level - 1]))
     if detail:
         at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
-        parts += [_contacts(deployment, points), _tips(deployment, points, at_rest)]
+        lost = "" if is_growing is not None else _lost(deployment)
+        tips = f'<g class="tips">{lost}{_tips(deployment, points, at_rest)}</g>'
+        parts += [_contacts(deployment, points), tips]
     attributes = f'data-full="{_text(deployment.full_mm)}"'
     return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
 
@@ -311,7 +317,18 @@ def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_])
             f'data-front="{front}" transform="translate({place})">'
             f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
         )
-    return f'<g class="tips">{"".join(marks)}</g>'
+    return "".join(marks)
+
+
+def _lost(deployment: Deployment) -> str:
+    """Return a ring at every end of the body at which branches never emerged."""
+    words = STOP_WORDS[Stop.NOT_DEPLOYED]
+    return "".join(
+        f'<g class="mark {stop_class(Stop.NOT_DEPLOYED)}" data-front="{_text(place.front_mm)}" '
+        f'transform="translate({_pair(*place.at_mm)})">{MARKS[Stop.NOT_DEPLOYED]}'
+        f"<title>{counted(place.count, 'branch')} {words} (simulated)</title></g>"
+        for place in lost_places(deployment)
+    )
 
 
 def stop_class(stop: Stop) -> str:

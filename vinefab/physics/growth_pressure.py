@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment
 from vinefab.model.laser import Quantity, Standing
@@ -169,7 +170,7 @@ def growth_pressure_kpa(
     10.5
     """
     if len(turns_rad) != len(lengths_mm) - 1:
-        raise BadInputError("turns_rad", len(turns_rad), f"{len(lengths_mm) - 1} turns")
+        raise BadInputError("turns_rad", len(turns_rad), counted(len(lengths_mm) - 1, "turn"))
     drag_kpa_mm = constants.drag_kpa_m.value / 1000.0
     tension_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm
     for length_mm, turn_rad in zip(lengths_mm, turns_rad, strict=False):

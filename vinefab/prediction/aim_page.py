@@ -10,6 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.growth.options import growth_text
 from vinefab.model.map import Map
@@ -133,7 +134,8 @@ def draw_best_deployments(axes: Axes, found: AimResult, robot: AimedRobot) -> No
         axes.add_collection(
             LineCollection(chains, colors=SOFT, linewidths=0.6, alpha=0.35, zorder=2)
         )
-    draw_deployment(axes, robot.shown[0], robot.design.build.widths_mm)
+    widths_mm = found.plan.options.drawn_widths_mm(robot.design.build.widths_mm)
+    draw_deployment(axes, robot.shown[0], widths_mm)
     _draw_best(axes, found, robot)
 
 
@@ -387,8 +389,10 @@ def _landscape_section(found: AimResult) -> Section:
             bar.set_label(_score_words(found))
             bar.outline.set_visible(False)
         caption = (
-            f"{robot.name}: expected score of {int(landscape.known.sum())} places, each at the "
-            f"best of its headings (arrows), {landscape.draws} deployments at each pose: a first "
+            f"{robot.name}: expected score of {counted(int(landscape.known.sum()), 'place')}, "
+            "each at the "
+            f"best of its headings (arrows), {counted(landscape.draws, 'deployment')} at each "
+            "pose: a first "
             f"look that favours luck. Ring: the best robust pose, {pose_text(robot.best.pose)} "
             "(simulated)."
         )
@@ -437,7 +441,8 @@ def _best_section(found: AimResult) -> Section:
             draw_best_deployments(axes, found, robot)
             draw_legend(axes)
         caption = (
-            f"{robot.name} from {pose_text(robot.best.pose)}: {len(robot.shown)} deployments with "
+            f"{robot.name} from {pose_text(robot.best.pose)}: "
+            f"{counted(len(robot.shown), 'deployment')} with "
             "contacts and placing errors, one of them in full (simulated)."
         )
         pictures.append(Picture(image=svg_bytes(figure), caption=caption))

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import growth_text
+from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -99,7 +100,7 @@ class PairedDifference:
             by = f"{self.measure.number(self.mean)}{unit}, one pair: no interval, no p value"
             return f"{self.measure.title}: {self.pair}: {by}"
         by = f"{self.interval}{unit}"
-        chance = f"p = {self.p_adjusted:.5f}, {self.pairs} pairs"
+        chance = f"p = {self.p_adjusted:.5f}, {counted(self.pairs, 'pair')}"
         pair = f"{self.pair}: {by}, {chance}"
         if self.is_clear:
             return f"{self.measure.title}: {self.winner} is better; {pair}"
@@ -175,7 +176,7 @@ def compare_designs(
 ) -> DesignComparison:
     """Deploy designs on the same maps from the same poses and compare them pair by pair."""
     if not 2 <= len(designs) <= MOST_DESIGNS:
-        raise BadInputError("DESIGN", f"{len(designs)} designs", f"2 to {MOST_DESIGNS}")
+        raise BadInputError("DESIGN", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
     progress(0.0, "preparing maps")
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)
@@ -280,7 +281,7 @@ def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
     some = next(iter(outcomes.values()))
     table = Table(
         caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
-        f"{len(some)} deployments of each design (simulated)",
+        f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
         rows=rows,
     )
@@ -364,14 +365,21 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
 
 
 def same_map_section(
-    world: Map, robots: Sequence[tuple[str, Design, Deployment]], words: str
+    world: Map,
+    robots: Sequence[tuple[str, Design, Deployment]],
+    options: GrowthOptions,
+    words: str,
 ) -> Section:
     """Return all designs deployed on the same map from the same pose."""
     pictures = tuple(
         Picture(
             image=svg_bytes(
                 deployment_plan(
-                    world, deployment, design.build.widths_mm, longest_in=4.6, whole=True
+                    world,
+                    deployment,
+                    options.drawn_widths_mm(design.build.widths_mm),
+                    longest_in=4.6,
+                    whole=True,
                 )
             ),
             caption=f"{name} on {world.name} (simulated).",
@@ -466,7 +474,11 @@ def comparison_page(
             cautions=tuple(f"{note[:1].upper()}{note[1:]}." for note in (*notes, *found.notes)),
             facts=(
                 *(
-                    (name, f"{design.branch_count} branches on {design.depth} levels")
+                    (
+                        name,
+                        f"{counted(design.branch_count, 'branch')} on "
+                        f"{counted(design.depth, 'level')}",
+                    )
                     for name, design, _ in robots
                 ),
                 ("growth model", found.growth),
@@ -475,7 +487,7 @@ def comparison_page(
                 paired_difference_section(measure, found.differences),
                 side_by_side_section(found.outcomes()),
                 contact_section(found, measure),
-                same_map_section(world, robots, found.growth),
+                same_map_section(world, robots, found.plan.options, found.growth),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
@@ -183,7 +184,7 @@ def stayed_text(left: Sequence[bool], design: Design, options: GrowthOptions) ->
     if not stayed:
         return []
     diameter_mm = 2.0 * options.radius_mm(design.build.widths_mm[0])
-    where = "" if count == 1 else f" in {stayed} of {count} deployments"
+    where = "" if count == 1 else f" in {stayed} of {counted(count, 'deployment')}"
     return [
         f"the trunk never leaves its start{where}: no room for its inflated body of "
         f"{diameter_mm:.0f} mm"
@@ -271,7 +272,7 @@ class DeployedDesign:
         stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
         return [
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
-            f"{len(tree)} branches: {stops} (simulated)",
+            f"{counted(len(tree), 'branch')}: {stops} (simulated)",
             f"growth: {growth_text(self.options, [self.design])}",
             *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
@@ -292,9 +293,10 @@ class DeployedDesign:
         if len(tight) == 0:
             return []
         names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
+        more = ", ..." if len(tight) > MOST_NAMED else ""
         return [
-            f"{len(tight)} branches slid steeply with a long straight body behind the tip, where a "
-            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
+            f"tip, where a real one may bow: {names}{more}"
         ]
 
     @property
@@ -316,14 +318,18 @@ class DeployedDesign:
         history = None if frames is None else history_content(frames)
         return deployment_text(self.deployment, *names, self.metrics, history)
 
+    @property
+    def _widths_mm(self) -> tuple[float, ...]:
+        """Lay-flat widths to draw."""
+        return self.options.drawn_widths_mm(self.design.build.widths_mm)
+
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""
         # matplotlib takes longer to load than the growth to simulate.
         from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
         from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
 
-        widths_mm = self.design.build.widths_mm
-        figure = deployment_plan(self.world, self.deployment, widths_mm, named=named)
+        figure = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
         return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
@@ -331,7 +337,7 @@ class DeployedDesign:
         kind = suffix.lower()
         if kind not in (".svg", ".gif"):
             raise BadInputError("suffix", suffix, ".svg or .gif")
-        shapes, widths_mm = self.history.even_steps(frames), self.design.build.widths_mm
+        shapes, widths_mm = self.history.even_steps(frames), self._widths_mm
         if kind == ".svg":
             from vinefab.pages.animation_svg import svg_animation  # noqa: PLC0415  as below
 

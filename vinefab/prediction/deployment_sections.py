@@ -7,14 +7,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
+from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.drawing import BODY_IS_LINE, deployment_plan
 from vinefab.pages.figure import blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
@@ -114,7 +116,9 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
         "poses where there is one map); the table has it. With fewer than ten maps it is too "
         "narrow."
     )
-    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in families)
+    counts = "; ".join(
+        f"{outcomes.label}: {counted(len(outcomes), 'deployment')}" for outcomes in families
+    )
     return Section(
         title="Predictions",
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),
@@ -127,20 +131,22 @@ def deployment_section(
     design: Design,
     deployed: Sequence[tuple[str, Map, Deployment]],
     ended: Sequence[tuple[str, Sequence[Deployment]]],
-    rules: str,
+    options: GrowthOptions,
 ) -> Section:
     """Return pictures of deployments, and how all branches ended."""
     fine = design.branch_count > TOO_FINE
+    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
     pictures = []
     for words, world, deployment in deployed:
-        figure = deployment_plan(world, deployment, design.build.widths_mm, longest_in=4.6)
+        figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6)
         image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
         pictures.append(Picture(image=image, caption=f"{words} (simulated)."))
     return Section(
         title="Deployments",
         paragraphs=(
-            f"Growth model: {rules}. Planar and supported; branches do not push on each other. "
-            "Bodies are drawn as wide as they inflate.",
+            f"Growth model: {growth_text(options, [design])}. Planar and supported; branches do "
+            f"not push on each other. {drawn}",
         ),
         pictures=tuple(pictures),
         tables=tuple(stop_table(label, deployments) for label, deployments in ended),
@@ -208,7 +214,8 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
     )
     total = sum(len(deployment.tree) for deployment in deployments)
     return Table(
-        caption=f"{_capital(label)}: how {total} branches of {len(deployments)} deployments ended "
+        caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
+        f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import (
     around_findings,
     checked_design,
@@ -99,7 +100,8 @@ class DesignVersion:
         return [
             (
                 "grown",
-                f"{grown_mm.sum():.1f} of {tree.total_length_mm:.1f} mm, {len(tree)} branches: "
+                f"{grown_mm.sum():.1f} of {tree.total_length_mm:.1f} mm, "
+                f"{counted(len(tree), 'branch')}: "
                 f"{stops} (simulated)",
             ),
             (self.score.task, f"{mean:.4f} mean of {evaluations} (simulated)"),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -54,7 +55,7 @@ def unseen_maps(
     options = with_parameters(kind.options, environment, parameters or {})
     first = FIRST_UNSEEN + MOST_MAPS * seed
     worlds = tuple(kind.make(first + index, options) for index in range(count))
-    return MapFamily(label=f"{count} unseen {environment} maps", worlds=worlds)
+    return MapFamily(label=counted(count, f"unseen {environment} map"), worlds=worlds)
 
 
 def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -163,7 +164,10 @@ def deploy_family(
             unstopped,
             plan.anchoring,
         )
-        progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
+        progress(
+            (index + 1) / len(deployments),
+            f"{index + 1} of {counted(len(deployments), 'deployment')}",
+        )
     names = prepared.names
     outcomes = MeasureTable(
         label=prepared.label,

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_BRANCHES
@@ -234,7 +235,7 @@ def score_change_lines(
             for design in (before, after)
         )
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
-        where = f"mean over {len(maps)} maps"
+        where = f"mean over {counted(len(maps), 'map')}"
         lines.append(f"  {task}, {where}: {scores} (simulated; {_difference_text(old, new)})")
     return lines
 

@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patheffects import Normal, Stroke
 from shapely import LineString
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Launches, TerrainSet
@@ -22,9 +22,10 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.colours import ALERT, HEAT_COLOURS
-from vinefab.pages.drawing import draw_map, draw_pose
+from vinefab.pages.drawing import draw_legend, draw_map, draw_pose
 from vinefab.pages.figure import house_style, plan_axes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.label_places import write_labels
 from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.measures import STUCK_STOPS
 from vinefab.tasks.evaluate import PreparedMap
@@ -183,17 +184,16 @@ def heat_plan(heat: HeatMap) -> Figure:
         draw_map(axes, heat.world)
         for start in heat.world.starts:
             draw_pose(axes, start.pose, max(heat.world.size_mm))
-        for number, spot in enumerate(heat.spots, start=1):
-            place = (spot.x_mm, spot.y_mm)
-            axes.plot(*place, "o", ms=9, mfc="none", mec=ALERT, mew=1.6, zorder=8)
-            axes.annotate(
-                f"{number}", place, xytext=(6, 5), textcoords="offset points", fontsize=9,
-                color=ALERT, path_effects=[Stroke(linewidth=2.2, foreground="white"), Normal()],
-                zorder=9,
-            )  # fmt: skip
+        places = np.array([(spot.x_mm, spot.y_mm) for spot in heat.spots]).reshape(-1, 2)
+        if len(places):
+            label = "branches get stuck here, numbered as in the table"
+            axes.plot(*places.T, "o", ms=9, color=ALERT, mfc="none", mew=1.6, zorder=8, label=label)
         bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("deployments whose body passes (%)")
         bar.outline.set_visible(False)
+        draw_legend(axes)
+        numbers = [str(number) for number in range(1, len(places) + 1)]
+        write_labels(axes, places, numbers, [ALERT] * len(places), size_pt=9.0, mark_pt=5.0)
     return figure
 
 
@@ -201,7 +201,8 @@ def heat_section(heat: HeatMap) -> Section:
     """Return where robots go on one map, and where they get stuck."""
     often, ever = heat.percent_passed(0.5), heat.percent_passed()
     words = (
-        f"{heat.deployments} deployments on {heat.world.name}, poses drawn {heat.spread} (uniform; "
+        f"{counted(heat.deployments, 'deployment')} on {heat.world.name}, poses drawn "
+        f"{heat.spread} (uniform; "
         f"simulated). Some body covers {ever:.1f} % of the free space; more than half of the "
         f"deployments cover {often:.1f} %. The raster's cells are {heat.cell_mm:.2f} mm."
     )

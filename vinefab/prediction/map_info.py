@@ -12,6 +12,7 @@ from shapely import Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
@@ -288,14 +289,41 @@ def _start_content(room: StartRoom) -> dict[str, object]:
     return {**pose_content(room.pose), **space}
 
 
+PLAUSIBLE_MM = 20.0, 20_000.0
+"""Longer sides of maps that robots are made for; others may be of another unit."""
+
+_LIKELY_MM = 100.0, 10_000.0
+_UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 0.1: "tenths of millimetres",
+             0.01: "hundredths of millimetres", 0.001: "micrometres"}  # fmt: skip
+
+
+def size_notes(world: Map) -> list[str]:
+    """Return what to say of a map that is so small or large that its unit may be another one."""
+    longer_mm, (least_mm, most_mm) = max(world.size_mm), PLAUSIBLE_MM
+    if world.seed is not None or least_mm <= longer_mm <= most_mm:  # a generator knows its unit
+        return []
+    width_mm, height_mm = world.size_mm
+    said = f"this map is {width_mm:.6g} x {height_mm:.6g} mm"
+    for factor, unit in _UNITS_MM.items():
+        if _LIKELY_MM[0] <= longer_mm * factor <= _LIKELY_MM[1]:
+            taken = world.facts.get("scale_mm_per_unit", 1.0)
+            scale = factor * taken if isinstance(taken, int | float) else factor
+            what = f"its unit is {unit}" if scale == factor else f"that is {factor:g} times too few"
+            what = what if factor > 1.0 or scale == factor else "that is too many"
+            return [f"{said}: if {what}, give --scale-mm-per-unit {scale:g} to vinefab map import"]
+    return [f"{said}: is that its unit? vinefab map import has --scale-mm-per-unit"]
+
+
 def info_lines(info: MapInfo) -> Iterator[str]:
     """Yield everything in a few lines for the user."""
     world, (width_mm, height_mm) = info.world, info.world.size_mm
     regions = info.regions_mm2
     yield (
-        f"{world.name}: {width_mm:g} x {height_mm:g} mm, {len(world.obstacles)} obstacles, "
-        f"{world.wall_count} walls, {_vertices(world)} vertices"
+        f"{world.name}: {width_mm:g} x {height_mm:g} mm, "
+        f"{counted(len(world.obstacles), 'obstacle')}, "
+        f"{counted(world.wall_count, 'wall')}, {_vertices(world)} vertices"
     )
+    yield from (f"note: {note}" for note in size_notes(world))
     yield (
         f"free area {info.free.area / 1e6:.4g} m2, {100 * info.free_share:.1f} % of the bounds, "
         f"in {len(regions)} {'region' if len(regions) == 1 else 'regions'} (computed)"
@@ -337,5 +365,7 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
         narrow = sum(gate.body_mm < info.body.width_mm for gate in info.gates)
         yield (
             f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of these {len(info.gates)} passages are too narrow (computed)"
+            f"free area; {narrow} of {agreeing(len(info.gates), 'this', 'these')} "
+            f"{counted(len(info.gates), 'passage')} {agreeing(len(info.gates), 'is', 'are')} too "
+            "narrow (computed)"
         )

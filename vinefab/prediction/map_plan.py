@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.patheffects import Normal, Stroke
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.maps.passages import Passage
@@ -14,6 +14,7 @@ from vinefab.model.map import Map
 from vinefab.pages.colours import ALERT, INK, level_colour
 from vinefab.pages.drawing import draw_legend, draw_map, draw_pose, fill_geometry
 from vinefab.pages.figure import house_style, plan_axes
+from vinefab.pages.label_places import write_labels
 from vinefab.pages.map_view import UNSEEN
 
 ROOM = level_colour(3)
@@ -39,28 +40,28 @@ def passage_plan(
             draw_pose(axes, start.pose, max(world.size_mm))
             place = (start.pose.x_mm, start.pose.y_mm)
             axes.add_patch(Circle(place, clearance_mm, fill=False, ec=INK, ls=":", lw=1.0))
-        for number, passage in enumerate(passages, start=1):
-            _draw_passage(axes, passage, number)
+        for passage in passages:
+            _draw_passage(axes, passage)
         _once(axes)
+        _write_numbers(axes, world, passages[:_MOST_NAMED])
     return figure
 
 
-def _draw_passage(axes: Axes, passage: Passage, number: int) -> None:
+def _draw_passage(axes: Axes, passage: Passage) -> None:
     (x_1, y_1), (x_2, y_2) = passage.ends_mm
     axes.plot([x_1, x_2], [y_1, y_2], color=ALERT, lw=2.0, solid_capstyle="butt", zorder=6)
     # Many a passage is too short to be seen on paper: the ring shows where it is.
     axes.plot(*passage.middle_mm, "o", ms=11, mfc="none", mec=ALERT, mew=1.0, zorder=6)
-    if number <= _MOST_NAMED:
-        axes.annotate(
-            f"{number}: {passage.width_mm:.1f} mm",
-            passage.middle_mm,
-            xytext=(8, 7),
-            textcoords="offset points",
-            fontsize=8,
-            color=ALERT,
-            path_effects=[Stroke(linewidth=2.2, foreground="white"), Normal()],
-            zorder=8,
-        )
+
+
+def _write_numbers(axes: Axes, world: Map, passages: Sequence[Passage]) -> None:
+    """Write number and width of passages, and the numbers of starts where there are several."""
+    words = [f"{number}: {one.width_mm:.1f} mm" for number, one in enumerate(passages, start=1)]
+    starts = world.starts if 1 < len(world.starts) <= _MOST_NAMED else ()
+    places = [one.middle_mm for one in passages] + [(s.pose.x_mm, s.pose.y_mm) for s in starts]
+    colours = [ALERT] * len(words) + [INK] * len(starts)
+    words += [f"start {number}" for number in range(1, len(starts) + 1)]
+    write_labels(axes, np.array(places), words, colours, size_pt=8.0, mark_pt=5.5)
 
 
 def _once(axes: Axes) -> None:

@@ -6,6 +6,7 @@ from itertools import chain
 
 import numpy as np
 
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import (
@@ -201,7 +202,7 @@ class Predicted:
                 if result is not main or index not in chosen
             ]  # fmt: skip
         ended = [(result.prepared.label, result.deployments) for result in self.results]
-        return deployment_section(design, shown[:MOST_PICTURES], ended, self.growth)
+        return deployment_section(design, shown[:MOST_PICTURES], ended, self.plan.options)
 
     @staticmethod
     def _caption(result: FamilyDeployments, index: int, words: str) -> str:
@@ -338,11 +339,13 @@ def cautions(
             sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
     if outcomes.map_count < FEW_MAPS:
         sentences.append(
-            f"Predictions rest on {outcomes.map_count} maps: intervals are too narrow; "
+            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are too narrow; "
             "--environment deploys it on many more."
         )
     if warnings or skipped:
-        sentences.append(f"Design rules: {warnings} warnings, {skipped} rules not checked.")
+        sentences.append(
+            f"Design rules: {counted(warnings, 'warning')}, {counted(skipped, 'rule')} not checked."
+        )
     return tuple(sentences)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
@@ -297,7 +298,8 @@ def _contact_table(found: ContactRange) -> Table:
         for measure in CONTACT_MEASURES
     )
     return Table(
-        caption=f"Means over {found.label}, {found.deployments} deployments at each half-angle, "
+        caption=f"Means over {found.label}, {counted(found.deployments, 'deployment')} at each "
+        "half-angle, "
         "with 95 % intervals over maps (simulated)",
         headings=("measure", *(f"{angle:g} deg" for angle in found.angles_deg)),
         rows=rows,
@@ -318,7 +320,7 @@ def _pressure_table(found: PressureRange) -> Table:
     )
     return Table(
         caption=f"How far it gets at {found.working_kpa:g} kPa on {found.label}, "
-        f"{found.deployments} deployments (simulated; assumed constants)",
+        f"{counted(found.deployments, 'deployment')} (simulated; assumed constants)",
         headings=(
             "film stored", "fitted tube", "length grown", "branches out of pressure",
             "deployments without any", "95 % need",

@@ -9,6 +9,7 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import check_design, verdict
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
@@ -167,7 +168,11 @@ def ended_report(run: EndedRun) -> Report:
         facts=(
             *run_facts(run.settings),
             ("stopped by", result.stopped),
-            ("evaluated", f"{result.evaluations} designs in {len(result.history)} generations"),
+            (
+                "evaluated",
+                f"{counted(result.evaluations, 'design')} in "
+                f"{counted(len(result.history), 'generation')}",
+            ),
             *([("cut in", f"{words} (computed)")] if (words := result.pieces_words) else []),
             ("run", result.run_id),
             ("growth model", growth_text(run.settings.growth, [run.design])),
@@ -218,7 +223,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
         Headline(
             name=f"{task} on the training maps",
             value=f"{fresh.composite['mean']:.3f}",
-            detail=f"mean over {len(fresh.evaluations)} fresh poses (simulated); the winner was "
+            detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the "
+            "winner was "
             f"chosen among the finalists {_chosen_by(run.settings)}",
         )
     ]
@@ -229,7 +235,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
     first = Headline(
         name=f"{task} on {unseen['label']}",
         value=interval_words(unseen["score"]),
-        detail=f"mean over {unseen['deployments']} deployments, in brackets its 95 % interval over "
+        detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its 95 % "
+        "interval over "
         "maps (simulated)",
     )
     ranges = (
@@ -290,7 +297,7 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
 
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
-    widths_mm = run.design.build.widths_mm
+    widths_mm = run.growth.drawn_widths_mm(run.design.build.widths_mm)
     # A robot that hardly grew would be shown without the map that stopped it.
     whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     targets = targets_mm(run.settings)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
@@ -278,7 +279,7 @@ def _origin(content: Mapping[str, Any]) -> dict[str, object]:
     low, high = placed_off_range(content)
     interval = [score["low"], score["high"]]
     return {
-        "unseen": f"{unseen['label']}, {unseen['deployments']} deployments (simulated)",
+        "unseen": f"{unseen['label']}, {counted(unseen['deployments'], 'deployment')} (simulated)",
         "unseen_score": round(score["mean"], 4),
         **({} if None in interval else {"unseen_score_interval": _rounded(interval)}),
         "unseen_half_angles_deg": content["head_on_half_angles_deg"],
@@ -315,7 +316,7 @@ def prediction_lines(content: Mapping[str, Any]) -> list[str]:
     low, high = placed_off_range(content)
     over = f"over {contacts_over(content)}"
     lines = [
-        f"on {family['label']}, {family['deployments']} deployments (simulated): mean "
+        f"on {family['label']}, {counted(family['deployments'], 'deployment')} (simulated): mean "
         f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"
         for family, (least, most) in (
             (unseen, contact_ends(content)),

@@ -10,6 +10,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
@@ -378,7 +379,8 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
     drawn = (measures[0], measures[-1])
     count = max(effect.count for effect in effects)
     words = (
-        f"Every change is tried from the same {count} poses as without it, and each deployment is "
+        f"Every change is tried from the same {counted(count, 'pose')} as without it, and each "
+        "deployment is "
         "compared with itself (simulated). Position: sideways to the heading, left is positive. "
         "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
         "one is not known, at most about 15 degrees."
@@ -405,9 +407,10 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
 def tolerance_section(tolerance: Tolerance) -> Section:
     """Return how robots of one design differ."""
     words = (
-        f"{tolerance.robots} robots were drawn, every branch's length off by up to "
+        f"{counted(tolerance.robots, 'robot')} were drawn, every branch's length off by up to "
         f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
-        f"uniformly and each on its own (assumed), and deployed from {tolerance.launches} poses "
+        "uniformly and each on its own (assumed), and deployed from "
+        f"{counted(tolerance.launches, 'pose')} "
         "each (simulated)."
     )
     rows = tuple(

@@ -9,6 +9,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.open_shell import cavities_in, corbelled, label_of, shell_wall_mm, walls_of
@@ -188,12 +189,18 @@ def _notes(
     thin, least = len(plan.thin_places), machine.least_wall_mm
     bare, single = counts["0 pegs"], counts["1 pegs"]
     conditions = {
-        f"{bare} pieces have no room for a peg: glue them onto their mark": bare,
-        f"{single} pieces have room for one peg only: turn them to their mark": single,
-        f"{thin} places were thinner than the {least:g} mm that {machine.name} makes and were "
+        f"{counted(bare, 'piece')} {agreeing(bare, 'has', 'have')} no room for a peg: glue them "
+        "onto their mark": bare,
+        f"{counted(single, 'piece')} {agreeing(single, 'has', 'have')} room for one peg only: "
+        "turn them to their mark": single,
+        f"{counted(thin, 'place')} {agreeing(thin, 'was', 'were')} thinner than the {least:g} mm "
+        f"that {machine.name} makes and "
+        f"{agreeing(thin, 'was', 'were')} "
         f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": thin,
-        f"{plan.slivers} pieces thinner than {options.sliver_mm:g} mm were left out": plan.slivers,
-        f"{plan.slits} gaps narrower than {options.sliver_mm:g} mm were filled": plan.slits,
+        f"{counted(plan.slivers, 'piece')} thinner than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slivers, 'was', 'were')} left out": plan.slivers,
+        f"{counted(plan.slits, 'gap')} narrower than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slits, 'was', 'were')} filled": plan.slits,
     }
     return plan.notes + tuple(text for text, holds in conditions.items() if holds)
 

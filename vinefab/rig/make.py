@@ -6,6 +6,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import check_lines, corridors_in
 from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
@@ -67,11 +68,17 @@ class RigFiles:
     def _size_line(self) -> str:
         rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
         sheets = [name for name in self.files if name.endswith(".dxf")]
-        laser = f"; {len(sheets)} sheets for the laser" if sheets else ""
+        laser = f"; {counted(len(sheets), 'sheet')} for the laser" if sheets else ""
         if rig.style == "sheet":
-            return f"{rig.name}: {rig.counts['pieces']} pieces cut in layers, {scale}{laser}"
+            return (
+                f"{rig.name}: {counted(rig.counts['pieces'], 'piece')} cut in layers, "
+                f"{scale}{laser}"
+            )
         volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
-        return f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name} {scale}, {volume}{laser}"
+        return (
+            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} {scale}, "
+            f"{volume}{laser}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

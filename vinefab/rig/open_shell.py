@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts
@@ -71,7 +72,9 @@ def shell_words(rig: Rig) -> str:
     give_mm = _PUSH_N * RIB_SPAN_MM**3 / (16.0 * _YOUNG_MPA * height_mm * wall_mm**3)
     top = f"a top of {rig.options.top_mm:g} mm" if rig.options.top_mm else "no top"
     return (
-        f"{hollow} of {len(rig.parts)} parts are shells with walls of {wall_mm:g} mm and {top}; "
+        f"{hollow} of {counted(len(rig.parts), 'part')} "
+        f"{agreeing(len(rig.parts), 'is a shell', 'are shells')} with walls of {wall_mm:g} mm "
+        f"and {top}; "
         f"{_PUSH_N:g} N between two ribs or corners {RIB_SPAN_MM:g} mm apart bend a wall by at "
         f"most {give_mm:.1f} mm (computed as a beam, PLA of {_YOUNG_MPA / 1000:g} GPa assumed)"
     )

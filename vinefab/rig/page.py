@@ -12,6 +12,7 @@ from matplotlib.patheffects import Normal, Stroke
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.package.package_page import check_section
 from vinefab.fabrication.package.sheet_pictures import path_points_mm
@@ -19,7 +20,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.drawing import draw_start_range, fill_geometry
+from vinefab.pages.drawing import draw_legend, draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
@@ -207,11 +208,14 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
                 markersize=4,
                 mec="white",
                 zorder=6,
+                label="start",
             )
         _draw_north(axes)
         axes.set_title(_title(rig, len(outlines), (wide_mm, deep_mm)), fontsize=9, loc="left")
         axes.set_xlabel("mm of the rig")
         axes.set_ylabel("mm of the rig")
+        if world.starts:
+            draw_legend(axes)
     return figure
 
 
@@ -249,7 +253,7 @@ def _draw_north(axes: Axes) -> None:
 def _title(rig: Rig, count: int, size_mm: tuple[float, float]) -> str:
     thickened = "; yellow: thickened to print" if rig.thickened.area else ""
     return (
-        f"{rig.name}: {count} parts, {size_mm[0]:.0f} x {size_mm[1]:.0f} mm, obstacles "
+        f"{rig.name}: {counted(count, 'part')}, {size_mm[0]:.0f} x {size_mm[1]:.0f} mm, obstacles "
         f"{rig.options.height_mm:g} mm high, scale {rig.options.scale:.4g}{thickened}"
     )
 
@@ -371,8 +375,10 @@ def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigCom
     return page_html(
         Report(
             title=f"{rig.name}: test rig",
-            verdict=f"{len(rig.parts)} parts; every file read back closed and oriented; assembled, "
-            f"the walls differ from the map by {100 * comparison.share:.4f} %; {found} findings",
+            verdict=f"{counted(len(rig.parts), 'part')}; every file read back closed and "
+            "oriented; assembled, "
+            f"the walls differ from the map by {100 * comparison.share:.4f} %; "
+            f"{counted(found, 'finding')}",
             tone="bad" if found else "good",
             facts=(
                 ("size", f"{wide_mm:.0f} x {deep_mm:.0f} mm"),

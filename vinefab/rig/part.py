@@ -11,6 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
 from vinefab.rig.rig_options import Printer, RigOptions
 
@@ -231,7 +232,7 @@ class Mesh:
 def mesh_problems(mesh: Mesh, part: RigPart) -> tuple[str, ...]:
     """Return every difference between triangles read from a file and the part they stand for."""
     if len(mesh.faces) != len(part.faces):
-        return (f"holds {len(mesh.faces)} triangles, not {len(part.faces)}",)
+        return (f"holds {counted(len(mesh.faces), 'triangle')}, not {len(part.faces)}",)
     return (*mesh.form_problems(), *_size_problems(mesh, part))
 
 

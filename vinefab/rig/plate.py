@@ -7,6 +7,7 @@ import shapely
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.open_shell import hollowed, shell_wall_mm
@@ -140,14 +141,19 @@ def _notes(
 ) -> tuple[str, ...]:
     count, least = len(plan.thin_places), printer.least_wall_mm
     conditions = {
-        f"{count} places were thinner than the {least:g} mm that {printer.name} prints and were "
+        f"{counted(count, 'place')} {agreeing(count, 'was', 'were')} thinner than the {least:g} "
+        f"mm that {printer.name} prints and "
+        f"{agreeing(count, 'was', 'were')} "
         f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": count,
         f"the border is thinner than the {least:g} mm that {printer.name} prints": (
             options.border_mm < least
         ),
-        f"{plan.slivers} pieces thinner than {options.sliver_mm:g} mm were left out": plan.slivers,
-        f"{plan.slits} gaps narrower than {options.sliver_mm:g} mm were filled": plan.slits,
-        f"{plan.bridges} corners that touched in one point were joined": plan.bridges,
+        f"{counted(plan.slivers, 'piece')} thinner than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slivers, 'was', 'were')} left out": plan.slivers,
+        f"{counted(plan.slits, 'gap')} narrower than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slits, 'was', 'were')} filled": plan.slits,
+        f"{counted(plan.bridges, 'corner')} that touched in one point "
+        f"{agreeing(plan.bridges, 'was', 'were')} joined": plan.bridges,
         f"{joints.bare_seams} seams have no room for a joint: glue them": joints.bare_seams,
     }
     return plan.notes + tuple(text for text, holds in conditions.items() if holds)

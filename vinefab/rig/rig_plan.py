@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.start_place import start_pieces
@@ -213,7 +214,11 @@ def _entry_of_area(
     posts = [part for part in polygon_parts(border.difference(opened)) if part.area < least_mm2]
     opened = shapely.union_all([opened, *posts])
     count, wide_mm = len(polygon_parts(opened)), opened.area / max(options.border_mm, _NEAR_MM)
-    several = f"{count} openings, {wide_mm:.0f} mm together" if count > 1 else f"{wide_mm:.0f} mm"
+    several = (
+        f"{counted(count, 'opening')}, {wide_mm:.0f} mm together"
+        if count > 1
+        else f"{wide_mm:.0f} mm"
+    )
     notes = [f"the border is open for its line or area: {several}"]
     if any(entry.from_border.is_empty for entry in entries):
         notes.append("pieces of it further inside have no entry")

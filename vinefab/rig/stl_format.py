@@ -6,6 +6,7 @@ import numpy as np
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.part import Mesh, PartFormat, PartItem, ReadPart
 
@@ -44,14 +45,20 @@ def read_stl(data: bytes) -> Mesh:
 def _form_problem(data: bytes) -> str:
     """Return what is wrong with the bytes, triangles aside, or an empty string."""
     if len(data) < _HEADER_BYTES + 4:
-        return f"is truncated: {len(data)} bytes are less than a header"
+        return (
+            f"is truncated: {counted(len(data), 'byte')} {agreeing(len(data), 'is', 'are')} less "
+            "than a header"
+        )
     if data[:5].lower() == b"solid":
         return "begins with 'solid' and would be read as text"
     count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
     wanted = _HEADER_BYTES + 4 + count * _RECORD.itemsize
     if len(data) != wanted:
         kind = "truncated" if len(data) < wanted else "too long"
-        return f"is {kind}: {len(data)} bytes where {count} triangles take {wanted}"
+        return (
+            f"is {kind}: {counted(len(data), 'byte')} where {counted(count, 'triangle')} take "
+            f"{wanted}"
+        )
     corners = np.frombuffer(data, _RECORD, offset=_HEADER_BYTES + 4)["corners"]
     return "" if count and np.isfinite(corners).all() else "holds no triangles, or no finite ones"
 

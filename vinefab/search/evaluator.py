@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Workspace
@@ -279,7 +280,10 @@ class Evaluator:
         if len(space) == 0:
             raise BadInputError("space", "every variable fixed", "at least one with a range")
         if evaluation.maps_per_generation > len(spec.maps):
-            key, allowed = "evaluation.maps_per_generation", f"at most the {len(spec.maps)} maps"
+            key, allowed = (
+                "evaluation.maps_per_generation",
+                f"at most the {counted(len(spec.maps), 'map')}",
+            )
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
         _check_joint_weight(spec)
         penalty = spec.penalty if evaluation.fabricable else None

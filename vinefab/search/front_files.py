@@ -1,10 +1,12 @@
 """The front of a run with several objectives as designs, JSON, text and a figure."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -19,8 +21,9 @@ from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import draw_deployment, draw_map, draw_targets
+from vinefab.pages.drawing import draw_deployment, draw_map, draw_targets, legend_entries
 from vinefab.pages.figure import house_style, png_bytes, svg_bytes
+from vinefab.pages.label_places import write_labels
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.record.result import RunResult
@@ -35,8 +38,8 @@ class FrontData:
 
     further: str  # name of the further objective that it is drawn over
     is_line: bool  # whether there is no third objective, so that the front is a line
-    evaluated: Floats  # its value and the fitness of designs that the run evaluated, shape (m, 2)
-    front: Floats  # the same of the front on fresh poses, from its cheap end on, shape (k, 2)
+    evaluated: Floats  # its value and fitness in the search, on training poses, shape (m, 2)
+    front: Floats  # the same on fresh poses, for the front from its cheap end on, (k, 2)
     task: str  # name of the score
     targets_mm: Floats = field(default_factory=lambda: np.empty((0, 2)))  # drawn on maps
 
@@ -46,7 +49,7 @@ class FrontRobot:
     """One design of the front, deployed."""
 
     deployment: Deployment
-    widths_mm: tuple[float, ...]  # lay-flat width of each level
+    widths_mm: tuple[float, ...]  # lay-flat width of each level, as drawn
     title: str
 
 
@@ -57,27 +60,40 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
         figure = Figure(figsize=(2.6 * columns, 6.4), layout="constrained")
         grid = figure.add_gridspec(2, columns, height_ratios=(1.25, 1.0))
         chart = figure.add_subplot(grid[0, :])
-        _chart(chart, data, robots)
+        _chart(chart, data)
         for column, (place, robot) in enumerate(robots.items()):
             axes = figure.add_subplot(grid[1, column])
             _robot(axes, world, robot, _label(place))
             draw_targets(axes, data.targets_mm)
+        _explain(figure, figure.axes[1:])
+        _number(chart, data, robots)
     return figure
+
+
+def _explain(figure: Figure, plans: Sequence[Axes]) -> None:
+    """Explain below the plans, once, what the symbols on all of them mean."""
+    found: dict[str, Artist] = {}
+    for axes in plans:
+        for words, handle in legend_entries(axes):
+            found.setdefault(re.sub(r" \(.*\)$", "", words), handle)
+    figure.legend(
+        list(found.values()), list(found), loc="outside lower center", ncols=5, fontsize=8
+    )
 
 
 def _label(place: int) -> str:
     return str(place + 1)
 
 
-def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> None:
+def _chart(axes: Axes, data: FrontData) -> None:
     axes.plot(
         data.evaluated[:, 0],
         data.evaluated[:, 1],
-        ".",
+        "x",
         color=SOFT,
-        markersize=2.5,
-        alpha=0.5,
-        label="evaluated in the search",
+        markersize=3.0,
+        alpha=0.45,
+        label="in the search, on training poses",
         rasterized=True,
     )
     axes.step(
@@ -86,27 +102,27 @@ def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> Non
         "-o" if data.is_line else "o",
         where="post",
         color=LEVEL_COLOURS[0],
-        markersize=4.5,
-        label="front, on fresh poses",
+        markersize=5.5,
+        label="the front, scored again on fresh poses",
     )
-    for place in robots:
-        axes.annotate(
-            _label(place),
-            data.front[place],
-            xytext=(-5, 6),
-            textcoords="offset points",
-            ha="right",
-            fontsize=10,
-            fontweight="bold",
-            color=INK,
-        )
     axes.set_xlabel(_axis_text(data.further))
     axes.set_ylabel(f"{data.task} score (simulated)")
-    if data.further in COSTS:
-        axes.legend(fontsize=8, loc="lower right")
-    else:  # points may lie anywhere
-        axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    # Above the chart: points may lie anywhere in it.
+    axes.legend(
+        fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0,
+        title="Scores of one kind compare with each other only:", title_fontsize=8,
+        alignment="left",
+    )  # fmt: skip
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _number(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> None:
+    """Write the numbers of the robots that are drawn at their points; all else is drawn."""
+    words, places = [_label(place) for place in robots], data.front[list(robots)]
+    steps = np.repeat(data.front, 2, axis=0)
+    corners = np.column_stack([steps[1:, 0], steps[:-1, 1]])
+    lines = [corners] if data.is_line else []
+    write_labels(axes, places, words, [INK] * len(words), size_pt=11.0, mark_pt=4.0, lines=lines)
 
 
 def _axis_text(name: str) -> str:
@@ -281,7 +297,7 @@ def _robots(
     return {
         place: FrontRobot(
             deployment=grow(members[place].design, terrain, world.starts[0].pose, options),
-            widths_mm=members[place].design.build.widths_mm,
+            widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
             title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
         )
         for place in chosen

@@ -15,6 +15,7 @@ from vinefab.core.errors import (
     ForeignFileError,
     InterruptedRunError,
 )
+from vinefab.core.plain_text import counted
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
@@ -222,9 +223,9 @@ class _BestSoFar:
         )
         found = penalty.cuts(design)
         if found is None or found.left > 0.0:
-            return f", not yet in {settings.most} pieces that lie flat"
+            return f", not yet in {counted(settings.most, 'piece')} that lie flat"
         count = 1 + len(found.branches)
-        return f", {count} piece{'s' * (count > 1)} by the quick rules"
+        return f", {counted(count, 'piece')} by the quick rules"
 
     def _picture(self, design: Design) -> bytes:
         if self._drawn is None or self._drawn[0] is not design:
@@ -235,15 +236,16 @@ class _BestSoFar:
                 deployment=deployment,
                 is_growing=np.zeros(len(deployment.tree), dtype=np.bool_),
             )
-            image = svg_animation(self._world, [frame], design.build.widths_mm)
+            image = svg_animation(
+                self._world, [frame], growth.drawn_widths_mm(design.build.widths_mm)
+            )
             self._drawn = design, image
         return self._drawn[1]
 
 
 def size_words(design: Design) -> str:
     """Return the size of a design in words."""
-    branches = f"{design.branch_count} branch{'' if design.branch_count == 1 else 'es'}"
-    return f"{branches} on {design.depth} level{'' if design.depth == 1 else 's'}"
+    return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
 def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
@@ -256,7 +258,10 @@ def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
         ("task", settings.task.name),
         ("training maps", f"{maps.count} {where}"),
         ("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
-        ("size", f"{search.population} designs x {search.generations} generations"),
+        (
+            "size",
+            f"{counted(search.population, 'design')} x {counted(search.generations, 'generation')}",
+        ),
         ("manufacturability", made),
         *([("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
     )

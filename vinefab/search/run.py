@@ -12,6 +12,7 @@ import numpy as np
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.rng import child
 from vinefab.growth.options import growth_text, trained_growth
@@ -230,15 +231,17 @@ def result_lines(result: RunResult, violations: str = "", *, verbose: bool = Fal
     asked = "robot within the limits" if beyond else "manufacturable robot"
     failed = f"found no {asked}: the winner violates {violations}"
     return [
-        f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
+        f"run {result.run_id}: {counted(len(result.history), 'generation')}, "
+        f"{counted(result.evaluations, 'design')} "
         f"evaluated, stopped by {result.stopped}",
         *(newer if drift else []),
         *(extension.text for extension in result.extensions),
         *repair,
-        f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
+        f"winner {best.name}: {counted(best.branch_count, 'branch')} on "
+        f"{counted(best.depth, 'level')}; "
         f"{result.pieces_words}{'; ' * bool(result.pieces_words)}"
         f"{_manufacturability(result, violations)}",
-        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
+        f"on {counted(len(score.evaluations), 'fresh pose')} on the training maps (simulated): "
         f"{composites_text(score.composite)}",
         f"growth: {growth_text(trained_growth(best), [best])}",
         *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.options import GrowthOptions
@@ -292,8 +293,8 @@ def _starts(given: list[str], settings: RunSettings, path: Path) -> tuple[tuple[
             raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
         design = read_design(file if file.is_file() else name)
         if not low <= design.depth <= high:
-            found = f"{name}, a design with {design.depth} levels"
-            allowed = f"designs with {low} to {high} levels, as in space.levels"
+            found = f"{name}, a design with {counted(design.depth, 'level')}"
+            allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"
             raise BadInputError(key, found, allowed)
         points.append(tuple(space.vector(design).tolist()))
     return tuple(points)

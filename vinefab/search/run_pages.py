@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
@@ -173,7 +174,7 @@ def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
     kinds = {row["seedless_run"] for row in listing.rows}
     if len(kinds) != 1:
         allowed = "with folders whose runs differ in their seed alone"
-        raise BadInputError("--best", f"{len(kinds)} kinds of runs", allowed)
+        raise BadInputError("--best", f"{counted(len(kinds), 'kind')} of runs", allowed)
     summary = SeedSummary.of(listing.rows)
     if not summary.ended:
         raise BadInputError("--best", "no run that has ended", "once a run has ended")
@@ -219,7 +220,8 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         for world in training[:MOST_MAPS_SHOWN]
     )
     summary = (
-        f"Run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
+        f"Run {result.run_id}: {counted(len(result.history), 'generation')}, "
+        f"{counted(result.evaluations, 'design')} "
         f"evaluated, stopped by {result.stopped}."
     )
     return Section(title="How it was found", paragraphs=(summary,), pictures=(curve, *maps))

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.model.design import (
@@ -148,7 +149,7 @@ class BuildSettings:
         for width_mm in self.widths_mm:
             positive("build.widths_mm", width_mm)
         if len(self.widths_mm) > MOST_LEVELS:
-            given = f"{len(self.widths_mm)} widths"
+            given = counted(len(self.widths_mm), "width")
             raise BadInputError("build.widths_mm", given, f"at most {MOST_LEVELS}, one per level")
         positive("build.width_ratio", self.width_ratio, 1.0, "")
         number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from typing import NamedTuple
 
+from vinefab.core.plain_text import counted
+
 
 class Work(NamedTuple):
     """Processor time that some evaluations took, s."""
@@ -81,7 +83,7 @@ class TimeSplit:
     def summary(self) -> str:
         """The split as one line for the user."""
         shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
-        workers = "1 worker" if self.workers == 1 else f"{self.workers} workers"
+        workers = counted(self.workers, "worker")
         return (
             f"time: {self.total_s:.1f} s: loading compiled code {shares['loading']}, evaluating "
             f"{shares['evaluating']}, optimizer {shares['optimizer']}, recording {shares['store']} "

@@ -15,6 +15,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
@@ -85,7 +86,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
-    widths_mm = state.design.build.widths_mm
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     entries = [_ground_entry(place, asked.have) for place in places]
     for entry, grown, rows in zip(entries, by_map, trial.rows, strict=False):
         entry.update(_growth_entry(grown, trial.scores[rows].tolist()))
@@ -208,7 +209,10 @@ class _Kept:
             if index >= LEAST_MAPS and spent_s > most_s:
                 return places[:index]
             if spent_s > SILENT_S:
-                tell(index / len(places), f"walls for these widths: {index} of {len(places)} maps")
+                tell(
+                    index / len(places),
+                    f"walls for these widths: {index} of {counted(len(places), 'map')}",
+                )
             for radius_mm in radii_mm:
                 place.prepared.terrain.walls(radius_mm)
                 self.walls.add((place.key, radius_mm))

@@ -13,6 +13,7 @@ from vinefab.core.errors import (
     UnreadableFileError,
     VinefabError,
 )
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_content, read_design
 from vinefab.model.score import Score
@@ -172,7 +173,10 @@ def best_words(record: FollowedRecord) -> str:
 
 def winner_words(score: Score) -> str:
     """Return over what a winner's score is a mean, in words."""
-    return f"mean score of the winner on {len(score.evaluations)} fresh poses ({_SIMULATED})"
+    return (
+        f"mean score of the winner on {counted(len(score.evaluations), 'fresh pose')} "
+        f"({_SIMULATED})"
+    )
 
 
 def listed_score(record: FollowedRecord) -> tuple[float | None, str]:

@@ -36,7 +36,7 @@ def front_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[st
     given: Any = ask.get("front_mm")
     front_mm = number("front_mm", given, _LEAST_MM, LARGEST_MM, "mm")
     frame = history.at(front_mm, engine=engine_now())
-    widths_mm = state.design.build.widths_mm
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return {
         "front_mm": frame.front_mm,
         "full_mm": history.full_mm,

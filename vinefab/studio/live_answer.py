@@ -7,6 +7,7 @@ from typing import Any
 
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.simulator import grow
 from vinefab.model.deployment import Deployment
@@ -86,8 +87,9 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
     scores, problems = _scores(deployment, prepared)
+    widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return place | {
-        "robot_svg": robot_svg(deployment, state.design.build.widths_mm),
+        "robot_svg": robot_svg(deployment, widths_mm),
         "front_full_mm": deployment.full_mm,
         "scores": scores,
         "facts": _facts(state.design, deployment),
@@ -99,12 +101,14 @@ def not_followed(design: Design) -> str:
     """Return why a design is not grown while a pointer waits, or nothing."""
     if design.branch_count > MOST_FOLLOWED:
         return (
-            f"{design.branch_count} branches: the page follows designs of at most {MOST_FOLLOWED};"
+            f"{counted(design.branch_count, 'branch')}: the page follows designs of at most "
+            f"{MOST_FOLLOWED};"
             " vinefab grow DESIGN --map MAP grows them all"
         )
     if design.branch_count > MOST_INTERPRETED and engine_now() != "kernel":
         return (
-            f"{design.branch_count} branches: growth follows as soon as the simulator is compiled,"
+            f"{counted(design.branch_count, 'branch')}: growth follows as soon as the simulator "
+            "is compiled,"
             " once on this computer"
         )
     return ""

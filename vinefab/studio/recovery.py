@@ -11,6 +11,7 @@ from typing import Any
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.model.files.shipped import read_text, user_root
 from vinefab.studio.state import PAGE
 
@@ -41,7 +42,7 @@ def keep_unsaved(key: object, state: Mapping[str, Any], file: object) -> Path:
     text = json_text(RECOVERY_SCHEMA, content)
     if len(text) > LARGEST_RECOVERY_BYTES:
         allowed = f"at most {LARGEST_RECOVERY_BYTES} bytes for the recovery file"
-        raise BadInputError("state", f"{len(text)} bytes", allowed, PAGE)
+        raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
     write_text(path, text, force=True)
     for old in _files()[MOST_RECOVERIES:]:
         old.unlink(missing_ok=True)

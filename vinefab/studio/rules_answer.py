@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors, verdict
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
@@ -177,7 +178,7 @@ def _pieces_content(subject: Subject) -> dict[str, Any]:
     """Return in how many pieces, sheets and tiles the robot is cut, in words too."""
     partition, job = subject.partition, subject.job
     count = 1 if partition is None else len(partition.pieces)
-    words = "1 piece" if count == 1 else f"{count} pieces"
+    words = counted(count, "piece")
     if partition is not None and partition.unparted:
         words = "1 piece: cannot be cut in pieces that lie flat"
     elif partition is not None and count > 1:

@@ -11,6 +11,7 @@ import tomli_w
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -255,7 +256,7 @@ def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     least, most = _levels(levels)
     locked = max((value.level for value in values if value.is_locked), default=1)
     if least < locked:
-        allowed = f"at least {locked} levels: level {locked} has locked values"
+        allowed = f"at least {counted(locked, 'level')}: level {locked} has locked values"
         raise BadInputError("levels", levels, allowed, PAGE)
     ranges = ask.get("ranges") or {}
     known = {value.key for value in values}
@@ -302,5 +303,5 @@ def _texts(key: str, given: object) -> list[str]:
     if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
         raise BadInputError(key, given, "a list of texts", PAGE)
     if len(given) > MOST_FILES:
-        raise BadInputError(key, f"{len(given)} texts", f"at most {MOST_FILES}", PAGE)
+        raise BadInputError(key, counted(len(given), "text"), f"at most {MOST_FILES}", PAGE)
     return given

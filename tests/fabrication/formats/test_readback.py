@@ -161,7 +161,7 @@ def test_another_entity_in_the_dxf_is_found_out(job: Job) -> None:
     text = "  0\nLINE\n  5\nFFFF\n  8\n0\n 10\n0.0\n 20\n0.0\n 11\n1.0\n 21\n1.0\n"
     head, tail = dxf_text(job).split("  2\nENTITIES\n")
     damaged = f"{head}  2\nENTITIES\n{text}{tail}"
-    assert "1 entities of kind LINE" in "; ".join(problems_of(DXF, damaged, job))
+    assert "1 entity of kind LINE" in "; ".join(problems_of(DXF, damaged, job))
 
 
 def test_a_flattened_file_is_not_taken_for_the_exact_one(job: Job) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 
 _LEAST_SINGULAR = 1e-9
@@ -122,7 +123,7 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     weights = stated_weights([path.sigma_kpa for path in paths], len(NAMES), "growth")
     if len(paths) < len(NAMES):
         allowed = "at least 4 paths for 4 unknowns (Y, f, T, mu)"
-        raise BadInputError("growth", f"{len(paths)} paths", allowed)
+        raise BadInputError("growth", counted(len(paths), "path"), allowed)
     measured = np.array([path.pressure_kpa for path in paths])
 
     def residuals(constants: Floats) -> Floats:
@@ -144,7 +145,7 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[-1] < _LEAST_SINGULAR_OF_FIT * singular[0]:
         allowed = "paths that differ in length and in their turns, some without turns"
-        raise BadInputError("growth", f"{len(paths)} paths of too few kinds", allowed)
+        raise BadInputError("growth", f"{counted(len(paths), 'path')} of too few kinds", allowed)
     stated = paths[0].sigma_kpa is not None
     spread = scatter(np.asarray(solved.fun), len(NAMES), stated=stated)
     deviations = spread * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
 from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
@@ -160,7 +161,9 @@ def _window(
         run = [*run, energy] if good else []
         best = max(best, run, key=len)
     count = sum(word == right for _, word in lines)
-    source = f"energy matrix: {count} of {len(lines)} lines, power of {profile.machine.name}"
+    source = (
+        f"energy matrix: {count} of {counted(len(lines), 'line')}, power of {profile.machine.name}"
+    )
     least, most = (
         Quantity(value=energy, standing=Standing.MEASURED, source=source) if best else None
         for energy in ((best[0], best[-1]) if best else (0.0, 0.0))
@@ -336,7 +339,7 @@ def _lap_lines(results: Results) -> list[str]:
     loads, _ = _lap_loads(bore)
     most = f"{max(loads):.3g} N/mm at most"
     if failed:
-        laps = "1 lap" if len(bore) == 1 else f"{len(bore)} laps"
+        laps = counted(len(bore), "lap")
         return [f"{laps} did not fail ({most}): left out of the strength"]
     return [f"no lap failed ({most}): a lower bound, above which rule VF-J03 warns"]
 
@@ -373,7 +376,9 @@ def _growth(results: Results) -> dict[str, Estimate]:
         return {}
     if len(widths) != 1 or not readings:
         allowed = "one growth_width, and the pressures along the paths that this tube was grown"
-        raise BadInputError("growth", f"{len(widths)} widths, {len(readings)} paths", allowed)
+        raise BadInputError(
+            "growth", f"{counted(len(widths), 'width')}, {counted(len(readings), 'path')}", allowed
+        )
     _positive(widths[0], "mm", "a width")
     fitted = fit_growth([_path(reading) for reading in readings])
     sigma = widths[0].sigma or 0.0

@@ -17,6 +17,7 @@ from ezdxf.lldxf.const import DXFError
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     Colours,
@@ -148,7 +149,7 @@ def _drawing(document: DxfDocument) -> ReadDrawing:
         paths=tuple(_path(polyline) for polyline in polylines),
         layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
         oddities=tuple(
-            f"{count} entities of kind {kind}"
+            f"{counted(count, 'entity')} of kind {kind}"
             for kind, count in Counter(entity.dxftype() for entity in entities).items()
             if kind != own.DXFTYPE
         ),

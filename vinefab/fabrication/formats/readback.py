@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vinefab.core.errors import VinefabError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.formats.laser_drawing import (
     DrawnPath,
@@ -65,7 +66,7 @@ def drawing_differences(
         in_job = [styled for styled in expected if styled.style.layer == layer]
         in_file = [path for path in drawing.paths if path.layer == layer]
         if len(in_job) != len(in_file):
-            problems.append(f"layer {layer}: {len(in_file)} paths, not {len(in_job)}")
+            problems.append(f"layer {layer}: {counted(len(in_file), 'path')}, not {len(in_job)}")
             continue
         for number, (styled, path) in enumerate(zip(in_job, in_file, strict=True), start=1):
             found = _path_problems(laser_format, styled, path)
@@ -124,7 +125,7 @@ def _path_problems(laser_format: LaserFormat, styled: StyledPath, path: DrawnPat
 
 def _vertex_problems(read: Contour, expected: Contour, tolerance_mm: float) -> Iterator[str]:
     if read.arc_count != expected.arc_count:
-        yield f"{read.arc_count} arcs, not {expected.arc_count}"
+        yield f"{counted(read.arc_count, 'arc')}, not {expected.arc_count}"
     if len(read.points_mm) != len(expected.points_mm):
         yield f"{len(read.points_mm)} vertices, not {len(expected.points_mm)}"
     elif read.closed == expected.closed:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.fabrication.job.marks import fold_ticks, marks_of
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order
@@ -33,7 +34,7 @@ def check_size(design: Design) -> None:
     """Refuse a design with more branches than any sheet could hold."""
     if design.branch_count > MOST_BRANCHES:
         count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
-        raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
+        raise BadInputError(f"design {design.name}", counted(count, "branch"), allowed)
 
 
 def laser_job(

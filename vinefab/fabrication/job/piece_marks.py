@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.marks import (
     CLEAR_MM,
     TICK_MM,
@@ -164,7 +165,7 @@ def _label_lines(design: Design, robot: SheetRobot, profile: LaserProfile, count
     copy = f" copy {robot.number} of {robot.count}" if robot.count > 1 else ""
     version = GENERATOR.removeprefix("written by ")
     return [
-        f"{robot.piece} of {count} pieces{copy}",
+        f"{robot.piece} of {counted(count, 'piece')}{copy}",
         design.name,
         profile.recipe.name,
         version,

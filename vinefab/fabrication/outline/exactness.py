@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM
 from vinefab.fabrication.outline.ends import (
     Tail,
@@ -181,7 +182,9 @@ class _Places:
             count=count,
             measured_mm=min(max(found[0], -LARGEST_MM), LARGEST_MM),
             limit_mm=found[1],
-            message=message if count == 1 else f"{message} It is so at {count} places alike.",
+            message=message
+            if count == 1
+            else f"{message} It is so at {counted(count, 'place')} alike.",
         )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.findings_picture import fitted, text_width_pt
 from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
@@ -509,7 +510,7 @@ def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
     joints = len(robot.steps)
-    words = f"assembly: {pieces} pieces, {joints} joint{'' if joints == 1 else 's'}"
+    words = f"assembly: {counted(pieces, 'piece')}, {joints} joint{'' if joints == 1 else 's'}"
     right = _WIDE_PT - _EDGE_PT
     axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
     size = robot.size

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
 from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.package.machine_time import machine_time
@@ -75,7 +76,7 @@ def joint_lines(
         for sleeve in sleeves
     )
     lap_basis = (
-        f"sockets over plugs, {film.plies} plies, lumen; lap {size.lap_mm:g} mm and ease"
+        f"sockets over plugs, {counted(film.plies, 'ply')}, lumen; lap {size.lap_mm:g} mm and ease"
         f" {settings.ease_mm:g} mm (assumed)"
     )
     minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
@@ -180,7 +181,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
     mass_g *= _G_PER_KG / _MM3_PER_M3
     mass_basis = (
-        f"area x {film.plies} plies x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
+        f"area x {counted(film.plies, 'ply')} x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
         f" x {film.density_kg_m3.value:g} kg/m3 ({film.density_kg_m3.standing})"
     )
     margin = profile.machine.margin_mm
@@ -189,7 +190,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     count = len(job.sheets) or 1
     sizes.append(("film area, all plies", count * film.plies * width * height / 100.0, "cm2"))
     if count > 1:
-        rim += f"; {count} sheets of one size"
+        rim += f"; {counted(count, 'sheet')} of one size"
     return [
         *(
             BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
@@ -221,7 +222,7 @@ def _roll_line(
         beside = int(roll.value // across)
         if beside:
             lengths.append(math.ceil(pieces / beside) * along)
-    basis = f"{pieces} pieces, roll {roll.value:g} mm wide ({roll.standing})"
+    basis = f"{counted(pieces, 'piece')}, roll {roll.value:g} mm wide ({roll.standing})"
     if not lengths:
         basis += "; wider than the roll"
     return BomLine(

@@ -6,6 +6,7 @@ from dataclasses import fields
 import numpy as np
 import shapely
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.package.assembly_drawing import exploded_picture
 from vinefab.fabrication.package.bom import BomLine
@@ -256,7 +257,7 @@ def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
         for line in lines
     )
     headings = ("item", "amount", "unit", "standing", "basis")
-    caption = "One robot" if robots == 1 else f"The whole sheet: {robots} robots"
+    caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
     table = Table(caption=caption, headings=headings, rows=rows)
     return Section(title="Bill of materials", tables=(table,))
 

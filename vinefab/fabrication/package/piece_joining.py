@@ -9,6 +9,7 @@ tested before it is joined to the next. The piece with the tail comes last.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.model.design import Design
 from vinefab.model.laser import LapMethod, LaserProfile
@@ -168,7 +169,10 @@ def pieces_words(partition: Partition) -> str:
 def _several(robots: int) -> tuple[str, ...]:
     if robots == 1:
         return ()
-    note = f"The sheets hold {robots} robots: the steps are for each of them. Keep copies apart."
+    note = (
+        f"The sheets hold {counted(robots, 'robot')}: the steps are for each of them. Keep copies "
+        "apart."
+    )
     return (note,)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
@@ -393,7 +394,7 @@ def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (
-        ("branches", f"{len(tree)} on {design.depth} levels"),
+        ("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
         ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
         ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
         ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),

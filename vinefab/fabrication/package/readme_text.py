@@ -6,7 +6,7 @@ from itertools import pairwise
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import one_line
+from vinefab.core.plain_text import counted, one_line
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
@@ -97,7 +97,8 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
     width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {_sheets(job)}{film.plies} plies of {_value(film.ply_mm, 'mm')},"
+        f"Use {film.title}: {_sheets(job)}{counted(film.plies, 'ply')} of "
+        f"{_value(film.ply_mm, 'mm')},"
         " each at least"
         f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
@@ -110,7 +111,7 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
 
 
 def _sheets(job: Job) -> str:
-    return f"{len(job.sheets)} sheets, each of " if len(job.sheets) > 1 else ""
+    return f"{counted(len(job.sheets), 'sheet')}, each of " if len(job.sheets) > 1 else ""
 
 
 def _coupon(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:

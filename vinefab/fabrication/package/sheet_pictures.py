@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.package.machine_time import PathPass, schedule
 from vinefab.model.finding import Finding, Severity
@@ -160,7 +161,7 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
     if len(job.sheets) > 1:
         one = job.sheets[0]
         size = f"{one.sheet_width_mm:g} x {one.sheet_height_mm:g} mm"
-        bed = f"{len(job.sheets)} sheets side by side, each on a bed of {size}"
+        bed = f"{counted(len(job.sheets), 'sheet')} side by side, each on a bed of {size}"
     where = f"lower left of the {bed}" if cropped else bed
     # A line of its own: with the name of a design, one line is too long.
     parts = [job.name, f"{order};\n{where}"] if job.sheets else [job.name, order, where]

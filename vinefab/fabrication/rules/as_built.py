@@ -7,6 +7,7 @@ from itertools import groupby
 import numpy as np
 import shapely
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bodies_of_paths, closes
 from vinefab.fabrication.outline.gap import taper_rad
@@ -297,7 +298,8 @@ def _seam_violations(
         worst = min(low, key=lambda name: round(low[name][0], 6))  # the first of those alike
         row = subject.names.index(worst)
         yield Violation(
-            message=f"the paths of {len(low)} branches leave less seam than the recipe makes"
+            message=f"the paths of {counted(len(low), 'branch')} leave less seam than the recipe "
+            "makes"
             f"{_worst_of(low[worst][1])}: no burst test covers that seam",
             severity=Severity.WARNING,
             measured=low[worst][0],

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
 from vinefab.fabrication.rules.rule import (
@@ -30,7 +31,7 @@ def _no_partition(subject: Subject) -> RuleNotApplicable:
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the size of its sleeves")
     return RuleNotApplicable(
-        reason=f"{len(subject.names)} branches are too many to look for the fewest pieces"
+        reason=f"{counted(len(subject.names), 'branch')} are too many to look for the fewest pieces"
     )
 
 
@@ -195,7 +196,8 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppl
         return RuleApplied(checked=len(wanted))
     few = ", ".join(missing[:_MOST_NAMED]) + (", ..." if len(missing) > _MOST_NAMED else "")
     violation = Violation(
-        message=f"{len(missing)} labels are missing on the film ({few}): write them by hand, "
+        message=f"{counted(len(missing), 'label')} {agreeing(len(missing), 'is', 'are')} missing "
+        f"on the film ({few}): write them by hand, "
         "after assembly.svg, before a piece is lifted out",
         severity=Severity.WARNING,
         measured=float(len(missing)),

@@ -11,6 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, positive
 
 Role = Literal["bounds", "obstacle"]
@@ -171,7 +172,7 @@ def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0, advice: st
         if twice > 2 * most:
             raise BadInputError(
                 "drawing",
-                f"{count} outlines, over {most} pairs overlap",
+                f"{counted(count, 'outline')}, over {most} pairs overlap",
                 f"fewer outlines in each other; {advice}leave out what is no wall",
             )
 
@@ -198,7 +199,7 @@ def refuse_tangle(points_mm: Sequence[Floats], where: str) -> None:
         if near > most_near or crossings > most_crossings:
             raise BadInputError(
                 where,
-                f"{len(segments)} segments with over {most_crossings} crossings",
+                f"{counted(len(segments), 'segment')} with over {most_crossings} crossings",
                 "lines that rarely cross; leave out what is no wall, or clean the drawing",
             )
 

@@ -12,6 +12,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.maps.cleanup.drawn_shapes import (
     SAME_POINT_MM,
@@ -54,7 +55,7 @@ def _near_pairs(ends: Floats, near_mm: float) -> Ints:
     tree = cKDTree(ends)
     count = (int(tree.count_neighbors(tree, near_mm)) - len(ends)) // 2
     if count > _MOST_NEAR_ENDS:
-        value = f"{count} pairs of ends within {near_mm:.3g} mm"
+        value = f"{counted(count, 'pair')} of ends within {near_mm:.3g} mm"
         allowed = "lines of which few meet at one place; leave out what is no wall"
         smaller = ", or a smaller --join-mm" if near_mm > SAME_POINT_MM else ""
         raise BadInputError("drawing", value, f"{allowed}{smaller}")

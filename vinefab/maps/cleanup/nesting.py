@@ -16,6 +16,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Ints
 from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of, refuse_crowd
 
@@ -235,7 +236,7 @@ def enclose(
     refuse_crowd(polygons, advice=changes.layer_advice)
     named = [part for part in parts if part.role == "bounds"]
     if len(named) > 1:
-        raise BadInputError("bounds", f"{len(named)} outlines", "exactly one")
+        raise BadInputError("bounds", counted(len(named), "outline"), "exactly one")
     if mode == "box" and not named:
         return _in_box(parts, margin_mm, join_mm, changes)
     outer = named[0] if named else max(parts, key=lambda part: float(part.shell.area))

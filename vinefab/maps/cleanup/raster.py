@@ -11,6 +11,7 @@ from scipy import ndimage
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, number, positive
 from vinefab.maps.cleanup.cell_walls import (
     CORNER_CUT,
@@ -392,7 +393,7 @@ def _refuse_noise(obstacles: int, edges: int) -> None:
     if edges > MOST_EDGES or (edges > MANY_EDGES and obstacles > MOST_OBSTACLES):
         raise BadInputError(
             "image",
-            f"{obstacles} obstacles with {edges} cell edges, as of noise",
+            f"{counted(obstacles, 'obstacle')} with {edges} cell edges, as of noise",
             f"at most {MOST_OBSTACLES} obstacles where there are more than {MANY_EDGES} edges, and "
             f"{MOST_EDGES} edges; leave small ones out (--least-obstacle-mm2), or smooth the image "
             "with a median filter",

@@ -11,6 +11,7 @@ from shapely import MultiPoint, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
 
@@ -126,7 +127,8 @@ class StartOptions:
         high_mm = 2.0 * (self.start_spread_y_mm + clear_mm)
         if wide_mm > width_mm / count or high_mm > height_mm:
             allowed = (
-                f"less, or smaller spreads or fewer starts: {count} places of {wide_mm:g} x "
+                f"less, or smaller spreads or fewer starts: {counted(count, 'place')} of "
+                f"{wide_mm:g} x "
                 f"{high_mm:g} mm have no room side by side in {width_mm:g} x {height_mm:g} mm"
             )
             raise BadInputError("start_clearance_mm", self.start_clearance_mm, allowed)

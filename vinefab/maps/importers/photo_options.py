@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import number, positive
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -87,11 +88,15 @@ class PhotoOptions:
         given = [key for key in wanted.values() if getattr(self, key) is not None]
         count = len(self.points_px)
         if count and count not in wanted:
-            raise BadInputError("points", f"{count} points", "two, or the four of a rectangle")
+            raise BadInputError(
+                "points", counted(count, "point"), "two, or the four of a rectangle"
+            )
         if count and given != [wanted[count]]:
             option = "--" + wanted[count].replace("_", "-")
             found = ", ".join(given).replace("_", "-") or "nothing"
-            raise BadInputError("points", f"{count} points with {found}", f"with {option}")
+            raise BadInputError(
+                "points", f"{counted(count, 'point')} with {found}", f"with {option}"
+            )
         if given and not count:
             need = {"distance_mm": "two", "rectangle_mm": "four"}[given[0]]
             raise BadInputError(given[0], getattr(self, given[0]), f"with {need} --points")

@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.plain_text import visible
+from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
@@ -313,7 +313,7 @@ def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> 
     shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
     points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
     if points > _MOST_POINTS:
-        raise BadInputError("drawing", f"{points} points", f"at most {_MOST_POINTS}")
+        raise BadInputError("drawing", counted(points, "point"), f"at most {_MOST_POINTS}")
     facts = {
         "source": path.name,
         **drawing.facts,

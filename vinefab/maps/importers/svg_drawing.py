@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.source_drawing import (
     Arc,
@@ -502,7 +503,9 @@ def svg_outlines(node: Node) -> list[Subpath]:
     if node.tag in ("polyline", "polygon"):
         values = numbers(node, "points")
         if len(values) % 2:
-            raise BadInputError(f"{node.where}: points", f"{len(values)} numbers", "x,y pairs")
+            raise BadInputError(
+                f"{node.where}: points", counted(len(values), "number"), "x,y pairs"
+            )
         points = np.array(values).reshape(-1, 2)
         run = Subpath([Straight(points)], closed=node.tag == "polygon")
         return [run] if len(points) >= 2 else []

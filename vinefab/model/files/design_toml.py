@@ -10,6 +10,7 @@ from pydantic import Field
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, check_plain
 from vinefab.model.design import (
@@ -247,7 +248,9 @@ def _widths_mm(form: BuildForm, depth: int) -> tuple[float, ...]:
                 )
         if len(form.widths_mm) != depth:
             raise BadInputError(
-                "build.widths_mm", form.widths_mm, f"{depth} widths, one per level, trunk first"
+                "build.widths_mm",
+                form.widths_mm,
+                f"{counted(depth, 'width')}, one per level, trunk first",
             )
         return tuple(form.widths_mm)
     first = DEFAULT_TRUNK_WIDTH_MM if form.trunk_width_mm is None else form.trunk_width_mm

@@ -12,6 +12,7 @@ from shapely import LineString, Point, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
@@ -287,7 +288,7 @@ def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content
         else:
             raise BadInputError(f"{key}.properties.role", role, ", ".join(_ROLES))
     if len(bounds) != 1:
-        raise BadInputError("bounds", f"{len(bounds)} polygons", "exactly one")
+        raise BadInputError("bounds", counted(len(bounds), "polygon"), "exactly one")
     return _Content(bounds[0], tuple(obstacles), tuple(starts))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.hashing import fingerprint
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
@@ -127,7 +128,8 @@ class Extension:
         ]
         had = "" if self.score is None else f", with a winner of {self.score:.4f} (simulated)"
         return (
-            f"extended {self.utc[:19]} UTC after {self.generations_done} generations{had}: "
+            f"extended {self.utc[:19]} UTC after "
+            f"{counted(self.generations_done, 'generation')}{had}: "
             f"{', '.join(raised)}"
         )
 

@@ -1,12 +1,14 @@
 """Progress of long commands where no terminal shows a bar."""
 
+import builtins
+import io
 import time
 
 import pytest
 
-from vinefab.cli import progress_lines
 from vinefab.cli.common_options import CommandOutput
-from vinefab.cli.progress_lines import _State, progress_in_lines
+from vinefab.core import progress_lines
+from vinefab.core.progress_lines import _State, progress_in_lines, progress_shown
 
 
 @pytest.fixture
@@ -67,3 +69,61 @@ def test_nobody_listening_ends_nothing(monkeypatch):
     with progress_in_lines("working") as show:
         show(0.5, "half")
         time.sleep(0.05)
+
+
+class Screen(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    """What is shown to somebody who watches is shown within hundredths of a second."""
+    monkeypatch.setattr(progress_lines, "SHOWN_AFTER_S", 0.01)
+    monkeypatch.setattr(progress_lines, "SHOWN_EVERY_S", 0.01)
+
+
+def shown_line(stream):
+    """Let a block of work be shown, and return what was."""
+    with progress_shown("aim", shown=True) as tell:
+        tell(0.25, "1 of 4")
+        ends_s = time.monotonic() + 5.0
+        while "1 of 4" not in stream.getvalue() and time.monotonic() < ends_s:
+            time.sleep(0.01)
+    return stream.getvalue()
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("place", ["terminal", "notebook"])
+def test_a_function_shows_one_line_to_who_watches_and_clears_it(place, monkeypatch):
+    screen = Screen() if place == "terminal" else io.StringIO()
+    monkeypatch.setattr(progress_lines.sys, "stderr" if place == "terminal" else "stdout", screen)
+    if place == "notebook":
+        monkeypatch.setattr(builtins, "get_ipython", object, raising=False)
+    text = shown_line(screen)
+    assert "\raim: 25 % after 0 s: 1 of 4" in text
+    assert "\n" not in text
+    assert text.endswith(" \r")
+
+
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_function_is_quiet_where_nobody_watches_or_nothing_was_asked_for(
+    shown, monkeypatch, capsys
+):
+    screen = io.StringIO() if shown else Screen()
+    monkeypatch.setattr(progress_lines.sys, "stderr", screen)
+    with progress_shown("aim", shown=shown) as tell:
+        tell(0.5, "half")
+        time.sleep(0.05)
+    assert screen.getvalue() == capsys.readouterr().out == ""
+
+
+def test_quick_functions_show_nothing(monkeypatch):
+    screen = Screen()
+    monkeypatch.setattr(progress_lines.sys, "stderr", screen)
+    with progress_shown("aim", shown=True) as tell:
+        tell(0.5, "half")
+    assert screen.getvalue() == ""

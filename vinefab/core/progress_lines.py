@@ -1,10 +1,14 @@
-"""Progress in a log: a line now and then on standard error, where no terminal shows a bar."""
+"""Progress as lines of text: in the log of a command, and of a public function for its caller."""
 
+import builtins
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import TextIO
+
+from vinefab.core.plain_text import visible
 
 FIRST_S = 10.0
 """Until the first line; a command that ends before says nothing."""
@@ -27,6 +31,52 @@ def progress_in_lines(title: str) -> Iterator[Callable[[float, str], None]]:
     finally:
         is_over.set()
         writer.join()
+
+
+SHOWN_AFTER_S, SHOWN_EVERY_S = 2.0, 0.5
+"""A public function shows its progress after so long, and renews the line so often."""
+
+
+@contextmanager
+def progress_shown(title: str, *, shown: bool) -> Iterator[Callable[[float, str], None]]:
+    """Show the progress of a block in one line, which ends with it, to somebody who watches.
+
+    That is who sits at a terminal or in a notebook; elsewhere nothing is written.
+    """
+    stream = _watched_stream() if shown else None
+    if stream is None:
+        yield lambda _share, _words: None
+        return
+    state, is_over = _State(title), threading.Event()
+    writer = threading.Thread(target=_renew_line, args=(state, is_over, stream), daemon=True)
+    writer.start()
+    try:
+        yield state.update
+    finally:
+        is_over.set()
+        writer.join()
+
+
+def _watched_stream() -> TextIO | None:
+    """Return where somebody sees a line that is written again and again, if anywhere."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        return sys.stderr
+    # IPython gives its cells this name; in a notebook standard error would look like trouble.
+    shell = getattr(builtins, "get_ipython", lambda: None)()
+    return None if shell is None else sys.stdout
+
+
+def _renew_line(state: "_State", is_over: threading.Event, stream: TextIO) -> None:
+    pause_s, width = SHOWN_AFTER_S, 0
+    with suppress(OSError, ValueError):  # nobody reads it any more
+        while not is_over.wait(pause_s):
+            line = visible(state.line())
+            stream.write(f"\r{line:<{width}}")
+            stream.flush()
+            pause_s, width = SHOWN_EVERY_S, len(line)
+        if width:
+            stream.write(f"\r{'':<{width}}\r")
+            stream.flush()
 
 
 def _write_lines(state: "_State", is_over: threading.Event) -> None:

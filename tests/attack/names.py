@@ -5,6 +5,7 @@ as text in it, as the name of a file that is read or written, as an argument. Wh
 stands in `attempts`: above all, files stay sound and inside their folder.
 """
 
+import io
 import json
 import shutil
 import sys
@@ -12,6 +13,9 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -151,6 +155,17 @@ def results(name: str) -> Files:
     return {"results.csv": encoded(RESULTS.replace("side\n", f"{cell}\n").replace("seam\n", "\n"))}
 
 
+def photo(name: str) -> Files:
+    """Return a photo of a robot on a floor, whose text is a name."""
+    image = Image.new("RGB", (320, 320), (180, 180, 176))
+    image.paste((214, 88, 40), (147, 240, 173, 300))
+    text = PngInfo()
+    text.add_text("Comment", name.encode("latin-1", errors="replace").decode("latin-1")[:1000])
+    data = io.BytesIO()
+    image.save(data, "png", pnginfo=text)
+    return {"photo.png": data.getvalue()}
+
+
 def nothing(name: str) -> Files:
     del name
     return {}
@@ -185,6 +200,10 @@ GROW = ("grow", "design.toml", "--map", "map.geojson", "--frames", "2")
 ON_MAP = ("--maps", "map.geojson", "--poses", "1")
 FABRICATE = ("fabricate", "design.toml", "--allow-uncalibrated", "--out", "out", "-q")
 BY_RECIPE = ("fabricate", "plain_vine", "--recipe", RECIPE, *FABRICATE[2:])
+AIMED = ("--map", "map.geojson", "--deployments", "5000")
+SCALED = ("--points", "0,0;300,0", "--distance-mm", "300")
+CORNERS = "10,310,310,310,310,10,10,10"
+OBSERVED = ("--map", "map.geojson", "--design", "design.toml", "--corners", CORNERS)
 WAYS: dict[str, Way] = {
     "check": Way(design, ("check", "design.toml", "--json", "o.json", "--svg", "o.svg", "-q")),
     "check-dxf": Way(tree, ("check", "design.toml", "--dxf", "o.dxf", "--fix", "fixed.toml")),
@@ -234,6 +253,32 @@ WAYS: dict[str, Way] = {
     "drawing": Way(drawing, ("map", "import", "plan.svg", "--out", "o.geojson")),
     "rings": Way(rings, ("map", "import", "plan.csv", "--out", "o.geojson")),
     "layer": Way(drawing, ("map", "import", "plan.svg", "--out", "o.geojson", "--layer", "{name}")),
+    "aim": Way(
+        lambda name: design(name) | geojson(name),
+        ("aim", "design.toml", *AIMED, "--out", "o.html", "--json", "o.json"),
+        30.0,
+    ),
+    "observe": Way(
+        lambda name: design(name) | geojson(name) | photo(name),
+        ("observe", "photo.png", *OBSERVED, "--out", "o.html", "--json", "o.json"),
+        30.0,
+    ),
+    "photo-file": Way(
+        named(lambda name: design(name) | geojson(name) | photo(name), "photo.png"),
+        ("observe", "./{stem}.png", *OBSERVED, "--out", "o.html", "--json", "o.json"),
+        30.0,
+    ),
+    "floor-file": Way(
+        named(photo, "photo.png"),
+        ("map", "import", "./{stem}.png", *SCALED, "--out", "o.geojson", "--preview", "o.png"),
+    ),
+    "new-file": Way(nothing, ("new", "design", "./{stem}.toml")),
+    "an-example": Way(nothing, ("examples", "{name}", "--out", "out")),
+    "a-rule": Way(nothing, ("rules", "{name}", "--json", "o.json")),
+    "a-start": Way(
+        geojson, ("map", "start", "map.geojson", "--start", "{name}", "--out", "o.geojson")
+    ),
+    "a-place": Way(geojson, ("aim", "plain_vine", *AIMED, "--where", "{name}", "--json", "o.json")),
     "design-file": Way(
         named(design, "design.toml"),
         ("fabricate", "./{stem}.toml", "--allow-uncalibrated", "--out", "out", "-q"),
@@ -337,9 +382,10 @@ def show(way: str, number: int) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """Print the counts; return 1 if anything failed."""
-    if len(arguments) == 2:
+    if len(arguments) == 2 and arguments[1].isdigit():
         return show(arguments[0], int(arguments[1]))
-    tally = attack([(way, number) for way in WAYS for number in range(len(NAMES))])
+    ways = arguments or WAYS  # names of ways select some
+    tally = attack([(way, number) for way in ways for number in range(len(NAMES))])
     sys.stdout.write(tally.report("tests/attack/names.py"))
     return 1 if tally.failures else 0
 

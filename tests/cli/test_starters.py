@@ -38,6 +38,20 @@ def test_a_new_file_is_read_and_has_the_name_of_its_file(kind, tmp_path, capsys)
     assert "exists; --force overwrites it" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("kind", ["design", "run", "map"])
+@pytest.mark.parametrize("stem", ["my robot", "a\nb", "\x1b[1m", "\udcff", 'a"b\\'])
+def test_a_new_file_is_read_whatever_its_name(kind, stem, tmp_path):
+    path = tmp_path / f"{stem}{'.geojson' if kind == 'map' else '.toml'}"
+    assert main(["new", kind, str(path), "-q"]) == 0
+    READERS[kind](path)
+
+
+def test_a_recipe_that_cannot_be_called_as_its_file_is_refused(tmp_path, capsys):
+    assert main(["new", "recipe", "my film.toml"]) == 2
+    assert "for a recipe a file name of letters" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_starter_map_has_room_for_the_starter_design(capsys):
     assert main(["new", "map", "table.geojson", "-q"]) == 0
     assert main(["grow", "three_level_tree", "--map", "table.geojson"]) == 0

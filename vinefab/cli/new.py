@@ -10,6 +10,7 @@ import typer
 from vinefab.cli.common_options import CommandOutput, Force, Quiet
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError
+from vinefab.core.plain_text import one_line
 from vinefab.core.units import rad
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text
@@ -49,10 +50,15 @@ def new_command(
         raise BadInputError("FILE", str(out), f"a file name ending in {suffix}")
     if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
         raise ForeignFileError(out, "exists")
+    if kind == "recipe" and _plain(out.stem) != out.stem:  # a recipe is called as its file
+        allowed = "for a recipe a file name of letters, digits, '_', '-' and '.'"
+        raise BadInputError("FILE", str(out), allowed)
     ensure_writable(out, force=force)
-    text = map_text(starter_map(out.stem)) if kind == "map" else _named_copy(kind, out.stem)
+    name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
+    text = map_text(starter_map(name)) if kind == "map" else _named_copy(kind, name)
     write_text(out, text, force=force)
-    output.say(f"wrote {out}")
+    said = "" if name == out.stem else f", named {name}"
+    output.say(f"wrote {out}{said}")
     output.say(f"next: {NEXT_STEPS[kind].format(out)}")
     return 0
 
@@ -75,12 +81,16 @@ def starter_map(name: str) -> Map:
     )
 
 
+def _plain(stem: str) -> str:
+    """Return the stem of a file as the name of a design, run or recipe may be."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")
+
+
 def _named_copy(kind: str, name: str) -> str:
     """Return the text of a shipped file under another name."""
     shipped_kind, original = STARTERS[kind]
     text = read_text(locate(shipped_kind, original))
-    quoted = name.replace("\\", "\\\\").replace('"', '\\"')
-    named, count = re.subn(r'(?m)^name = "[^"]*"', lambda _: f'name = "{quoted}"', text, count=1)
+    named, count = re.subn(r'(?m)^name = "[^"]*"', f'name = "{name}"', text, count=1)
     if not count:
         raise BadInputError(kind, original, "a shipped file with a name")
     return f"# A copy of {original} to change as you like.\n{named}"

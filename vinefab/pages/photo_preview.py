@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from shapely import Polygon
 
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, one_line
 from vinefab.maps.importers.photo_map import PhotoMap
 from vinefab.pages.colours import ALERT, INK
 from vinefab.pages.drawing import fill_geometry
@@ -35,9 +35,8 @@ def photo_preview(imported: PhotoMap) -> Figure:
         height = f", as seen {imported.height_mm:g} mm up" if imported.height_mm else ""
         markers = ", markers green" if squares else ""
         axes.set_title(
-            f"{world.name}: {counted(len(world.obstacles), 'obstacle')}{height}; walls "
-            f"red{markers}, start "
-            f"a dot; the bar is {bar:g} mm",
+            f"{one_line(world.name)}: {counted(len(world.obstacles), 'obstacle')}{height}; "
+            f"walls red{markers}, start a dot; the bar is {bar:g} mm",
             fontsize=9,
         )
     return figure

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 from vinefab.core.errors import UnreadableFileError
+from vinefab.core.plain_text import visible
 from vinefab.model.files.shipped import read_bytes
 
 MOST_MEGAPIXELS = 100
@@ -90,7 +91,7 @@ def read_photo(path: Path) -> Photo:
     pixels.setflags(write=False)
     diagonal_px = math.hypot(*pixels.shape[:2])
     focal_px = focal_35mm_mm and focal_35mm_mm / _FILM_DIAGONAL_MM * diagonal_px
-    return Photo(name=path.name, pixels=pixels, focal_px=focal_px)
+    return Photo(name=visible(path.name), pixels=pixels, focal_px=focal_px)
 
 
 def _ensure_one_picture(path: Path, image: Image.Image) -> None:

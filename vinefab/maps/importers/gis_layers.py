@@ -112,7 +112,7 @@ def _drawing(path: Path, options: ImportOptions, gdal: ModuleType) -> SourceDraw
         gdal.errors.DataSourceError,
         gdal.errors.DataLayerError,
         shapely.GEOSException,
-        UnicodeDecodeError,  # names of columns that are not in the encoding of the .cpg
+        UnicodeError,  # names of columns in another encoding than the .cpg says; of files
     ) as error:
         problem = " ".join(str(error).replace(str(path), "").split())
         raise UnreadableFileError(path, f"cannot be read by GDAL: {problem[:200]}") from error

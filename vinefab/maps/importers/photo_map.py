@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.plain_text import visible
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.maps.cleanup.cell_walls import Mask
@@ -398,5 +399,5 @@ def _world(
         least_obstacle_mm2=least_mm2,
         start=options.start,
     )
-    world = raster_map(path.stem, free[::-1], placement, chosen, facts)
+    world = raster_map(visible(path.stem), free[::-1], placement, chosen, facts)
     return replace(world, environment="photo")

@@ -14,6 +14,7 @@ from PIL import Image, UnidentifiedImageError
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import sha256_of
+from vinefab.core.plain_text import visible
 from vinefab.core.validation import number, positive
 from vinefab.maps.cleanup.cell_walls import Mask
 from vinefab.maps.cleanup.raster import (
@@ -155,7 +156,7 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     }
     with located(path):
         world = raster_map(
-            path.stem,
+            visible(path.stem),
             free if unknown == "obstacle" else ~occupied,
             source.placement(scale),
             RasterOptions(

@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
@@ -322,7 +322,7 @@ def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> 
         "curves_within_mm": tolerance_mm,
         "simplify_mm": chosen.simplify_mm,
     }
-    return assemble(path.stem, shapes, frame, chosen, facts, layered=drawing.layered)
+    return assemble(visible(path.stem), shapes, frame, chosen, facts, layered=drawing.layered)
 
 
 def _hull(items: tuple[DrawingItem, ...]) -> Floats:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def installed(tmp_path_factory):
     subprocess.run([*build, str(ROOT)], check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(folder / "site")
+        archive.extractall(folder / "site")  # noqa: S202  it is ours
     return folder / "site"
 
 
@@ -71,3 +72,27 @@ def test_a_design_is_checked_and_cut_from_another_folder(installed, tmp_path):
     cut = run(installed, tmp_path, *out)
     assert (cut.returncode, cut.stderr) == (0, "")
     assert "<html" in (tmp_path / "package" / "report.html").read_text()
+
+
+@pytest.mark.thorough
+def test_the_source_archive_makes_the_same_wheel(tmp_path):
+    def built(kind, source, out):
+        build = [sys.executable, "-m", "build", f"--{kind}", "--no-isolation", "--outdir", str(out)]
+        subprocess.run([*build, str(source)], check=True, capture_output=True)
+        (made,) = out.iterdir()
+        return made
+
+    archive = built("sdist", ROOT, tmp_path / "sdist")
+    with tarfile.open(archive) as tar:
+        tar.extractall(tmp_path / "unpacked", filter="data")
+    (source,) = (tmp_path / "unpacked").iterdir()
+    for name in ("CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "paper.md", "Makefile", "docs"):
+        assert (source / name).exists(), name
+    contents = []
+    for root in (ROOT, source):
+        with zipfile.ZipFile(built("wheel", root, tmp_path / f"wheel_{len(contents)}")) as wheel:
+            contents.append({info.filename: info.CRC for info in wheel.infolist()})
+    direct, through = contents
+    assert set(direct) == set(through)
+    changed = {name for name in direct if direct[name] != through[name]}
+    assert changed <= {name for name in direct if name.endswith("/RECORD")}

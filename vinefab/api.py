@@ -719,7 +719,7 @@ def rules() -> Mapping[str, Rule]:
     Examples
     --------
     >>> rules()["VF-C01"].limits
-    mappingproxy({'error': 4.0, 'warning': 5.0})
+    mappingproxy({'error': 3.0, 'warning': 5.0})
     """
     from vinefab.fabrication.rule_listing import all_rules
 

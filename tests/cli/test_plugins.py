@@ -148,6 +148,7 @@ def test_a_rule_of_another_package_is_checked_and_a_broken_one_is_named(vinefab,
     assert vinefab("check", out / "best.toml", "-q")[0] == 0
 
 
+@pytest.mark.thorough
 def test_parts_of_another_package_work_on_the_workers_of_a_cluster(their_package, tmp_path):
     run_file, out = tmp_path / "theirs.toml", tmp_path / "cluster"
     # The winner is tried on fifty maps of the yard: small ones, for they are made in each run.

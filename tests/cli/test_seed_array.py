@@ -65,6 +65,7 @@ def generations(record):
         return 0
 
 
+@pytest.mark.thorough
 def test_tasks_of_an_array_are_merged_and_a_killed_one_goes_on(
     vinefab, task, tmp_path, monkeypatch
 ):

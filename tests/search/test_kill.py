@@ -29,6 +29,7 @@ class NearTheLeast(random.Random):
         return low + (high - low) // 10
 
 
+@pytest.mark.thorough
 def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(
     kill: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

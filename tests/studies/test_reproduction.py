@@ -49,6 +49,7 @@ def folder(tmp_path_factory):
     return out
 
 
+@pytest.mark.thorough
 def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     page = (folder / "reproduction.html").read_text()
@@ -70,6 +71,7 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
     assert document["claims"] == kinds.count("of the paper")
 
 
+@pytest.mark.thorough
 def test_fabricable_winners_pass_the_check(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     for found in document["experiments"]["price"]["data"].values():
@@ -77,6 +79,7 @@ def test_fabricable_winners_pass_the_check(folder):
         assert np.shape(found["free"]) == np.shape(found["fabricable"]) == np.shape(found["pieces"])
 
 
+@pytest.mark.thorough
 def test_every_variant_says_what_it_asks(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     data = document["experiments"]["ablation"]["data"]
@@ -88,12 +91,14 @@ def test_every_variant_says_what_it_asks(folder):
     assert sight["differences"][lead] != free["differences"][lead]
 
 
+@pytest.mark.thorough
 def test_the_page_needs_nothing_else(folder):
     page = (folder / "reproduction.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "<script" not in page
 
 
+@pytest.mark.thorough
 def test_lost_parts_are_done_again_with_the_same_numbers(folder, tmp_path, capsys):
     """A copy of the folder without its finals and half of its parts ends as the first one did."""
     again = tmp_path / "again"
@@ -112,6 +117,7 @@ def test_lost_parts_are_done_again_with_the_same_numbers(folder, tmp_path, capsy
     assert "claims of the paper hold" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_another_size_is_refused_in_one_line(folder, capsys):
     before = (folder / "reproduction.json").read_bytes()
     assert run("transfer", "--out", folder) == 2
@@ -134,6 +140,7 @@ def test_an_unknown_experiment_is_named(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.thorough
 def test_a_damaged_part_is_named(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
@@ -144,6 +151,7 @@ def test_a_damaged_part_is_named(folder, tmp_path):
         JobStore(copy, QUICK, 1, lambda _, __: None).train([job])
 
 
+@pytest.mark.thorough
 def test_processes_find_what_one_finds(folder, tmp_path):
     """Two processes, another folder: the same parts, byte for byte."""
     jobs = [Training(settings=coverage_run(QUICK, "grid", number)) for number in range(2)]
@@ -216,6 +224,7 @@ def test_open_bounds_let_robots_through(once):
     assert opened["share"] < closed["share"]
 
 
+@pytest.mark.thorough
 def test_no_study_depends_on_the_default_growth(folder, tmp_path, monkeypatch):
     """With other defaults, as users have them, every run and test is the same job as before."""
     shipped = GrowthOptions.__init__

@@ -230,7 +230,7 @@ def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     front = desk.front({"folder": "two"})["front"]
     assert front["is_final"]
     assert run["best_score"] == read_archive(folder).score.composite["mean"]
-    assert "fresh poses (simulated)" in run["best_words"]
+    assert "fresh pose (simulated)" in run["best_words"]
     assert [one["name"] for one in front["objectives"]] == ["coverage score", "film length"]
     assert [point["point"] for point in front["points"]] == [m.design.name for m in members]
     assert front["points"][0]["values"] == [members[0].fitness, members[0].further[0]]

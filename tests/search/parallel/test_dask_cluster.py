@@ -94,6 +94,7 @@ finalists = 2
 """
 
 
+@pytest.mark.thorough
 def test_workers_may_die_and_the_result_is_that_of_threads(tmp_path: Path) -> None:
     program, run_file = tmp_path / "program.py", tmp_path / "run.toml"
     program.write_text(PROGRAM)

@@ -19,6 +19,7 @@ def fuzz() -> ModuleType:
     return module
 
 
+@pytest.mark.thorough
 def test_growth_on_nasty_maps(fuzz):
     found = fuzz.fuzz(GROWTHS)
     assert sum(counts.growths for counts in found.values()) >= GROWTHS

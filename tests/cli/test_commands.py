@@ -222,6 +222,7 @@ def test_a_page_of_someone_else_is_kept(vinefab, run_file, tmp_path):
     assert (tmp_path / "index.html").read_text() == "my own page"
 
 
+@pytest.mark.thorough
 def test_demo_at_its_smallest_writes_the_whole_chain(vinefab, tmp_path):
     out = tmp_path / "demo"
     code, words, complaint = vinefab("demo", "--out", out, "--generations", 6, "--population", 12)

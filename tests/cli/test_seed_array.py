@@ -106,6 +106,7 @@ def test_tasks_of_an_array_are_merged_and_a_killed_one_goes_on(
     assert (more["seeds"], more["mean"]) == (seeds["seeds"], seeds["mean"])
 
 
+@pytest.mark.thorough
 def test_mean_and_deviation_over_seeds(vinefab, run_file, tmp_path):
     for seed in (1, 2, 3):
         out = tmp_path / "runs" / f"seed_{seed}"

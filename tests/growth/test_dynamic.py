@@ -12,6 +12,8 @@ from numpy.testing import assert_allclose
 
 from vinefab.model.map import Pose
 
+pytestmark = pytest.mark.thorough
+
 
 def load(name: str) -> ModuleType:
     if name in sys.modules:

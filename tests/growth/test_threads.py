@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -33,6 +35,7 @@ print("done")
 """
 
 
+@pytest.mark.thorough
 def test_threads_may_look_first_at_the_same_time():
     # In a process of its own: without care this ends in broken memory, not in an exception.
     ran = subprocess.run(

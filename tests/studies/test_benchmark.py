@@ -24,6 +24,8 @@ from vinefab.studies.benchmark_growths import (
 )
 from vinefab.studies.shapely_reference import ReferenceWorld, grow_tree, tips_mm
 
+pytestmark = pytest.mark.thorough
+
 WORLD = square_map(300)
 GROUND = Terrain.of(WORLD)
 

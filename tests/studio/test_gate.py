@@ -172,6 +172,7 @@ def test_a_long_message_before_the_token_is_not_read(studio):
     assert closed_with(knock(studio), hello) == 1003
 
 
+@pytest.mark.thorough
 def test_a_socket_that_shows_no_token_is_closed(studio):
     before = time.monotonic()
     assert closed_with(knock(studio)) == 1008

@@ -126,6 +126,7 @@ for name, data in [*files.items(), ("zip", zip_bytes(files, "a"))]:
 """
 
 
+@pytest.mark.thorough
 def test_every_laser_file_has_the_same_bytes_in_another_process() -> None:
     said = {
         subprocess.run(

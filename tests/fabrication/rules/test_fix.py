@@ -160,6 +160,7 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(
         )
 
 
+@pytest.mark.thorough
 def test_random_designs_of_table_1_are_fixed(many: ModuleType, profile: LaserProfile) -> None:
     cases = many.fix_many(4, profile, deepest=2)
     assert all(case.fixed is not None for case in cases)

@@ -23,6 +23,7 @@ fabricable = false
 """
 
 
+@pytest.mark.thorough
 def test_ctrl_c_while_the_cluster_starts_is_one_line(tmp_path):
     (tmp_path / "long.toml").write_text(RUN)
     temporary = tmp_path / "temporary"

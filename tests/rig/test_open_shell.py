@@ -28,7 +28,7 @@ from vinefab.rig.open_shell import (
     RIB_SPAN_MM,
     cavities_in,
     shell_wall_mm,
-    walls_of,
+    shell_walls,
 )
 from vinefab.rig.part import Mesh, PartItem
 from vinefab.rig.part_files import read_back_problems
@@ -115,7 +115,7 @@ def test_long_cavities_have_ribs_and_rings_are_held():
     assert len(rooms) == math.ceil(170 / RIB_SPAN_MM)
     assert shapely.area(rooms).sum() == pytest.approx(168.4 * 2.4, rel=0.02)
     ring = box(0, 0, 40, 40) - box(15, 15, 25, 25)
-    walls = walls_of(ring, 0.8)
+    walls = shell_walls(ring, 0.8)
     assert walls.is_valid
     assert len(walls.interiors) >= 3  # the hole of the obstacle and at least two cavities
     assert ring.covers(walls)
@@ -141,7 +141,7 @@ def test_corners_that_single_precision_melts_into_one_leave_no_flat_triangle():
 def test_narrow_obstacles_stay_solid():
     assert len(cavities_in(box(0, 0, 50, 2.5), 0.8)) == 0
     assert len(cavities_in(box(0, 0, 50, 3.0), 0.8)) == 1
-    assert walls_of(box(0, 0, 50, 2.5), 0.8).equals(box(0, 0, 50, 2.5))
+    assert shell_walls(box(0, 0, 50, 2.5), 0.8).equals(box(0, 0, 50, 2.5))
 
 
 @pytest.mark.parametrize(

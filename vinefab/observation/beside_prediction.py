@@ -18,9 +18,9 @@ from vinefab.model.map import Map, Pose
 from vinefab.observation.centre_lines import TracedTree
 from vinefab.observation.meetings import (
     HEADING_ERROR_DEG,
-    Meeting,
     Replays,
     SeenBranch,
+    WallMeeting,
     apart_mm,
     seen_meetings,
     wall_order,
@@ -77,7 +77,7 @@ class ComparedBranch:
     nominal_width_mm: float
     seen: float
     told_apart: float
-    contacts: tuple[Meeting, ...]
+    contacts: tuple[WallMeeting, ...]
     order_observed: tuple[str, ...]
     order_predicted: tuple[str, ...]
 
@@ -181,7 +181,7 @@ def _compared(
     seen, tree = traced.branches[index], traced.tree
     level = int(tree.level[index])
     radius = inflated_radius_mm(design.build.widths_mm[level - 1])
-    contacts: tuple[Meeting, ...] = ()
+    contacts: tuple[WallMeeting, ...] = ()
     stop = Stop.NOT_DEPLOYED.label
     if seen.deployed:
         contacts, stop = seen_meetings(replays, _seen_branch(index, traced, prediction, radius))

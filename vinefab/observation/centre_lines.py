@@ -26,7 +26,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.observation.film import Film
+from vinefab.observation.film import SeenFilm
 from vinefab.physics.tube import inflated_radius_mm
 
 SHORT_MM = 3.0
@@ -129,7 +129,7 @@ class TracedTree:
     lines_supported: float
 
 
-def trace(film: Film, design: Design, world: Map, pose: Pose) -> TracedTree:
+def trace(film: SeenFilm, design: Design, world: Map, pose: Pose) -> TracedTree:
     """Return the centre lines of a design on the film of a photo.
 
     Parameters
@@ -156,7 +156,7 @@ class _Course:
 class _Tracing:
     """What the tracing of one photo works with."""
 
-    film: Film
+    film: SeenFilm
     design: Design
     world: Map
     pose: Pose
@@ -412,7 +412,7 @@ class _Coarse:
     top_mm: float
 
     @classmethod
-    def of(cls, film: Film, radius_mm: float) -> "_Coarse":
+    def of(cls, film: SeenFilm, radius_mm: float) -> "_Coarse":
         times = max(1, round(1.0 / film.view.mm_per_pixel))
         rows, columns = (size // times for size in film.share.shape)
         cut = film.share[: rows * times, : columns * times]
@@ -435,7 +435,7 @@ class _Coarse:
             top_mm=film.view.top_mm,
         )
 
-    def tube(self, film: Film, chain_mm: Floats, radius_mm: float) -> NDArray[np.int64]:
+    def tube(self, film: SeenFilm, chain_mm: Floats, radius_mm: float) -> NDArray[np.int64]:
         """Return the cells that a tube covers."""
         seen = film.moved(chain_mm, radius_mm, film.sight.plane_mm)
         rows = len(self.value) // self.columns
@@ -510,7 +510,7 @@ def _stations(chain: Floats, step: float) -> tuple[NDArray[np.int64], Floats, Fl
     return stretch, share, chain[stretch] + share[:, None] * strides[stretch], way
 
 
-def _film_along(film: Film, chain: Floats, radius: float) -> float:
+def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
     """Return how far along a line film is seen, without longer gaps; the tip's cap is left off."""
     _, _, points, way = _stations(chain, 1.0)
     step = _length(chain) / len(points)
@@ -527,7 +527,7 @@ def _film_along(film: Film, chain: Floats, radius: float) -> float:
 
 
 def _runs(
-    film: Film, base: Floats, heading: float, radius: float, length: float, clearance: Floats
+    film: SeenFilm, base: Floats, heading: float, radius: float, length: float, clearance: Floats
 ) -> list[Floats]:
     """Return chains of straight runs of film from a base on, the longest first."""
     del clearance
@@ -558,7 +558,7 @@ def _runs(
 
 
 def _straight(
-    film: Film, base: Floats, heading: float, spread: Floats, radius: float, most: float
+    film: SeenFilm, base: Floats, heading: float, spread: Floats, radius: float, most: float
 ) -> list[tuple[float, float]]:
     """Return directions in which film runs straight from a point, and how far; the best few."""
     if most < 4.0:

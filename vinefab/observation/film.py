@@ -19,7 +19,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.photos.photo_camera import PhotoCamera
 from vinefab.photos.plan_view import PlanView
 
-Colour = tuple[int, int, int]
+FilmColour = tuple[int, int, int]
 
 LEAST_HUE_STEP = 0.05
 """Film and floor differ in hue if they are so far apart (grain and JPEG make about 0.01)."""
@@ -46,7 +46,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Film:
+class SeenFilm:
     """Where film is seen on a plan.
 
     Parameters
@@ -71,7 +71,7 @@ class Film:
     view: PlanView
     sight: Sight
     solid: NDArray[np.bool_]
-    colour: Colour | None
+    colour: FilmColour | None
     how: str
     cautions: tuple[str, ...] = ()
     _hidden: dict[float, NDArray[np.bool_]] = field(default_factory=dict)  # by height
@@ -138,8 +138,8 @@ def found_film(
     widths_mm: tuple[float, float],
     sight: Sight,
     *,
-    colour: Colour | None = None,
-) -> Film:
+    colour: FilmColour | None = None,
+) -> SeenFilm:
     """Return the film on a plan, by its colour or by what differs from the floor.
 
     Parameters
@@ -179,7 +179,7 @@ def found_film(
         allowed = "a photo with a robot on it; --film-colour R,G,B says what its film looks like"
         raise BadInputError("photo", "no film found between the obstacles", allowed)
     seen = np.median(view.pixels[is_film], axis=0).astype(int).tolist()
-    return Film(
+    return SeenFilm(
         share=share,
         view=view,
         sight=sight,
@@ -195,12 +195,12 @@ def outlined_film(
     world: Map,
     outline: BaseGeometry,
     sight: Sight,
-) -> Film:
+) -> SeenFilm:
     """Return the film on a plan as somebody has outlined it, in map millimetres."""
     inside = _inside(outline, view)
     if not inside.any():
         raise BadInputError("--outline", "no area on the map", "areas in the map's millimetres")
-    return Film(
+    return SeenFilm(
         share=ndimage.gaussian_filter(inside.astype(np.float64), 0.5),
         view=view,
         sight=sight,
@@ -242,7 +242,7 @@ def _light_and_hue(pixels: NDArray[np.uint8]) -> tuple[Floats, Floats]:
     return lab[..., 0], lab[..., 1:] / lab[..., :1]
 
 
-def _hue_of(colour: Colour) -> Floats:
+def _hue_of(colour: FilmColour) -> Floats:
     return np.asarray(_light_and_hue(np.full((1, 1, 3), colour, dtype=np.uint8))[1][0, 0])
 
 
@@ -269,7 +269,7 @@ def _film_hue(
     inner: NDArray[np.bool_],
     block: Floats | None,
     strip: NDArray[np.bool_],
-    colour: Colour | None,
+    colour: FilmColour | None,
 ) -> tuple[Floats | None, str]:
     """Return the film's hue and how it is known; None where film has the floor's hue."""
     if colour is not None:

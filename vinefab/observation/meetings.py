@@ -22,7 +22,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
 
-Outcome = Literal["slid", "stopped", "unclear"]
+MeetingOutcome = Literal["slid", "stopped", "unclear"]
 
 AGREES_MM = 2.5
 AGREES_SHARE = 0.02
@@ -38,7 +38,7 @@ HEADING_ERROR_DEG = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Meeting:
+class WallMeeting:
     """A tip at a wall.
 
     Parameters
@@ -65,7 +65,7 @@ class Meeting:
     angle_deg: float
     angle_error_deg: float
     front_mm: float
-    outcome: Outcome
+    outcome: MeetingOutcome
     distance_mm: float | None = None
 
 
@@ -86,7 +86,7 @@ class Replay:
     """
 
     chain_mm: Floats
-    meetings: tuple[Meeting, ...]
+    meetings: tuple[WallMeeting, ...]
     chains_mm: tuple[Floats, ...]
     stop: Stop
 
@@ -147,7 +147,7 @@ class Replays:
         chain = [*branch.pivots, branch.tip]
         names = [self._wall(met[-1]) for met, _, _ in branch.met]
         meetings = tuple(
-            Meeting(
+            WallMeeting(
                 x_mm=met[-1].real,
                 y_mm=met[-1].imag,
                 wall=name,
@@ -191,7 +191,7 @@ def _plain(chain: Sequence[complex]) -> Floats:
     return np.array([(point.real, point.imag) for point in chain])
 
 
-def wall_order(meetings: Sequence[Meeting]) -> list[str]:
+def wall_order(meetings: Sequence[WallMeeting]) -> list[str]:
     """Return the walls of meetings in their order, without repetitions one after the other."""
     names = [meeting.wall for meeting in meetings]
     return [name for place, name in enumerate(names) if place == 0 or names[place - 1] != name]
@@ -221,7 +221,7 @@ class SeenBranch:
     heading_error_deg: float
 
 
-def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[Meeting, ...], str]:
+def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting, ...], str]:
     """Return where a branch's tip met walls and what it did there, and why it stopped.
 
     The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
@@ -235,7 +235,7 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[Meeting, ..
     error = float(np.hypot(seen.heading_error_deg, 0.5 * abs(turn)))
     meetings = []
     for place, meeting in enumerate(replay.meetings):
-        outcome: Outcome = "slid" if fits else "unclear"
+        outcome: MeetingOutcome = "slid" if fits else "unclear"
         # What is met within the error of the length may not have been met at all.
         if place != end and meeting.front_mm > seen.length_mm - SAME_PLACE_MM:
             outcome = "unclear"

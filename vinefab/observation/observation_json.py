@@ -5,7 +5,7 @@ import math
 from vinefab.core.jsontext import json_text
 from vinefab.model.files.results_json import pose_content
 from vinefab.observation.beside_prediction import ComparedBranch
-from vinefab.observation.meetings import Meeting
+from vinefab.observation.meetings import WallMeeting
 from vinefab.observation.observe_photo import Observation
 
 OBSERVATION_SCHEMA = "vinefab/observation-1"
@@ -87,7 +87,7 @@ def _branch(branch: ComparedBranch) -> dict[str, object]:
     }
 
 
-def _contact(contact: Meeting, branch: ComparedBranch) -> dict[str, object]:
+def _contact(contact: WallMeeting, branch: ComparedBranch) -> dict[str, object]:
     return {
         "x_mm": _rounded(contact.x_mm),
         "y_mm": _rounded(contact.y_mm),

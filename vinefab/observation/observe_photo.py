@@ -17,7 +17,7 @@ from vinefab.observation.beside_prediction import (
     compare_with_prediction,
 )
 from vinefab.observation.centre_lines import TracedTree, trace
-from vinefab.observation.film import Film, Sight, found_film, outlined_film
+from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.found_markers import marker_points
 from vinefab.photos.photo import Photo
@@ -69,7 +69,7 @@ class Observation:
     design: Design
     rectified_by: str
     error_mm: float | None
-    film: Film
+    film: SeenFilm
     traced: TracedTree
     compared: Compared
     cautions: tuple[str, ...]

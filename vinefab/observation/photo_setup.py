@@ -20,7 +20,7 @@ from vinefab.maps.importers.svg_drawing import svg_outlines
 from vinefab.model.corner_marker import CornerMarker
 from vinefab.model.files.shipped import read_text
 from vinefab.model.files.toml import validated
-from vinefab.observation.film import Colour
+from vinefab.observation.film import FilmColour
 
 _MOST_OUTLINE_BYTES = 1 << 26
 _FLAT_PX = 0.2
@@ -52,7 +52,7 @@ class PhotoSetup:
     markers: tuple[CornerMarker, ...] | None = None
     corners_px: Floats | None = None
     obstacle_mm: float | None = None
-    film_colour: Colour | None = None
+    film_colour: FilmColour | None = None
     outline: BaseGeometry | None = None
     outline_in_pixels: bool = False
 
@@ -109,7 +109,7 @@ def _corners(given: tuple[float, ...]) -> Floats:
     return np.array([number("--corners", part, -1e6, 1e6, "px") for part in given]).reshape(4, 2)
 
 
-def _colour(given: tuple[float, ...]) -> Colour:
+def _colour(given: tuple[float, ...]) -> FilmColour:
     if len(given) != 3:
         raise BadInputError("--film-colour", list(given), "three numbers: R,G,B")
     red, green, blue = (

@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.open_shell import cavities_in, corbelled, label_of, shell_wall_mm, walls_of
+from vinefab.rig.open_shell import cavities_in, corbelled, label_of, shell_wall_mm, shell_walls
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import (
@@ -252,7 +252,7 @@ def courses_of(
     out from the walls, so that nothing needs supports.
     """
     outline, high_mm = piece.outline, options.height_mm
-    walls = walls_of(outline, wall_mm)
+    walls = shell_walls(outline, wall_mm)
     hollow = len(walls.interiors) > len(outline.interiors)
     tongued = hollow and not options.top_mm
     tongue, marks = polygon_parts(Polygon()), polygon_parts(Polygon())

@@ -100,10 +100,10 @@ def hollowed(pieces: Polygons, wall_mm: float) -> Polygons:
     """Return polygons without what may be left empty in them."""
     if wall_mm <= 0.0:
         return pieces
-    return polygon_parts(*(walls_of(piece, wall_mm) for piece in pieces), Polygon())
+    return polygon_parts(*(shell_walls(piece, wall_mm) for piece in pieces), Polygon())
 
 
-def walls_of(outline: Polygon, wall_mm: float) -> Polygon:
+def shell_walls(outline: Polygon, wall_mm: float) -> Polygon:
     """Return an outline without its cavities."""
     cavities = cavities_in(outline, wall_mm) if wall_mm > 0.0 else ()
     return Polygon(outline.exterior, [*outline.interiors, *(room.exterior for room in cavities)])

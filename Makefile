@@ -23,7 +23,6 @@ check: $(READY)
 	$(BIN)/pytest -n 2
 
 docs: $(READY)
-	$(BIN)/python docs/reference_pages.py
 	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build
 
 bench: $(READY)

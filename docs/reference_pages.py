@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from vinefab.cli.map_commands import parameter_words
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -368,7 +369,9 @@ def _part(name: str, kind: type) -> str:
     first = (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
     if not is_dataclass(kind):
         return f"### {name}\n\n{first}\n"
-    said = meanings(kind) | parameter_words(kind)
+    said = meanings(kind) | {
+        name: words.replace("``", "`") for name, words in parameter_words(kind).items()
+    }
     rows = [
         f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |"
         for one in fields(kind)
@@ -377,20 +380,6 @@ def _part(name: str, kind: type) -> str:
         ["| parameter | default | meaning |\n|---|---|---|", *rows] if rows else ["No parameters."]
     )
     return "\n".join([f"### {name}\n", first, "", *table, ""])
-
-
-def parameter_words(kind: type) -> dict[str, str]:
-    """Return what the docstrings of a class and its bases say of each parameter, by name."""
-    found: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        block = re.search(
-            r"Parameters\n-+\n(.*?)(?:\n\n[A-Z]\w+\n-+\n|\Z)", inspect.getdoc(base) or "", re.DOTALL
-        )
-        for names, words in re.findall(
-            r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
-        ):
-            found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "`").split()))
-    return found
 
 
 def _field_default(one: Any) -> str:  # noqa: ANN401  a field of a dataclass

@@ -179,14 +179,13 @@ def html_of(noun: CheckReport | Score | RunResult) -> str:
 
 
 def _report_html(report: CheckReport) -> str:
-    from vinefab.fabrication.checking import verdict
-    from vinefab.fabrication.rules.catalog import RULES
+    from vinefab.fabrication.checking import rule_title, verdict
 
     rows = [
         (
             "waived" if found.waived else found.severity,
             found.rule,
-            RULES[found.rule].title if found.rule in RULES else "",
+            rule_title(found.rule),
             ", ".join(found.branches),
             found.message,
             "" if found.measured is None else f"{found.measured:.4g} {found.unit}",

@@ -51,7 +51,7 @@ BEYOND = (150, 130, 110)
 """Colour of what lies beyond the floor."""
 
 
-def _light(values):
+def light_of(values):
     return (np.asarray(values, dtype=np.float32) / np.float32(255.0)) ** np.float32(2.2)
 
 
@@ -113,12 +113,12 @@ class Floor:
         seen_from = (matrix / matrix[2, 2]).ravel()[:8].tolist()
         large_px = (columns * supersampling, rows * supersampling)
         channels = [
-            Image.fromarray(_light(self.pixels[..., channel])).transform(
+            Image.fromarray(light_of(self.pixels[..., channel])).transform(
                 large_px,
                 Image.Transform.PERSPECTIVE,
                 seen_from,
                 Image.Resampling.BILINEAR,
-                fillcolor=float(_light(beyond)),
+                fillcolor=float(light_of(beyond)),
             )
             for channel, beyond in enumerate(BEYOND)
         ]

@@ -19,7 +19,7 @@ from shapely import Polygon, affinity, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.photos.conftest import Floor, TrueCamera
+from tests.photos.conftest import Floor, TrueCamera, light_of
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
@@ -59,7 +59,7 @@ def photo_of_bricks(
             places = projected(large.homography(height), corners) - 0.5
             pen.polygon([tuple(place) for place in places], fill=BRICK)
     # A lens mixes light, and the camera stores its 2.2th root.
-    light = (np.asarray(picture, dtype=np.float64) / 255.0) ** 2.2
+    light = light_of(picture)
     light = light.reshape(rows, 3, columns, 3, 3).mean(axis=(1, 3))
     row, column = np.mgrid[0:rows, 0:columns]
     aside = (column / columns - 0.55) ** 2 + (row / rows - 0.4) ** 2

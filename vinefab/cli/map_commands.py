@@ -30,7 +30,7 @@ from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES, PhotoOptions, p
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
-from vinefab.model.start_place import WAYS, area_notes, start_words
+from vinefab.model.start_place import START_WAYS, area_notes, start_words
 from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
@@ -242,7 +242,7 @@ def start_command(
     Example: vinefab map start grid.geojson --start "area 0,0 50,480, clear 20" --out area.geojson
     """
     if not start:
-        raise BadInputError("--start", None, WAYS)
+        raise BadInputError("--start", None, START_WAYS)
     ensure_writable(out, force=force)
     (world,) = started_maps([read_map(map_file)], start)
     _save(world, out, CommandOutput(quiet=quiet, force=force), facts=False)
@@ -308,10 +308,10 @@ def _generator(environment: Environment) -> Callable[..., None]:
         made = environment.make(given["seed"], options)
         _save(started_maps([made], given["start"])[0], out, output)
 
-    described = _described(environment.options)
+    described = parameter_words(environment.options)
     parameters = [_parameter("out", OutFile), _parameter("seed", Seed, default=0)]
     for name, field in known.items():
-        option = typer.Option(*_flags(name), help=described.get(name, ""))
+        option = typer.Option(*_flags(name), help=described.get(name, "").replace("``", ""))
         parameters.append(
             _parameter(name, Annotated[type(field.default), option], default=field.default)
         )
@@ -343,7 +343,7 @@ def _help(name: str, environment: Environment) -> str:
     return f"Generate a map: {what}.\n\nExample: vinefab map {name} --seed 3 --out {name}.geojson"
 
 
-def _described(options: type) -> dict[str, str]:
+def parameter_words(options: type) -> dict[str, str]:
     """Return what the docstrings of a class and its bases say of each parameter, by name."""
     found: dict[str, str] = {}
     for kind in reversed(options.__mro__):
@@ -352,5 +352,5 @@ def _described(options: type) -> dict[str, str]:
         for names, words in re.findall(
             r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
         ):
-            found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "").split()))
+            found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
     return found

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TextIO
 
 from vinefab.core.plain_text import visible
@@ -23,14 +24,8 @@ def progress_in_lines(title: str) -> Iterator[Callable[[float, str], None]]:
 
     A thread writes it, so that there are lines also while a long step tells nothing.
     """
-    state, is_over = _State(title), threading.Event()
-    writer = threading.Thread(target=_write_lines, args=(state, is_over), daemon=True)
-    writer.start()
-    try:
-        yield state.update
-    finally:
-        is_over.set()
-        writer.join()
+    with _written_beside(_write_lines, title) as tell:
+        yield tell
 
 
 SHOWN_AFTER_S, SHOWN_EVERY_S = 2.0, 0.5
@@ -47,8 +42,17 @@ def progress_shown(title: str, *, shown: bool) -> Iterator[Callable[[float, str]
     if stream is None:
         yield lambda _share, _words: None
         return
+    with _written_beside(partial(_renew_line, stream=stream), title) as tell:
+        yield tell
+
+
+@contextmanager
+def _written_beside(
+    write: Callable[["_State", threading.Event], None], title: str
+) -> Iterator[Callable[[float, str], None]]:
+    """Let a thread write what a block tells, until the block is over."""
     state, is_over = _State(title), threading.Event()
-    writer = threading.Thread(target=_renew_line, args=(state, is_over, stream), daemon=True)
+    writer = threading.Thread(target=write, args=(state, is_over), daemon=True)
     writer.start()
     try:
         yield state.update

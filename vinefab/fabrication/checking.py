@@ -202,7 +202,7 @@ def findings_by_rule(report: CheckReport) -> list[str]:
         groups.setdefault((_sign(finding), finding.rule), []).append(finding)
     lines = list[str]()
     for (sign, rule), findings in groups.items():
-        lines.append(f"{sign} {rule}  {_title(rule)}".rstrip())
+        lines.append(f"{sign} {rule}  {rule_title(rule)}".rstrip())
         lines += [f"       {_finding_words(finding)}" for finding in findings]
     return lines
 
@@ -211,7 +211,7 @@ def around_findings(report: CheckReport, *, verbose: bool = False) -> list[str]:
     """Return what else a user should know of a check: notes, changed limits, rules skipped."""
     lines = list[str]()
     if verbose:
-        lines += [f"ran    {r.rule}  {_title(r.rule)}: {r.checked} checked" for r in report.run]
+        lines += [f"ran    {r.rule}  {rule_title(r.rule)}: {r.checked} checked" for r in report.run]
     lines += [f"note   {r.rule}  {r.note}" for r in report.run if r.note]
     lines += [
         f"limit  {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
@@ -249,7 +249,8 @@ def _sign(finding: Finding) -> str:
     return "waived" if finding.waived else _SIGNS[finding.severity]
 
 
-def _title(rule: str) -> str:
+def rule_title(rule: str) -> str:
+    """Return what a rule asks for; empty for one that is not installed here."""
     return RULES[rule].title if rule in RULES else ""
 
 

@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 
@@ -172,7 +173,7 @@ class Map:
             (self.wall_count, "wall"),
             (len(self.starts), "start"),
         )
-        words = ", ".join(f"{count} {word}{'s' * (count != 1)}" for count, word in counts)
+        words = ", ".join(counted(count, word) for count, word in counts)
         return f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, {words}>"
 
     @property

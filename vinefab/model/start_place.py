@@ -33,7 +33,7 @@ from vinefab.model.map import START_CLEARANCE_MM, Map, Pose, Start
 SIDES = {"left": 0.0, "right": 180.0, "bottom": 90.0, "top": -90.0}
 """The sides of a map and the headings inwards from them, in degrees."""
 
-WAYS = (
+START_WAYS = (
     "X,Y,DEG, or left, right, top or bottom side, or line X,Y X,Y, or area X,Y X,Y; "
     "then heading DEG+-SPREAD, inset MM, clear MM"
 )
@@ -186,11 +186,11 @@ def start_from(text: str, key: str = "start") -> Start | StartPlace:
         If the words are no start.
     """
     if not isinstance(text, str) or len(text) > _MOST_LETTERS:
-        raise BadInputError(key, text, WAYS)
+        raise BadInputError(key, text, START_WAYS)
     said = _Said.of(text, key)
     places = [name for name in said.numbers if name in (*SIDES, "line", "area", "pose")]
     if len(places) != 1:
-        raise BadInputError(key, text, f"one place: {WAYS}")
+        raise BadInputError(key, text, f"one place: {START_WAYS}")
     try:
         return said.pose() if places == ["pose"] else said.place(places[0])
     except BadInputError as error:
@@ -214,7 +214,7 @@ class _Said:
         said, current, either = cls(text, key, {}, {}), "pose", False
         for part in _PARTS.finditer(text.strip().strip(",;").lower()):
             if part["rest"] or (either and not part["number"]):
-                raise said.wrong(WAYS)
+                raise said.wrong(START_WAYS)
             if part["number"]:
                 said.take(current, float(part["number"]), either=either)
             elif part["word"] and part["word"] not in _FILLERS:
@@ -237,7 +237,7 @@ class _Said:
     def begin(self, word: str) -> str:
         """Return the key that a word stands for, its numbers still to come."""
         if word not in _KEYS:
-            raise self.wrong(f"{WAYS}{nearest(word, _KEYS)}")
+            raise self.wrong(f"{START_WAYS}{nearest(word, _KEYS)}")
         if word in self.numbers:
             raise self.wrong(f"{word} once")
         self.numbers[word] = []

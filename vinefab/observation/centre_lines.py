@@ -39,7 +39,7 @@ _TURNS_DEG = (0.0, -1.5, 1.5, -3.0, 3.0, -6.0, 6.0, -10.0, 10.0)
 _STOPS_DEG = (0.0, 5.0, 15.0, 90.0)
 """Head-on half-angles of these courses: from sliding everywhere to stopping at the first wall."""
 
-RIM_MM = 1.2
+BLUR_MM = 1.2
 """Film so near to a tube may be its blurred edge."""
 
 LEAST_LENGTH_MM = 2.0
@@ -330,7 +330,7 @@ class _Tracing:
                 # It ends where the model says why: at its length, or at a wall.
                 worth += 2.0 * radius * _REASON_MM
             early = is_early(length, planned)
-            around = self.coarse.tube(self.film, part, radius + RIM_MM)
+            around = self.coarse.tube(self.film, part, radius + BLUR_MM)
             found.append(_Course(part, cells, around, worth, early))
 
     def _support(self, chain: Floats, radius: float) -> float:
@@ -707,7 +707,7 @@ def _fit_once(work: _Tracing, alive: list[int]) -> None:
 
 
 def _wide_patches(work: _Tracing, alive: list[int]) -> list[NDArray[np.int64]]:
-    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + RIM_MM) for b in alive]
+    return [work.coarse.tube(work.film, work.chains[b], work.radius_mm[b] + BLUR_MM) for b in alive]
 
 
 def _hold_length(

@@ -31,7 +31,7 @@ MM_PER_PIXEL = 0.5
 MOST_PLAN_PIXELS = 4_000_000
 """Larger maps get a coarser plan."""
 
-RIM_MM = 10.0
+AROUND_BOUNDS_MM = 10.0
 """Of the plan around the bounds."""
 
 LEAST_PARALLAX_MM = 0.5
@@ -212,7 +212,12 @@ def observe_photo(  # noqa: PLR0913
     widths = design.build.widths_mm
     plane = inflated_radius_mm(widths[0])
     left, low, right, top = world.bounds.bounds
-    area = (left - RIM_MM, low - RIM_MM, right + RIM_MM, top + RIM_MM)
+    area = (
+        left - AROUND_BOUNDS_MM,
+        low - AROUND_BOUNDS_MM,
+        right + AROUND_BOUNDS_MM,
+        top + AROUND_BOUNDS_MM,
+    )
     size = (area[2] - area[0]) * (area[3] - area[1])
     step = max(MM_PER_PIXEL, float(np.sqrt(size / MOST_PLAN_PIXELS)))
     view = rectified(photo, camera, area, plane_mm=plane, mm_per_pixel=step)

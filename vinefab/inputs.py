@@ -19,7 +19,7 @@ from vinefab.core.progress_lines import progress_shown
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import names, path_given, user_names
+from vinefab.model.files.shipped import locate, names, path_given, user_names
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 
@@ -154,7 +154,8 @@ def run_given(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Pa
 
     if isinstance(given, RunSettings):
         return given, None
-    path = path_given("run", given, "RunSettings, or the path of a run file (TOML)")
+    allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
+    path = locate("run file", name_or_path("run", given, allowed))
     return read_run(path), path
 
 

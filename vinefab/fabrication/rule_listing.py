@@ -44,7 +44,11 @@ def explain_rule(rule_id: str) -> list[str]:
     UnknownNameError
         If there is no such rule.
     """
-    rule = known_rule(rule_id)
+    return rule_lines(known_rule(rule_id))
+
+
+def rule_lines(rule: Rule) -> list[str]:
+    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it."""
     lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
     if rule.remedy:
         lines.append(f"  remedy: {rule.remedy}")

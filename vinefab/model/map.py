@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import shapely
@@ -291,6 +292,35 @@ class Map:
 
         given = [one if isinstance(one, Start) else start_from(one) for one in starts]
         return with_starts(self, given)
+
+    def info(self, *, width_mm: float | None = None, passages: int = 5) -> Any:  # noqa: ANN401
+        """Return size, free area, narrowest passages and room for robots (computed).
+
+        Parameters
+        ----------
+        width_mm
+            Lay-flat width of a body: how much of the free area it has room in.
+        passages
+            How many of the narrowest passages to find.
+
+        Returns
+        -------
+        MapInfo
+            It shows itself in a notebook; ``summary`` in lines, ``numbers`` as plain values, and
+            ``gates``, ``starts``, ``widest_mm`` and ``body``.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
+        'pegs_1: 500 x 500 mm, 115 obstacles, 1384 walls, 1384 vertices'
+        """
+        return front_door().info_of(self, width_mm=width_mm, passages=passages)
 
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""

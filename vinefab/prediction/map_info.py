@@ -1,22 +1,29 @@
 """Size, passages and room of a map, as lines for the user and JSON, ``vinefab/map-info-1``."""
 
+import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import shapely
 from shapely import Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.atomic import write_bytes
+from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.results_json import pose_content
+from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
@@ -148,19 +155,53 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapInfo:
-    """Numbers about a map, all computed."""
+    """Numbers about a map, all computed.
 
-    world: Map  # the map
-    free: BaseGeometry  # its free space, as growth sees it
-    gates: tuple[Gate, ...]  # the narrowest passages, the narrowest first
-    starts: tuple[StartRoom, ...]  # its starts and the room there
-    # lay-flat width of the widest body that can sweep each share of the free area from the first
-    # start, to about 1 %; None where no body can
+    Parameters
+    ----------
+    world
+        The map.
+    free
+        Its free space, as growth sees it.
+    gates
+        The narrowest passages, the narrowest first.
+    starts
+        Its starts and the room there.
+    widest_mm
+        Lay-flat width of the widest body that can sweep each share of the free area from the first
+        start, to about 1 %; None where no body can.
+    body
+        How far a body of the width asked for could get; None when none was asked for.
+    outside
+        Share of the area outside the bounds, of obstacles that reach over them, by number from 1.
+    """
+
+    world: Map
+    free: BaseGeometry
+    gates: tuple[Gate, ...]
+    starts: tuple[StartRoom, ...]
     widest_mm: dict[float, float | None]
-    # how far a body of the width asked for could get; None when none was asked for
     body: Body | None
-    # share of the area outside the bounds, of obstacles that reach over them, by number from 1
     outside: dict[int, float]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<MapInfo {self.world.name}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the figures and the plan with the passages in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The figures, a line each."""
+        return tuple(info_lines(self))
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Every figure as plain values, schema ``vinefab/map-info-1``."""
+        plain: dict[str, Any] = json.loads(info_text(self))
+        return plain
 
     @property
     def regions_mm2(self) -> tuple[float, ...]:
@@ -172,6 +213,43 @@ class MapInfo:
     def free_share(self) -> float:
         """Free area over that of the bounds."""
         return float(self.free.area / self.world.bounds.area)
+
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the plan with the passages (``.svg``, ``.png``) or the figures (``.json``).
+
+        Parameters
+        ----------
+        path
+            The file; missing folders are made.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If the name ends in something else.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from vinefab import maps
+        >>> with TemporaryDirectory() as folder:
+        ...     maps.pegs(seed=1).info().write(f"{folder}/pegs.json").name
+        'pegs.json'
+        """
+        target = path_given("path", path)
+        suffix = target.suffix.lower()
+        if suffix not in (".svg", ".png", ".json"):
+            raise BadInputError("path", str(target), "a name ending in .svg, .png or .json")
+        data = info_text(self).encode() if suffix == ".json" else self.picture(suffix)
+        return write_bytes(target, data, force=force)
 
     def picture(self, suffix: str) -> bytes:
         """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
@@ -190,8 +268,7 @@ class MapInfo:
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
     """Return numbers about a map."""
-    if width_mm is not None:
-        positive("--width-mm", width_mm)
+    width_mm = None if width_mm is None else positive("--width-mm", width_mm)
     whole("--passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -280,6 +281,35 @@ class RunSettings:
         default_factory=dict, metadata=LATER
     )
     start_from: tuple[tuple[float, ...], ...] = field(default=(), metadata=LATER)
+
+    @classmethod
+    def read(cls, name_or_path: str | PathLike[str]) -> "RunSettings":
+        """Return the settings in a run file; `dataclasses.replace` changes them.
+
+        Parameters
+        ----------
+        name_or_path
+            A run file (TOML, ``vinefab/run-1``), or the name of a shipped one.
+
+        Raises
+        ------
+        BadInputError
+            If a value in the file cannot be used.
+        UnknownNameError
+            If there is no run file of that name.
+        UnreadableFileError
+            If there is no such file, or it is not TOML.
+
+        Examples
+        --------
+        >>> RunSettings.read("grid_coverage").task.name
+        'coverage'
+        """
+        # Run files are built on this module.
+        from vinefab.model.files.shipped import locate  # noqa: PLC0415
+        from vinefab.search.run_file import read_run  # noqa: PLC0415
+
+        return read_run(locate("run file", name_or_path))
 
     @property
     def further_objectives(self) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 from shapely import Point, box
 
 import vinefab as vf
@@ -234,6 +235,45 @@ def test_a_growth_is_that_of_the_command(world, map_file, tmp_path):
     assert grown.write(tmp_path / "library.json").read_bytes() == out.read_bytes()
     assert sum(grown.stops.values()) == len(grown.tree) == len(grown.grown_mm) == 10
     assert grown.stops == json.loads(out.read_text())["metrics"]["stops"]
+
+
+def test_numbers_of_numpy_are_taken_and_written(tmp_path):
+    plain = vf.Design(
+        name="a", trunk_length_mm=200.0, levels=(vf.Level.of(3, 100.0, 60.0),),
+        build=vf.Build(widths_mm=(40.0, 20.0), fillet_mm=(5.0,)),
+    )  # fmt: skip
+    own = vf.Design(
+        name="a",
+        trunk_length_mm=np.float32(200.0),
+        levels=[vf.Level.of(np.int64(3), np.float32(100.0), np.float64(60.0))],
+        build=vf.Build(widths_mm=np.array([40.0, 20.0]), fillet_mm=np.array([5.0])),
+    )
+    assert own == plain
+    assert vf.Design.read(own.write(tmp_path / "a.toml")) == plain
+    world = vf.maps.grid(seed=np.int64(3), columns=np.int32(4), size_mm=np.float32(400.0))
+    assert same_map(world, vf.maps.grid(seed=3, columns=4, size_mm=400.0))
+    assert vf.Map.read(world.write(tmp_path / "a.geojson")).size_mm == (400.0, 600.0)
+
+
+def test_a_start_is_a_pose_or_words_wherever_one_is_given(tmp_path):
+    source = tmp_path / "room.svg"
+    source.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><rect id="a" width="40" height="30"/></svg>'
+    )
+    for given in ((100, -50, 90), vf.Pose.of((100, -50, 90)), np.array([100.0, -50.0, 90.0])):
+        room = vf.maps.import_(source, scale_mm_per_unit=10.0, start=given)
+        assert room.with_start(given).starts == room.starts == (vf.Start(pose=vf.Pose.of(given)),)
+    along = vf.maps.import_(source, scale_mm_per_unit=10.0, start="left side, heading 0+-20")
+    assert along.starts == room.with_start("left side, heading 0+-20").starts
+    assert along.starts[0].area.geom_type == "LineString"
+
+
+def test_what_became_of_a_robot_is_said_as_by_the_command(map_file, capsys):
+    assert main(f"grow three_level_tree --map {map_file}".split()) == 0
+    grown = vf.Design.read("three_level_tree").grow(map_file)
+    assert "\n".join(grown.summary) in capsys.readouterr().out
+    lost = vf.Design.read("three_level_tree").grow(map_file, (0.13, 0.015, 90))  # metres
+    assert any("no room for its inflated body" in line for line in lost.summary)
 
 
 def test_a_growth_takes_a_map_or_a_path_and_a_pose_of_any_form(vine, world, map_file):
@@ -524,6 +564,7 @@ def test_findings_are_drawn_in_place_as_by_the_command(tmp_path):
     assert repr(finding).startswith(f"<Finding {finding.rule} error at ")
     assert escape(finding.message) in finding._repr_html_()
     rule = vf.rules()[finding.rule]
+    assert f"<td>{rule.id}</td>" in vf.rules()._repr_html_()
     assert repr(rule).startswith(f"<Rule {rule.id}: {rule.title}")
     assert escape(rule.reason) in rule._repr_html_()
 
@@ -645,6 +686,13 @@ VINE = vf.Design.read("plain_vine")
 
 PEGS = vf.maps.pegs(seed=1, columns=5, rows=5)
 
+
+def _photo(folder):
+    path = folder / "empty.png"
+    Image.new("RGB", (40, 30), "white").save(path)
+    return path
+
+
 WRONG = {
     "a map as a design": (lambda _: vf.check(ROOM), "design"),
     "a map as a name": (lambda _: vf.Design.read(ROOM), "design"),
@@ -761,6 +809,48 @@ WRONG = {
     "a page that is none": (lambda _: vf.compare([VINE, VINE], PEGS, out=3), "out is 3"),
     "a negative width": (lambda _: PEGS.info(width_mm=-3), "width_mm is -3"),
     "figures in a picture of no kind": (lambda out: PEGS.info().write(out / "a.bmp"), ".json"),
+    "the name of an environment as a map": (lambda _: VINE.grow("grid"), "vf.maps.grid(seed=1)"),
+    "a box of numbers as bounds": (lambda _: vf.Map(name="a", bounds=(0, 0, 9, 9)), "bounds is (0"),
+    "one obstacle": (
+        lambda _: vf.Map(name="a", bounds=box(0, 0, 9, 9), obstacles=box(1, 1, 2, 2)),
+        "obstacles is",
+    ),
+    "a pose among starts": (
+        lambda _: vf.Map(name="a", bounds=box(0, 0, 9, 9), starts=((1, 2, 3),)), "starts is ((1"
+    ),
+    "one level": (
+        lambda _: vf.Design(name="a", trunk_length_mm=9, levels=vf.Level.of(2, 9),
+                            build=vf.Build.standard(2)),
+        "levels is Level",
+    ),
+    "a width as a build": (lambda _: vf.Design(name="a", trunk_length_mm=9, build=3), "build is 3"),
+    "one width": (lambda _: vf.Build(widths_mm=3.0, fillet_mm=()), "build.widths_mm is 3.0"),
+    "a map among settings": (lambda _: vf.RunSettings(maps=[ROOM]), "allowed: MapSettings"),
+    "a map among map files": (lambda _: vf.MapSettings(files=(ROOM,)), "maps.files is <Map"),
+    "a scale that is missing": (
+        lambda out: vf.maps.import_(_photo(out.parent)), "allowed: points 'X,Y;X,Y'"
+    ),
+    "photo options twice": (
+        lambda out: vf.maps.import_(out / "a.jpg", marker_mm=3, photo={"height_mm": 2}),
+        "marker_mm is 3; allowed: not beside photo",
+    ),
+    "one corner": (
+        lambda out: vf.observe(_photo(out.parent), PEGS, VINE, corners_px=3), "corners_px is 3"
+    ),
+    "a colour by name": (
+        lambda out: vf.observe(_photo(out.parent), PEGS, VINE, film_colour="red"),
+        "film_colour is 'red'",
+    ),
+    "an observation as PDF": (lambda out: vf.observe("a.jpg", PEGS, VINE, out=out / "a.pdf"),
+                              ".html or .json"),
+    "an unknown limit": (
+        lambda _: vf.check(VINE, limits={"VF-C01": {"warn": 6}}), "limits.VF-C01.warn is 6"
+    ),
+    "a rule that is none": (lambda _: vf.rules()["VF-C99"], "no rule is called 'VF-C99'"),
+    "a report as PDF": (lambda out: vf.report(VINE, out=out / "a.pdf", maps=ROOM), ".html"),
+    "no run to list": (lambda _: vf.runs(), "folders is missing"),
+    "an unknown run": (lambda _: vf.optimize("grid_coverge"), "did you mean 'grid_coverage'"),
+    "an unknown kind of file": (lambda out: vf.new("robot", out / "a.toml"), "kind is 'robot'"),
     "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip
 
@@ -773,6 +863,7 @@ def test_a_wrong_thing_is_one_line_that_names_it(name, tmp_path):
     message = str(caught.value)
     assert "\n" not in message
     assert named in message
+    assert "--" not in message.replace("--force overwrites it (force=True in Python)", "")
     assert not any(tmp_path.iterdir())
 
 

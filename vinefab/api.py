@@ -24,6 +24,7 @@ from vinefab.core.atomic import (
     write_text,
 )
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
+from vinefab.core.front_door import as_parameters, python_words
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import number, whole
 from vinefab.inputs import (
@@ -33,12 +34,12 @@ from vinefab.inputs import (
     PoseLike,
     RecipeLike,
     all_names,
-    as_parameters,
     call_text,
     design_given,
     flags_given,
     growth_given,
     limits_given,
+    listed_given,
     map_given,
     mapping_given,
     maps_given,
@@ -46,7 +47,6 @@ from vinefab.inputs import (
     name_or_path,
     options_given,
     progress_given,
-    python_words,
     recipe_given,
     run_given,
     several_given,
@@ -905,7 +905,8 @@ def check(
 
         with python_words():
             deployed = deploy_from_starts(robot, worlds, options)
-    report = check_design(robot, profile, changed, deployed, worlds, facts)
+    with python_words():
+        report = check_design(robot, profile, changed, deployed, worlds, facts)
     if picture is not None:
         write_bytes(picture, findings_file(robot, profile, report, picture), force=force)
     return report
@@ -991,9 +992,9 @@ def rules() -> Mapping[str, Rule]:
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 3.0, 'warning': 5.0})
     """
-    from vinefab.fabrication.rule_listing import all_rules
+    from vinefab.fabrication.rule_listing import RuleBook, all_rules
 
-    return {rule.id: rule for rule in all_rules()}
+    return RuleBook((rule.id, rule) for rule in all_rules())
 
 
 def fabricate(
@@ -1372,16 +1373,20 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     flags_given(force=force)
-    page = None if out is None else path_given("out", out)
-    if page is not None:
-        ensure_writable(page, force=force)
+    page = _file_to_write("out", out, (".html", ".json"), force=force)
     world, robot = map_given(map), design_given(design)
+    corners = "columns and rows of four corners, eight numbers"
+    colour = "red, green and blue, 0 to 255"
     with python_words():
         setup = PhotoSetup.of(
             rig=None if rig is None else path_given("rig", rig),
-            corners_px=None if corners_px is None else tuple(corners_px),
+            corners_px=None
+            if corners_px is None
+            else listed_given("corners_px", corners_px, corners),
             obstacle_mm=obstacle_height_mm,
-            film_colour=None if film_colour is None else tuple(film_colour),
+            film_colour=None
+            if film_colour is None
+            else listed_given("film_colour", film_colour, colour),
             outline=None if outline is None else path_given("outline", outline),
         )
         start = first_start(world) if pose is None else Pose.of(pose)
@@ -1538,8 +1543,7 @@ def report(
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
-    path = path_given("out", out)
-    ensure_writable(path, force=force)
+    path = _file_to_write("out", path_given("out", out), (".html",), force=force) or Path()
     robot, profile = design_given(design), recipe_given(recipe)
     given = growth_given(
         growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import python_words
 from vinefab.core.plain_text import counted, visible
-from vinefab.inputs import MapLike, PoseLike, growth_given, map_given, python_words
+from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
@@ -27,9 +28,11 @@ from vinefab.model.outline import Contour
 from vinefab.model.score import Score
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.rule_listing import RuleBook
     from vinefab.fabrication.rules.rule import Rule
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
+    from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
@@ -63,27 +66,38 @@ def grow_design(
     return replace(grown.deployment, design=design, world=place, growth=choices)
 
 
-def write_deployment(
-    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
-) -> Path:
-    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+def _deployed(deployment: Deployment) -> DeployedDesign:
+    """Return a deployment with what its numbers and files need."""
     from vinefab.growth.options import GrowthOptions
     from vinefab.growth.terrain import Terrain
     from vinefab.prediction.deploy import DeployedDesign
 
-    target, design, world = path_given("path", path), deployment.design, deployment.world
-    suffix = target.suffix.lower()
-    if suffix not in (".json", ".svg", ".png", ".gif"):
-        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    design, world = deployment.design, deployment.world
     if design is None or world is None:
         raise BadInputError("deployment", deployment, "one that Design.grow returned")
-    whole_deployment = DeployedDesign(
+    return DeployedDesign(
         design=design,
         world=world,
         terrain=Terrain.of(world),
         options=GrowthOptions.of(deployment.growth),
         deployment=deployment,
     )
+
+
+def deployment_summary(deployment: Deployment) -> tuple[str, ...]:
+    """Return what became of the branches, a line each, as ``vinefab grow`` prints it."""
+    return tuple(_deployed(deployment).summary())
+
+
+def write_deployment(
+    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
+) -> Path:
+    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+    target = path_given("path", path)
+    suffix = target.suffix.lower()
+    if suffix not in (".json", ".svg", ".png", ".gif"):
+        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    whole_deployment = _deployed(deployment)
     if suffix == ".json":
         return write_text(target, whole_deployment.text(), force=force)
     drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
@@ -222,6 +236,13 @@ def _rule_html(rule: Rule) -> str:
     return lines_html(rule_lines(rule))
 
 
+def _rules_html(book: RuleBook) -> str:
+    from vinefab.fabrication.rule_listing import limits_text
+
+    rows = [(rule.id, rule.title, limits_text(rule, "{}")) for rule in book.values()]
+    return html_table(counted(len(rows), "rule"), ("rule", "what must hold", "limits"), rows)
+
+
 def _score_html(score: Score) -> str:
     from vinefab.growth.options import GrowthOptions
     from vinefab.prediction.scoring import parts_line
@@ -310,6 +331,7 @@ _HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
     "Finding": lambda found: _findings_html(found.rule, [found]),
     "MapInfo": _info_html,
     "Rule": _rule_html,
+    "RuleBook": _rules_html,
     "RunResult": _run_html,
     "RunListing": _runs_html,
     "Score": _score_html,

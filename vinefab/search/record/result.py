@@ -200,7 +200,7 @@ class RunResult:
         Parameters
         ----------
         folder
-            What ``vinefab optimize`` or ``vf.optimize(out=...)`` wrote.
+            What ``vinefab optimize`` or ``vf.optimize(out=...)`` wrote, or the record in it.
 
         Raises
         ------
@@ -218,7 +218,8 @@ class RunResult:
         # Records are built on this module.
         from vinefab.search.record.run_archive import RECORD_FILE, RunArchive  # noqa: PLC0415
 
-        return RunArchive.read(path_given("folder", folder) / RECORD_FILE).result()
+        path = path_given("folder", folder)
+        return RunArchive.read(path if path.is_file() else path / RECORD_FILE).result()
 
     def _repr_html_(self) -> str:
         """Show finalists and winner in a notebook."""

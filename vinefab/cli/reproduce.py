@@ -8,7 +8,7 @@ from rich.table import Table
 
 from vinefab.cli.common_options import CommandOutput, Quiet
 from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
-from vinefab.studies.study_jobs import PAPER, QUICK
+from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
 
 def reproduce_command(
@@ -35,7 +35,7 @@ def reproduce_command(
     claims hold or not.
     """
     output = CommandOutput(quiet=quiet)
-    size = QUICK if quick else PAPER
+    size = QUICK_SIZE if quick else PAPER_SIZE
     with output.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=output.say)
     table = Table("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")

@@ -1,7 +1,7 @@
 """Write the drawings that the page of maps imports anew: a survey, a plan, a robot's map, a scan.
 
-Run it as ``python docs/draw_imports.py`` in a checkout. All show one cave, 600 by 400 mm: two halls,
-two passages between them, and the rock that these enclose. Nobody surveyed it: it is invented.
+Run it as ``python docs/draw_imports.py`` in a checkout. All show one cave, 600 by 400 mm: two
+halls, two passages between them, and the rock that these enclose. It is invented.
 """
 
 import warnings
@@ -63,7 +63,9 @@ def write_survey(path: Path) -> None:
         )
 
 
-def pictured(size: tuple[int, int], pixels_per_mm: float, shift: tuple[float, float]) -> Image.Image:
+def pictured(
+    size: tuple[int, int], pixels_per_mm: float, shift: tuple[float, float]
+) -> Image.Image:
     """Return a white picture of the free area in black rock."""
     picture = Image.new("L", size, 0)
     for area in AREAS:

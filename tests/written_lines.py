@@ -85,14 +85,14 @@ def help_examples() -> list[WrittenLine]:
     lines: list[WrittenLine] = []
     for name in COMMANDS:
         if name not in UNDER_STUDY:
-            lines += _examples_below(name, get_command(build_app(name)).commands[name])  # type: ignore[attr-defined]
+            lines += examples_below(name, get_command(build_app(name)).commands[name])  # type: ignore[attr-defined]
     return lines
 
 
-def _examples_below(name: str, command: object) -> Iterator[WrittenLine]:
+def examples_below(name: str, command: object) -> Iterator[WrittenLine]:
     for paragraph in re.split(r"\n\s*\n", command.help or ""):  # type: ignore[attr-defined]
         said, found, line = " ".join(paragraph.split()).partition("Example: ")
         if found and not said:
             yield WrittenLine(Path(f"vinefab {name} --help"), line)
     for part, inner in getattr(command, "commands", {}).items():
-        yield from _examples_below(f"{name} {part}", inner)
+        yield from examples_below(f"{name} {part}", inner)

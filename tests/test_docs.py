@@ -205,6 +205,20 @@ WRITTEN = {"--out", "--json", "--svg", "--fix", "--fit", "--snapshot", "--animat
 """Options whose file is written."""
 
 
+def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
+    page = (DOCS / "testing.md").read_text(encoding="utf-8")
+    marked = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if re.search(r"^(@|pytestmark = )pytest\.mark\.thorough", path.read_text("utf-8"), re.M)
+    }
+    assert len(marked) > 10
+    section = page.partition("## Tests that the gate leaves out")[2].partition("\n## ")[0]
+    assert {path for path in marked if Path(path).name not in section} == set()
+    named = {Path(name).name for name in re.findall(r"`((?:tests/)?[\w/]*test_\w+\.py)`", section)}
+    assert named == {Path(path).name for path in marked}
+
+
 # --- A package of one's own ---------------------------------------------------------------------
 
 

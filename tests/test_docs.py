@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -217,6 +218,40 @@ def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
     assert {path for path in marked if Path(path).name not in section} == set()
     named = {Path(name).name for name in re.findall(r"`((?:tests/)?[\w/]*test_\w+\.py)`", section)}
     assert named == {Path(path).name for path in marked}
+
+
+WHERE = {
+    "dataclasses": "dataclass",
+    "pathlib": "Path",
+    "typing": "ClassVar",
+    "vinefab.fabrication.formats.laser_drawing": "LaserFileSpec LaserFormat ReadDrawing",
+    "vinefab.fabrication.rules.rule": "Limits Rule RuleApplied Violation",
+    "vinefab.fabrication.rules.subject": "Subject",
+    "vinefab.maps.importers.importers": "MapImporter",
+    "vinefab.maps.importers.source_drawing": "ImportOptions",
+    "vinefab.model.deployment": "Deployment",
+    "vinefab.model.map": "Map",
+    "vinefab.search.optimizers.optimizer": "Optimizer SearchAxes",
+    "vinefab.tasks.map_context": "MapContext",
+    "vinefab.tasks.task": "Outcome",
+}
+"""Modules of the names in the sketches of the code's map, which leave out their imports."""
+
+
+def test_the_sketches_of_parts_run():
+    names = {
+        name: getattr(import_module(module), name)
+        for module, listed in WHERE.items()
+        for name in listed.split()
+    }
+    sketches = [
+        line for line in written_on(ROOT / "vinefab" / "README.md") if line.text.count("\n") > 2
+    ]
+    for sketch in sketches:
+        exec(compile(sketch.text, "sketch", "exec"), names)  # noqa: S102  it is ours
+    assert len(sketches) >= 5
+    made = [name for name, made in names.items() if name.isupper()]
+    assert made == ["MASS", "GCODE"]
 
 
 # --- A package of one's own ---------------------------------------------------------------------

@@ -182,6 +182,11 @@ def test_every_command_line_of_pages_and_helps_is_understood(command):
             assert unknown_options(line, app) == set(), (str(line.page), line.text)
 
 
+def test_no_page_types_a_name_that_is_no_longer_listed():
+    old = [line for line in (*TYPED, *MENTIONED) if line.text.split()[1] in UNDER_STUDY]
+    assert [(str(line.page), line.text) for line in old] == []
+
+
 def test_every_command_shows_an_example():
     shown = {str(line.page) for line in help_examples()}
     missing = [name for name in COMMANDS if f"vinefab {name} --help" not in shown]

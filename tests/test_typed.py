@@ -181,6 +181,29 @@ class Typist:
         return program.returncode, first + rest
 
 
+def went_as_said(line: WrittenLine, code: int, printed: str) -> bool:
+    """Tell whether a line ended as its page says, and nothing in a loop of it failed."""
+    return code == line.code and not (code == 0 and COMPLAINT.search(printed))
+
+
+def test_lines_that_fail_are_noticed(tmp_path):
+    (tmp_path / "below").mkdir()
+    typist = Typist(tmp_path, dict(os.environ))
+
+    def right(text, code=0, *, python=False):
+        line = WrittenLine(tmp_path, text, code=code, python=python)
+        return went_as_said(line, *typist.types(line))
+
+    assert right("ls below")
+    assert right("false", 1)
+    assert not right("false")
+    assert not right("for seed in 1 2; do bash none.sh & done; wait")
+    assert right("print(1)", python=True)
+    assert not right("print(one)", python=True)
+    assert right("cd below")
+    assert not right("ls below")
+
+
 def test_the_lines_of_a_page_are_found(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(
@@ -244,7 +267,7 @@ def test_every_line_runs_as_typed(story, wheel, tmp_path):
             continue
         code, printed = typist.types(line)
         sys.stdout.write(f"\n[{code}] {line.page.name}: {line.text}\n{printed}")
-        if code != line.code or (code == 0 and COMPLAINT.search(printed)):
+        if not went_as_said(line, code, printed):
             failed.append((line.page.name, line.text, code, printed[-500:]))
     after = os.times()
     cpu_s = sum(after[2:4]) - sum(before[2:4])

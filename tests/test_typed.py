@@ -188,7 +188,8 @@ def went_as_said(line: WrittenLine, code: int, printed: str) -> bool:
 
 def test_lines_that_fail_are_noticed(tmp_path):
     (tmp_path / "below").mkdir()
-    typist = Typist(tmp_path, dict(os.environ))
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    typist = Typist(tmp_path, {**os.environ, "PATH": path})
 
     def right(text, code=0, *, python=False):
         line = WrittenLine(tmp_path, text, code=code, python=python)

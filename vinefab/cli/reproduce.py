@@ -1,4 +1,4 @@
-"""``vinefab reproduce``: the paper's experiments."""
+"""``vinefab study reproduce``: the paper's experiments."""
 
 from pathlib import Path
 from typing import Annotated
@@ -28,7 +28,7 @@ def reproduce_command(
 ) -> int:
     """Do the paper's experiments again and put our numbers beside the paper's.
 
-    Example: vinefab study reproduce all --out reproduction
+    Example: vinefab study reproduce all --quick --out reproduction
 
     Finished parts are kept in the folder and not done again; no number depends on how many
     processes work or on how often the run was stopped. The exit code is 0 whether the paper's

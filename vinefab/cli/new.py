@@ -26,6 +26,8 @@ def new_command(
     """Write a commented design, run file, map or recipe to begin with; its name is the file's.
 
     Example: vinefab new design mine.toml
+
+    Example: vinefab new map table.geojson
     """
     output = CommandOutput(quiet=quiet, force=force)
     name = write_starter(kind, out, force=force)

@@ -312,7 +312,7 @@ class Map:
         -------
         MapInfo
             It shows itself in a notebook; ``summary`` in lines, ``numbers`` as plain values, and
-            ``gates``, ``starts``, ``widest_mm`` and ``body``.
+            ``passages``, ``starts``, ``widest_mm`` and ``body``.
 
         Raises
         ------

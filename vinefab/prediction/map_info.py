@@ -31,19 +31,19 @@ from vinefab.prediction.deploy import pose_text
 SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
 
-HALVINGS = 7
+_HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
 
-ARC_SEGMENTS_PER_QUARTER = 8
+_ARC_SEGMENTS_PER_QUARTER = 8
 """Rounded corners of swept areas: within 0.5 % of a radius."""
 
 
 LEAST_OUTSIDE_SHARE = 1e-6
 """Of an obstacle's area: less is rounding of what ends at the bounds."""
 
-MOST_NAMED = 5
+_MOST_NAMED = 5
 """Obstacles that reach over the bounds, by number in one line."""
 
 
@@ -107,7 +107,7 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     The middle of the body stays a radius away from all walls, in one piece with the start; the
     body fills a radius around that. The area falls as the radius grows.
     """
-    arcs = ARC_SEGMENTS_PER_QUARTER
+    arcs = _ARC_SEGMENTS_PER_QUARTER
     point = Point(start.pose.x_mm, start.pose.y_mm)
     parts = shapely.get_parts(shapely.buffer(home, -radius_mm, quad_segs=arcs))
     away_mm = shapely.distance(parts, point)
@@ -130,7 +130,7 @@ def _widest_mm(
     low_mm, high_mm = 0.0, clearance_mm
     if share_of(high_mm) >= share:
         return math.pi * high_mm
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle_mm = 0.5 * (low_mm + high_mm)
         if share_of(middle_mm) >= share:
             low_mm = middle_mm
@@ -140,7 +140,7 @@ def _widest_mm(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
+class NarrowPassage:
     """A narrow passage of a map."""
 
     passage: Passage  # where it is and how wide
@@ -163,7 +163,7 @@ class MapInfo:
         The map.
     free
         Its free space, as growth sees it.
-    gates
+    passages
         The narrowest passages, the narrowest first.
     starts
         Its starts and the room there.
@@ -178,7 +178,7 @@ class MapInfo:
 
     world: Map
     free: BaseGeometry
-    gates: tuple[Gate, ...]
+    passages: tuple[NarrowPassage, ...]
     starts: tuple[StartRoom, ...]
     widest_mm: dict[float, float | None]
     body: Body | None
@@ -259,7 +259,7 @@ class MapInfo:
 
         figure = passage_plan(
             self.world,
-            [gate.passage for gate in self.gates],
+            [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
@@ -275,7 +275,7 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
     return MapInfo(
         world=world,
         free=free,
-        gates=_gates(world, narrow_passages(free, passages)),
+        passages=_gates(world, narrow_passages(free, passages)),
         starts=starts,
         widest_mm=widest_bodies(free, starts),
         body=None if width_mm is None else body_room(free, starts, width_mm),
@@ -296,23 +296,23 @@ def _outside_shares(world: Map) -> dict[int, float]:
     }
 
 
-def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[Gate, ...]:
+def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ...]:
     walls = STRtree([world.bounds.boundary, *world.obstacles])
     names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
     gates = []
     for passage in passages:
         # Where obstacles touch, the one that stands first in the file is named.
         first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
-        gates.append(Gate(passage=passage, between=(names[first], names[last])))
+        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
     return tuple(gates)
 
 
-SCHEMA = "vinefab/map-info-1"
+_SCHEMA = "vinefab/map-info-1"
 
 
 def info_text(info: MapInfo) -> str:
     """Return everything as JSON."""
-    return json_text(SCHEMA, _content(info))
+    return json_text(_SCHEMA, _content(info))
 
 
 def _content(info: MapInfo) -> dict[str, object]:
@@ -333,7 +333,7 @@ def _content(info: MapInfo) -> dict[str, object]:
         "free_area_mm2": info.free.area,
         "free_share": info.free_share,
         "regions_mm2": list(info.regions_mm2),
-        "passages": [_gate_content(gate) for gate in info.gates],
+        "passages": [_gate_content(gate) for gate in info.passages],
         "starts": [_start_content(room) for room in info.starts],
         "widest_body": [
             {"free_share": share, "width_mm": width} for share, width in info.widest_mm.items()
@@ -349,7 +349,7 @@ def _vertices(world: Map) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _gate_content(gate: Gate) -> dict[str, object]:
+def _gate_content(gate: NarrowPassage) -> dict[str, object]:
     x_mm, y_mm = gate.passage.middle_mm
     return {
         "width_mm": gate.passage.width_mm,
@@ -408,19 +408,19 @@ def info_lines(info: MapInfo) -> Iterator[str]:
     if info.outside:
         named = [
             f"obstacle {number} ({100 * share:.3g} % of it)"
-            for number, share in list(info.outside.items())[:MOST_NAMED]
+            for number, share in list(info.outside.items())[:_MOST_NAMED]
         ]
         more = len(info.outside) - len(named)
         rest = f" and {more} more" if more else ""
         yield f"reach over the bounds, and do nothing there: {', '.join(named)}{rest} (computed)"
     yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
-    for number, gate in enumerate(info.gates, start=1):
+    for number, gate in enumerate(info.passages, start=1):
         x_mm, y_mm = gate.passage.middle_mm
         yield (
             f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
             f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm)"
         )
-    if not info.gates:
+    if not info.passages:
         yield "  none"
     yield from _start_lines(info)
 
@@ -439,10 +439,10 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
         found = "none" if width is None else f"about {width:.1f} mm"
         yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
     if info.body is not None:
-        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.gates)
+        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.passages)
         yield (
             f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of {agreeing(len(info.gates), 'this', 'these')} "
-            f"{counted(len(info.gates), 'passage')} {agreeing(len(info.gates), 'is', 'are')} too "
+            f"free area; {narrow} of {agreeing(len(info.passages), 'this', 'these')} "
+            f"{counted(len(info.passages), 'passage')} {agreeing(len(info.passages), 'is', 'are')} too "
             "narrow (computed)"
         )

@@ -14,20 +14,20 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
 from vinefab.model.map import Map, Pose, Start
 
-STARTERS = {
+_STARTERS = {
     "design": ("design", "three_level_tree"),
     "run": ("run file", "grid_coverage"),
     "recipe": ("recipe", DEFAULT_RECIPE),
 }
 """Kind and name of the shipped file that a new one is a copy of; a map is made here."""
 
-STARTER_KINDS = ("design", "run", "map", "recipe")
+_STARTER_KINDS = ("design", "run", "map", "recipe")
 
 
 def write_starter(kind: str, out: Path, *, force: bool = False) -> str:
     """Write a file to begin with, and return the name that stands in it."""
-    if kind not in STARTER_KINDS:
-        raise BadInputError("kind", kind, f"one of {', '.join(STARTER_KINDS)}")
+    if kind not in _STARTER_KINDS:
+        raise BadInputError("kind", kind, f"one of {', '.join(_STARTER_KINDS)}")
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
@@ -68,7 +68,7 @@ def _plain(stem: str) -> str:
 
 def _named_copy(kind: str, name: str) -> str:
     """Return the text of a shipped file under another name."""
-    shipped_kind, original = STARTERS[kind]
+    shipped_kind, original = _STARTERS[kind]
     text = read_text(locate(shipped_kind, original))
     named, count = re.subn(r'(?m)^name = "[^"]*"', f'name = "{name}"', text, count=1)
     if not count:
@@ -76,15 +76,20 @@ def _named_copy(kind: str, name: str) -> str:
     return f"# A copy of {original} to change as you like.\n{named}"
 
 
-EXAMPLES_FOLDER = "examples"
-EXAMPLE_ENDINGS = (".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".geojson")
+_EXAMPLES_FOLDER = "examples"
+_EXAMPLE_ENDINGS = (
+    ".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".png", ".gpkg", ".yaml",
+)  # fmt: skip
+_PICTURES_FOLDER = "pictures"
+"""A folder of what the README shows; it is not copied."""
 
 
 def shipped_examples() -> dict[str, Path]:
     """Return the shipped examples by their path below the folder of examples."""
-    root = shipped_root() / EXAMPLES_FOLDER
-    found = sorted(path for path in root.rglob("*") if path.suffix in EXAMPLE_ENDINGS)
-    return {path.relative_to(root).as_posix(): path for path in found}
+    root = shipped_root() / _EXAMPLES_FOLDER
+    found = sorted(path for path in root.rglob("*") if path.suffix in _EXAMPLE_ENDINGS)
+    shown = (path for path in found if path.parent.name != _PICTURES_FOLDER)
+    return {path.relative_to(root).as_posix(): path for path in shown}
 
 
 def examples_named(names: Sequence[str]) -> dict[str, Path]:

@@ -439,10 +439,12 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
         found = "none" if width is None else f"about {width:.1f} mm"
         yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
     if info.body is not None:
-        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.passages)
+        narrow, among = (
+            sum(g.body_mm < info.body.width_mm for g in info.passages),
+            len(info.passages),
+        )
         yield (
             f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of {agreeing(len(info.passages), 'this', 'these')} "
-            f"{counted(len(info.passages), 'passage')} {agreeing(len(info.passages), 'is', 'are')} too "
-            "narrow (computed)"
+            f"free area; {narrow} of {agreeing(among, 'this', 'these')} "
+            f"{counted(among, 'passage')} {agreeing(among, 'is', 'are')} too narrow (computed)"
         )

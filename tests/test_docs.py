@@ -297,6 +297,48 @@ def test_parts_of_the_template_are_found(with_template, tmp_path):
     assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout
 
 
+# --- Python of the tutorials ---------------------------------------------------------------------
+
+
+TUTORIALS = {
+    "first_robot": ("first_robot",),
+    "search_to_laser": ("search_to_laser",),
+    "arena_and_rig": ("my_arena", "rig_and_reality"),
+}
+"""Tutorials whose Python is typed one after the other in one folder."""
+
+
+def fill_in_a_seam(table):
+    rows = table.read_text().splitlines()
+    place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
+    rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
+    table.write_text("\n".join(rows))
+
+
+@pytest.mark.parametrize(
+    "story",
+    [pytest.param(name, marks=() if name == "first_robot" else pytest.mark.thorough)
+     for name in TUTORIALS],
+)  # fmt: skip
+def test_the_python_of_a_tutorial_needs_no_command_line(story, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    # Seventy unseen maps take longer than a run here.
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
+    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+    for page in TUTORIALS[story]:
+        blocks = [w for w in written_on(DOCS / "tutorials" / f"{page}.md") if w.python]
+        assert blocks
+        for block in blocks:
+            assert set(re.findall(r"(?:import|from) (\w+)", block.text)) == {"vinefab"}
+            if block.left_out:
+                fill_in_a_seam(tmp_path / "own_coupons" / "results.csv")
+            exec(compile(block.text, page, "exec"), {})  # noqa: S102  it is ours
+    printed = capsys.readouterr().out
+    assert "(simulated)" in printed
+    assert "<vinefab" not in printed
+    assert " object at 0x" not in printed  # what is printed says what it is
+
+
 # --- A notebook ---------------------------------------------------------------------------------
 
 

@@ -268,6 +268,18 @@ def test_a_start_is_a_pose_or_words_wherever_one_is_given(tmp_path):
     assert along.starts[0].area.geom_type == "LineString"
 
 
+@pytest.mark.parametrize("radians", [1.57, 3.14, -np.pi / 3, 2 * np.pi])
+def test_an_angle_that_looks_like_radians_is_asked_about(radians):
+    with pytest.warns(UserWarning, match="degrees are meant") as told:
+        assert vf.Pose.of((1, 2, radians)).heading_deg == pytest.approx(radians)
+    assert f"pose.heading_deg is {radians:.4g}" in str(told[0].message)
+    assert told[0].filename == __file__
+    with pytest.warns(UserWarning, match="angle_deg is 1.571"):
+        vf.Level.of(3, 100.0, np.pi / 2)
+    for degrees in (0.0, 1.0, 1.5, 3.0, -6.0, 45.0, 90.0, 0.5):
+        vf.Pose.of((1, 2, degrees))  # a warning would be an error here
+
+
 def test_what_became_of_a_robot_is_said_as_by_the_command(map_file, capsys):
     assert main(f"grow three_level_tree --map {map_file}".split()) == 0
     grown = vf.Design.read("three_level_tree").grow(map_file)
@@ -532,7 +544,8 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     again = vf.RunResult.read(tmp_path / "one")
     assert (again.best, again.run_id) == (result.best, result.run_id)
     assert repr(again) == repr(result)
-    assert "on fresh poses (simulated)>" in repr(again)
+    assert "on fresh poses of the training maps (simulated)>" in repr(again)
+    assert f"<td>{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
     assert [row["seed"] for row in listing.rows] == [7]

@@ -275,12 +275,16 @@ def _run_html(result: RunResult) -> str:
         (
             place,
             counted(one.design.branch_count, "branch"),
+            f"{one.fitness:.4f}",
             f"{one.score.composite['mean']:.4f}",
             "yes" if one.penalty == 0.0 else "no",
         )
         for place, one in enumerate(result.finalists, 1)
     ]
-    head = ("finalist", "design", f"mean {result.score.task} (simulated)", "keeps what was checked")
+    head = (
+        "finalist", "design", "fitness, which orders them (simulated)",
+        f"mean {result.score.task} on the training maps (simulated)", "keeps what was checked",
+    )  # fmt: skip
     told = [*result.notes, *(prediction_lines(result.prediction) if result.prediction else ())]
     below = "".join(f"<p>{escape(line)}</p>" for line in told)
     return html_table(result.headline, head, rows) + below + (svg_of(result.best) or "")

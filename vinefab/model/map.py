@@ -17,7 +17,7 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg, rad
+from vinefab.core.units import deg, rad, warn_of_radians
 from vinefab.core.validation import LARGEST_MM, number
 
 _MANY_OBSTACLES = 1000
@@ -72,10 +72,12 @@ class Pose:
             x_mm, y_mm, heading_deg = given
         except (TypeError, ValueError) as error:
             raise BadInputError("pose", given, "(x_mm, y_mm, heading_deg)") from error
+        number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")
+        warn_of_radians("pose.heading_deg", heading_deg)
         return cls(
             x_mm=number("pose.x_mm", x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
             y_mm=number("pose.y_mm", y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
-            heading_rad=rad(number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")),
+            heading_rad=rad(float(heading_deg)),
         )
 
     @property

@@ -189,8 +189,9 @@ class RunResult:
         """The winner, how it was found and what it scores, in one line."""
         return (
             f"{self.best.name}: best of {counted(self.evaluations, 'design')} in "
-            f"{counted(len(self.history), 'generation')}, stopped by {self.stopped}; mean "
-            f"{self.score.task} {self.score.composite['mean']:.4f} on fresh poses (simulated)"
+            f"{counted(len(self.history), 'generation')}, stopped by {self.stopped}; "
+            f"mean {self.score.task} {self.score.composite['mean']:.4f} on fresh poses of the "
+            "training maps (simulated)"
         )
 
     @classmethod

@@ -15,6 +15,7 @@ from typer.main import get_command
 
 import vinefab as vf
 from vinefab.cli.main import COMMANDS, build_app, each_map_named
+from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files import map_geojson
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,7 +23,8 @@ DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tutorials/*.md"))]
 sys.path.insert(0, str(DOCS))
 
-import reference_pages  # noqa: E402  lies in docs/, which is no package
+import draw_rules  # noqa: E402  lies in docs/, which is no package
+import reference_pages  # noqa: E402  likewise
 
 
 def test_reference_pages_are_what_the_code_says(tmp_path):
@@ -57,6 +59,35 @@ def test_every_key_of_a_start_stands_on_the_page_of_map_files():
 def test_every_parameter_of_every_part_has_a_meaning():
     rows = re.findall(r"^\| `(\w+)` \| .* \|  \|$", reference_pages.parts_page(), re.MULTILINE)
     assert rows == []
+
+
+RULE_PICTURES = DOCS / "pictures" / "rules"
+
+
+def test_every_rule_has_a_picture_on_its_page_and_every_picture_a_rule():
+    drawn = {path.stem for path in RULE_PICTURES.iterdir()}
+    assert drawn == set(draw_rules.SCENES) == {name for name in RULES if name.startswith("VF-")}
+    page = reference_pages.rules_page()
+    shown = re.findall(r"^### (.*?): .*\n\n!\[.*?\]\(\.\./pictures/rules/(.*?)\.svg\)", page, re.M)
+    assert dict(shown) == {rule: rule for rule in drawn}
+
+
+def test_pictures_of_rules_show_what_the_rules_say():
+    """Each rule fires on one side of its picture and not on the other: else it is not drawn."""
+    stale = []
+    for rule in draw_rules.SCENES:
+        kept = (RULE_PICTURES / f"{rule}.svg").read_text(encoding="utf-8")
+        said = re.findall(r"<text.*?</text>", draw_rules.rule_picture(rule))
+        if re.findall(r"<text.*?</text>", kept) != said:
+            stale.append(rule)
+    assert stale == [], "run: python docs/draw_pictures.py"
+
+
+def test_a_picture_whose_sides_do_not_differ_is_refused(monkeypatch):
+    scene = draw_rules.SCENES["VF-C01"]
+    monkeypatch.setitem(draw_rules.SCENES, "VF-C01", replace(scene, right=scene.wrong))
+    with pytest.raises(ValueError, match="VF-C01: its right side"):
+        draw_rules.rule_picture("VF-C01")
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):

@@ -70,7 +70,7 @@ def rule_picture(rule: str) -> str:
 
 def _verdict(finding: Finding) -> str:
     """Return how bad a finding is, and the limit that it breaks."""
-    if finding.limit is None:
+    if not finding.limit:  # there is none, or it is the bare edge of what holds or not
         return finding.severity.value
     return f"{finding.severity.value}: limit {short_number(finding.limit)} {finding.unit}".rstrip()
 

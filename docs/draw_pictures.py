@@ -1,4 +1,4 @@
-"""Draw the pictures of the documentation anew: design rules, shipped designs, environments.
+"""Draw the pictures of the documentation anew: design rules, words, designs, environments.
 
 Run it as ``python docs/draw_pictures.py`` in a checkout. What it draws is simulated or computed,
 and the same on every machine.
@@ -7,8 +7,11 @@ and the same on every machine.
 from pathlib import Path
 
 from draw_rules import rule_pictures
+from draw_words import word_pictures
+from rule_sketch import WIDTH_PX
 
 import vinefab as vf
+from vinefab.pages import plan_document
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 
@@ -17,7 +20,7 @@ HOMES = {"cave_explorer": "cave", "cave_explorer_pieces": "cave", "six_branch_an
 
 
 def main() -> None:
-    for name, text in {**rule_pictures(), **gallery_pictures()}.items():
+    for name, text in {**rule_pictures(), **word_pictures(), **gallery_pictures()}.items():
         path = PICTURES / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -26,6 +29,7 @@ def main() -> None:
 
 def gallery_pictures() -> dict[str, str]:
     """Return every shipped design on a map and flat, and a map of every environment."""
+    plan_document.LONGEST_PX = WIDTH_PX
     found = {}
     for name in vf.designs():
         design = vf.Design.read(name)

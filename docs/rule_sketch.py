@@ -1,4 +1,4 @@
-"""The hand that draws rules: a sketch in millimetres with dimensions, two sketches to a picture.
+"""The hand that draws rules and words: a sketch in millimetres with dimensions and labels.
 
 Left, or above, stands what breaks a rule, beside it what keeps it, both to one scale. Text is as
 large as the page's own on a telephone, and the paper is white under every theme of the site.
@@ -6,7 +6,7 @@ large as the page's own on a telephone, and the paper is white under every theme
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -25,16 +25,18 @@ _LETTER_PX = 6.4
 
 STYLE = """text{font:12px sans-serif;fill:#1d2a30}.head{font-weight:bold}
 .halo{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}
-path,circle{fill:none;stroke-linejoin:round;stroke-linecap:round}
-.film{fill:#d3dade;stroke:none}.rim{stroke:#1d2a30;stroke-width:1.3px}
-.soft{stroke:#5c6b73;stroke-width:1px}.dash{stroke:#5c6b73;stroke-width:1px;stroke-dasharray:4 3}
-.rock{fill:#8b989f;stroke:#5c6b73}.seam{fill:#e0a33c;stroke:none}.beam{stroke:#2b6cb0;
-stroke-width:1.6px}.other{fill:#bcd3ea;stroke:none}
-.wrong .m{stroke:#c0392b}.right .m{stroke:#2e7d4f}.m{stroke-width:1.6px}
-.wrong .t{fill:#c0392b}.right .t{fill:#2e7d4f}.t{stroke:none}
+path,circle{fill:none;stroke-linejoin:round;stroke-linecap:round}.film{fill:#d3dade;stroke:none}
+.rim{stroke:#1d2a30;stroke-width:1.3px}.soft{stroke:#5c6b73;stroke-width:1px}
+.dash{stroke:#5c6b73;stroke-width:1px;stroke-dasharray:4 3}.rock{fill:#8b989f;stroke:#5c6b73}
+.seam{fill:#e0a33c;stroke:none}.fillet{stroke:#c0392b;stroke-width:2.6px}
+.trunk{stroke:#2a6f97;stroke-width:4px}.child{stroke:#2e7d4f;stroke-width:4px}
+.beam{stroke:#2b6cb0;stroke-width:1.6px}.other{fill:#bcd3ea;stroke:none}
+.wrong .m{stroke:#c0392b}.right .m{stroke:#2e7d4f}.m{stroke:#1d2a30;stroke-width:1.6px}
+.wrong .t{fill:#c0392b}.right .t{fill:#2e7d4f}.t{fill:#1d2a30;stroke:none}
 .wrong .zone{fill:#c0392b;fill-opacity:.45}.right .zone{fill:#2e7d4f;fill-opacity:.35}
-.wrong .head{fill:#c0392b}.right .head{fill:#2e7d4f}
-.wrong .edge{stroke:#c0392b}.right .edge{stroke:#2e7d4f}.edge{stroke-width:1px}"""
+.wrong .head{fill:#c0392b}.right .head{fill:#2e7d4f}.leader{stroke:#1d2a30;stroke-width:.8px}
+.tip{fill:#1d2a30;stroke:none}.wrong .edge{stroke:#c0392b}.right .edge{stroke:#2e7d4f}
+.edge{stroke-width:1px}"""
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -53,6 +55,7 @@ class Mark:
     anchor: str = "middle"
     ends_mm: tuple[Point, Point] | None = None
     aside_px: float = 0.0
+    points: bool = False  # whether an arrow leads from the words to the place
 
 
 @dataclass(slots=True, kw_only=True)
@@ -88,6 +91,13 @@ class Sketch:
         self.marks.append(
             Mark(style="words", words=words, at_mm=(x, y), off_px=off_px, anchor=anchor)
         )
+
+    def point_out(
+        self, words: str, at_mm: ArrayLike, off_px: Point, anchor: str = "middle"
+    ) -> None:
+        """Write words away from a place, with an arrow to it; lines are parted by ``|``."""
+        self.write(words, at_mm, off_px, anchor)
+        self.marks[-1] = replace(self.marks[-1], points=True)
 
     def dimension(
         self, start_mm: ArrayLike, end_mm: ArrayLike, words: str = "", aside_px: float = 0.0
@@ -140,6 +150,7 @@ class View:
     scale: float  # pixels per millimetre
     width_px: float
     height_px: float
+    head_px: float = _HEAD_PX  # kept free for the verdict
 
     def at(self, point_mm: ArrayLike) -> Point:
         """Return a place in pixels, y downward."""
@@ -229,6 +240,29 @@ def picture(title: str, sides: Sequence[tuple[str, str, Sketch]]) -> str:
     )
 
 
+def single(title: str, sketch: Sketch) -> str:
+    """Return a document of one sketch, without a verdict."""
+    box = sketch.seen_mm()
+    scale = WIDTH_PX / (box[2] - box[0])
+    high_px = (box[3] - box[1]) * scale
+    view = View(
+        left_mm=box[0],
+        top_mm=box[3],
+        scale=scale,
+        width_px=WIDTH_PX,
+        height_px=high_px,
+        head_px=0.0,
+    )
+    inner = [_drawn(mark, view) for mark in sketch.marks if mark.style != "words"]
+    inner += [_written(mark, view) for mark in sketch.marks if mark.style == "words"]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{WIDTH_PX:g}" '
+        f'height="{high_px:.0f}" viewBox="0 0 {WIDTH_PX:g} {high_px:.0f}">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n"
+        f'<rect width="100%" height="100%" fill="#fff"/>\n' + "\n".join(inner) + "\n</svg>\n"
+    )
+
+
 _SIGNS = {"wrong": "M11 9l9 9m0-9l-9 9", "right": "M10 14l4 4 7-10"}
 
 
@@ -261,8 +295,26 @@ def _drawn(mark: Mark, view: View) -> str:
 
 
 def _written(mark: Mark, view: View) -> str:
-    x, y = view.at(mark.at_mm)
-    return _text(mark.words, (x + mark.off_px[0], y + mark.off_px[1]), view, mark.anchor)
+    place = np.array(view.at(mark.at_mm))
+    at = place + mark.off_px
+    lines = mark.words.split("|")
+    words = "".join(
+        _text(line, (at[0], at[1] + 14.0 * number), view, mark.anchor)
+        for number, line in enumerate(lines)
+    )
+    return (_leader(place, at, lines, mark.anchor) if mark.points else "") + words
+
+
+def _leader(place: np.ndarray, at: np.ndarray, lines: list[str], anchor: str) -> str:
+    """Return an arrow from the side of a label that is nearest to a place."""
+    long, high = _LETTER_PX * max(map(len, lines)), 14.0 * len(lines)
+    left = {"middle": at[0] - long / 2.0, "start": at[0], "end": at[0] - long}[anchor]
+    low, top = at[1] + high - 9.0, at[1] - 12.0
+    inside = np.clip(place, (left - 3.0, top), (left + long + 3.0, low))
+    start = np.array([min(max(inside[0], left - 3.0), left + long + 3.0), inside[1]])
+    along = (place - start) / max(float(np.hypot(*(place - start))), 1e-6)
+    line = _chain([tuple(start), tuple(place)])
+    return f'<path class="leader" d="{line}"/><path class="tip" d="{_arrow(place, along)}"/>'
 
 
 def _text(words: str, at_px: Point, view: View, anchor: str = "middle", kind: str = "") -> str:
@@ -271,7 +323,7 @@ def _text(words: str, at_px: Point, view: View, anchor: str = "middle", kind: st
     first = {"middle": at_px[0] - long / 2.0, "start": at_px[0], "end": at_px[0] - long}[anchor]
     first = min(max(first, 5.0), max(view.width_px - 5.0 - long, 5.0))
     x = first + {"middle": long / 2.0, "start": 0.0, "end": long}[anchor]
-    y = min(max(at_px[1], _HEAD_PX + 10.0), view.height_px - 5.0)
+    y = min(max(at_px[1], view.head_px + 10.0), view.height_px - 5.0)
     return (
         f'<text class="{f"halo {kind}".strip()}" text-anchor="{anchor}" '
         f'x="{x:.0f}" y="{y:.0f}">{escape(words)}</text>'

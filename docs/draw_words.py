@@ -141,7 +141,7 @@ def growth() -> Sketch:
         sketch.line(grown.chain_mm(row), ("trunk", "child", "child")[row])
         sketch.disc(grown.chain_mm(row)[-1], 4.0, "rim")
     _name_growth(sketch, grown)
-    sketch.box_mm = (-4.0, -4.0, 524.0, 264.0)
+    sketch.box_mm = (-4.0, -4.0, 536.0, 264.0)
     return sketch
 
 
@@ -150,7 +150,7 @@ def _name_growth(sketch: Sketch, grown: Deployment) -> None:
     launched = base + 76.0 * np.array([math.cos(math.radians(30.0)), math.sin(math.radians(30.0))])
     sketch.line([base, launched], "dash")
     sketch.write("launch heading", launched, (6.0, 12.0), "start")
-    sketch.point_out("pose: base|and heading", base, (-48.0, -28.0))
+    sketch.point_out("pose: base|and heading", base, (-44.0, -18.0))
     sketch.point_out("contact: the body|is wrapped round|this corner", contact, (-110.0, -2.0))
     sketch.point_out("trunk's|tip: joint of|its children", tip, (24.0, 4.0), "start")
     sketch.point_out(

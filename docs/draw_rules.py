@@ -48,24 +48,39 @@ class Scene:
     draw: Callable[[Subject, Sketch], None]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """One half of a picture, with what the rule finds there."""
+
+    kind: str  # ``wrong`` or ``right``
+    finding: Finding | None
+    sketch: Sketch
+
+
 def rule_pictures() -> dict[str, str]:
     """Return the picture of every rule by its name."""
-    return {f"rules/{rule}.svg": rule_picture(rule) for rule in SCENES}
+    return {f"rules/{rule}.svg": rule_picture(rule, sides_of(rule)) for rule in SCENES}
 
 
-def rule_picture(rule: str) -> str:
-    """Return the picture of a rule, the rule having been run on both of its sides."""
-    scene = SCENES[rule]
-    sides = []
+def sides_of(rule: str) -> list[Side]:
+    """Return what breaks a rule and what keeps it, the rule having been run on both."""
+    scene, sides = SCENES[rule], []
     for kind, build in (("wrong", scene.wrong), ("right", scene.right)):
-        subject = build()
+        subject, sketch = build(), Sketch()
         found = [one for one in run_checks(subject, only={rule}).findings if one.rule == rule]
         if bool(found) != (kind == "wrong"):
             raise ValueError(f"{rule}: its {kind} side is not {kind}: {found}")
-        sketch = Sketch()
         scene.draw(subject, sketch)
-        sides.append((kind, _verdict(found[0]) if found else "kept", sketch))
-    return picture(f"{rule}: {RULES[rule].title}. First what breaks it, then what keeps it", sides)
+        sides.append(Side(kind=kind, finding=found[0] if found else None, sketch=sketch))
+    return sides
+
+
+def rule_picture(rule: str, sides: list[Side]) -> str:
+    """Return the picture of a rule."""
+    return picture(
+        f"{rule}: {RULES[rule].title}. First what breaks it, then what keeps it",
+        [(one.kind, _verdict(one.finding) if one.finding else "kept", one.sketch) for one in sides],
+    )
 
 
 def _verdict(finding: Finding) -> str:

@@ -272,8 +272,8 @@ def rules_page() -> str:
         "cutting unless it is waived; a warning does not. Limits are changed by a recipe, by "
         "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n\n"
         "Each picture shows what breaks a rule, then what keeps it. Both were drawn and checked by "
-        "vinefab itself, on the shipped recipe: shapes and numbers are computed from its assumed "
-        "values, none was measured.\n"
+        "vinefab itself: shapes and numbers are computed, from values that are assumed or "
+        "published; none was measured.\n"
     ]
     for title, rules in grouped_rules().items():
         parts.append(f"## {title.capitalize()}\n")

@@ -62,20 +62,19 @@ def around(*points: np.ndarray, pad_mm: float) -> tuple[float, ...]:
     return (*(places.min(axis=0) - pad_mm).tolist(), *(places.max(axis=0) + pad_mm).tolist())
 
 
-def bars(sketch: Sketch, rows_shown: list[tuple[str, float]], unit: str, most: float) -> None:
-    """Draw numbers as bars from a common zero: the first is measured, the others are limits."""
-    for number, (words, value) in enumerate(rows_shown):
-        top = -34.0 * number
-        wide = 150.0 * value / most
-        box = shapely.box(0.0, top - 9.0, wide, top)
-        sketch.draw(box, "zone" if number == 0 else "film")
-        sketch.draw(box, "m" if number == 0 else "soft")
-        sketch.write(
-            f"{words} {short_number(value)} {unit}".rstrip(), (0.0, top), (0.0, -5.0), "start"
-        )
-    limit = 150.0 * rows_shown[-1][1] / most
-    sketch.line([(limit, 3.0), (limit, -15.0)], "dash")
-    sketch.box_mm = (0.0, -34.0 * len(rows_shown) + 22.0, 172.0, 18.0)
+def bars(sketch: Sketch, shown: list[tuple[str, float]], unit: str, most: float) -> None:
+    """Draw numbers as bars from a common zero: the last is the limit of those before it."""
+    limit = 150.0 * shown[-1][1] / most
+    for number, (words, value) in enumerate(shown):
+        is_limit, top = number == len(shown) - 1, -34.0 * number
+        box = shapely.box(0.0, top - 9.0, 150.0 * value / most, top)
+        sketch.draw(box, "film" if is_limit else "zone")
+        sketch.draw(box, "soft" if is_limit else "m")
+        label = f"{words} {short_number(value)} {unit}".rstrip()
+        sketch.write(label, (0.0, top), (0.0, -5.0), "start")
+        if not is_limit:
+            sketch.line([(limit, top + 3.0), (limit, top - 15.0)], "dash")
+    sketch.box_mm = (0.0, -34.0 * len(shown) + 22.0, 172.0, 18.0)
 
 
 def lumen(sketch: Sketch, share: float, inside: str) -> None:
@@ -275,8 +274,9 @@ def draw_rating(subject: Subject, sketch: Sketch) -> None:
 def draw_window(subject: Subject, sketch: Sketch) -> None:
     gauge = pressure_gauge(subject, subject.profile, default_limits("VF-P03"))
     shown = [
-        ("growth takes", gauge.tight.pressure_kpa),
-        ("may take", gauge.growth_limit_kpa),
+        ("loose film takes", gauge.loose.pressure_kpa),
+        ("tight film takes", gauge.tight.pressure_kpa),
+        ("growth may take", gauge.growth_limit_kpa),
     ]
     bars(sketch, shown, "kPa", 45.0)
     wide, narrow = (f"{width:g}" for width in subject.design.build.widths_mm)

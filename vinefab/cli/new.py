@@ -41,6 +41,8 @@ def new_command(
     """Write a commented design, run file, map or recipe to begin with; its name is the file's.
 
     Example: vinefab new design mine.toml
+
+    Example: vinefab new map table.geojson
     """
     output = CommandOutput(quiet=quiet, force=force)
     if kind not in NEXT_STEPS:

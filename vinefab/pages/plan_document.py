@@ -16,7 +16,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.pages.animation import round_length_mm
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import STOP_WORDS, Box, longer_mm
-from vinefab.pages.plan_svg import CONTACT, MARKS, stop_class, view_box
+from vinefab.pages.plan_svg import CONTACT, STOP_SIGNS, stop_class, view_box
 
 LONGEST_PX = 600.0
 """Of a plan's longer side; the documentation draws smaller ones, whose words a phone shows."""
@@ -30,7 +30,7 @@ _MOST_LETTERS = 90
 LegendEntry = tuple[str, str]
 """A symbol, in pixels around the origin, and what it means."""
 
-START: LegendEntry = (
+START_ENTRY: LegendEntry = (
     '<g class="pose"><circle class="handle base" r="3"/></g>',
     "start",
 )
@@ -103,7 +103,7 @@ def robot_legend(deployment: Deployment) -> list[LegendEntry]:
     for stop in Stop:
         count_stopped = deployment.stops[stop.label]
         if count_stopped:
-            mark = f'<g class="mark {stop_class(stop)}">{MARKS[stop]}</g>'
+            mark = f'<g class="mark {stop_class(stop)}">{STOP_SIGNS[stop]}</g>'
             entries.append((mark, f"{STOP_WORDS[stop]} ({count_stopped})"))
     return entries
 

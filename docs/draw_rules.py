@@ -40,7 +40,7 @@ from vinefab.model.laser import RecipeStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class RuleScene:
     """What is drawn of a rule."""
 
     wrong: Callable[[], Subject]
@@ -91,104 +91,112 @@ def _verdict(finding: Finding) -> str:
 
 
 SCENES = {
-    "VF-T01": Scene(wrong=of((2, 0.09, 90.0)), right=of((2, 60.0, 90.0)), draw=drawn.draw_tree),
-    "VF-T02": Scene(wrong=near(138.0), right=near(112.0), draw=drawn.draw_crossing),
-    "VF-T03": Scene(wrong=near(138.0), right=near(112.0), draw=drawn.draw_pair),
-    "VF-T04": Scene(wrong=of(widths_mm=(4.0,)), right=of(widths_mm=(12.0,)), draw=drawn.draw_mouth),
-    "VF-W01": Scene(
+    "VF-T01": RuleScene(wrong=of((2, 0.09, 90.0)), right=of((2, 60.0, 90.0)), draw=drawn.draw_tree),
+    "VF-T02": RuleScene(wrong=near(138.0), right=near(112.0), draw=drawn.draw_crossing),
+    "VF-T03": RuleScene(wrong=near(138.0), right=near(112.0), draw=drawn.draw_pair),
+    "VF-T04": RuleScene(
+        wrong=of(widths_mm=(4.0,)), right=of(widths_mm=(12.0,)), draw=drawn.draw_mouth
+    ),
+    "VF-W01": RuleScene(
         wrong=of((2, 70.0, 60.0), widths_mm=(24.0, 4.0)),
         right=of((2, 70.0, 60.0), widths_mm=(24.0, 12.0)),
         draw=drawn.draw_leaf_width,
     ),
-    "VF-W02": Scene(
+    "VF-W02": RuleScene(
         wrong=of((2, 110.0, 70.0), widths_mm=(26.0, 24.0)),
         right=of((2, 110.0, 70.0), widths_mm=(40.0, 20.0)),
         draw=drawn.draw_ratio,
     ),
-    "VF-W03": Scene(
+    "VF-W03": RuleScene(
         wrong=of((20, 200.0, 320.0)), right=of((4, 200.0, 120.0)), draw=drawn.draw_packing
     ),
-    "VF-W04": Scene(wrong=seamed(-0.4), right=seamed(0.0), draw=drawn.draw_built_width),
-    "VF-C01": Scene(wrong=near(128.0), right=near(118.0), draw=drawn.draw_pair),
-    "VF-C02": Scene(wrong=of((2, 200.0, 10.0)), right=of((2, 200.0, 40.0)), draw=drawn.draw_angle),
-    "VF-C03": Scene(wrong=of((2, 40.0, 60.0)), right=of((2, 80.0, 60.0)), draw=drawn.draw_crotch),
-    "VF-C04": Scene(
+    "VF-W04": RuleScene(wrong=seamed(-0.4), right=seamed(0.0), draw=drawn.draw_built_width),
+    "VF-C01": RuleScene(wrong=near(128.0), right=near(118.0), draw=drawn.draw_pair),
+    "VF-C02": RuleScene(
+        wrong=of((2, 200.0, 10.0)), right=of((2, 200.0, 40.0)), draw=drawn.draw_angle
+    ),
+    "VF-C03": RuleScene(
+        wrong=of((2, 40.0, 60.0)), right=of((2, 80.0, 60.0)), draw=drawn.draw_crotch
+    ),
+    "VF-C04": RuleScene(
         wrong=of((2, 200.0, 60.0), fillet_mm=(0.5,)),
         right=of((2, 200.0, 60.0), fillet_mm=(6.0,)),
         draw=drawn.draw_fillet,
     ),
-    "VF-C05": Scene(
+    "VF-C05": RuleScene(
         wrong=of((2, 90.0, 80.0), (2, 45.0, 280.0), fillet_mm=(40.0, 3.0)),
         right=of((2, 90.0, 80.0), (2, 45.0, 280.0), fillet_mm=(12.0, 3.0)),
         draw=drawn.draw_foreign_fillet,
     ),
-    "VF-C06": Scene(wrong=of((2, 160.0, 240.0)), right=of((2, 160.0, 100.0)), draw=drawn.draw_turn),
-    "VF-C07": Scene(
+    "VF-C06": RuleScene(
+        wrong=of((2, 160.0, 240.0)), right=of((2, 160.0, 100.0)), draw=drawn.draw_turn
+    ),
+    "VF-C07": RuleScene(
         wrong=of((2, 200.0, 40.0), pouch=Pouch(shape="round", radius_mm=67.5)),
         right=of((2, 200.0, 40.0), pouch=Pouch(shape="round", radius_mm=45.0)),
         draw=drawn.draw_pouch,
     ),
-    "VF-P01": Scene(
+    "VF-P01": RuleScene(
         wrong=of(widths_mm=(60.0,), pressure_kpa=40.0),
         right=of(widths_mm=(30.0,), pressure_kpa=20.0),
         draw=drawn.draw_burst,
     ),
-    "VF-P02": Scene(
+    "VF-P02": RuleScene(
         wrong=of(widths_mm=(10.0,), pressure_kpa=90.0),
         right=of(widths_mm=(10.0,), pressure_kpa=40.0),
         draw=drawn.draw_rating,
     ),
-    "VF-P03": Scene(
+    "VF-P03": RuleScene(
         wrong=of((2, 200.0, 60.0), widths_mm=(100.0, 11.0)),
         right=of((2, 200.0, 60.0), widths_mm=(40.0, 30.0)),
         draw=drawn.draw_window,
     ),
-    "VF-P04": Scene(
+    "VF-P04": RuleScene(
         wrong=of(pressure_kpa=70.0), right=of(pressure_kpa=20.0), draw=drawn.draw_strain
     ),
-    "VF-P05": Scene(wrong=seamed(-0.25), right=seamed(0.0), draw=drawn.draw_seam),
-    "VF-B01": Scene(wrong=of(tail_mm=90.0), right=of(tail_mm=200.0), draw=drawn.draw_tail),
-    "VF-B02": Scene(
+    "VF-P05": RuleScene(wrong=seamed(-0.25), right=seamed(0.0), draw=drawn.draw_seam),
+    "VF-B01": RuleScene(wrong=of(tail_mm=90.0), right=of(tail_mm=200.0), draw=drawn.draw_tail),
+    "VF-B02": RuleScene(
         wrong=of(widths_mm=(110.0,)),
         right=of(widths_mm=(110.0,), collar=Collar(clamp_diameter_mm=40.0)),
         draw=drawn.draw_clamp,
     ),
-    "VF-B03": Scene(wrong=of(trunk_mm=150.0), right=of(trunk_mm=400.0), draw=drawn.draw_reach),
-    "VF-J01": Scene(
+    "VF-B03": RuleScene(wrong=of(trunk_mm=150.0), right=of(trunk_mm=400.0), draw=drawn.draw_reach),
+    "VF-J01": RuleScene(
         wrong=pieced(*CROSSING, lap_mm=90.0), right=pieced(*CROSSING), draw=drawn.draw_sleeve_room
     ),
-    "VF-J02": Scene(
+    "VF-J02": RuleScene(
         wrong=pieced(*CROSSING, most=1), right=pieced(*CROSSING), draw=drawn.draw_pieces
     ),
-    "VF-J03": Scene(
+    "VF-J03": RuleScene(
         wrong=pieced(*CROSSING, widths_mm=(40.0, 34.0, 26.0), pressure_kpa=80.0),
         right=pieced(*CROSSING, pressure_kpa=20.0),
         draw=drawn.draw_lap,
     ),
-    "VF-J04": Scene(
+    "VF-J04": RuleScene(
         wrong=pieced(*CROSSING, widths_mm=(15.0, 13.0, 12.0)),
         right=pieced(*CROSSING, widths_mm=(60.0, 24.0, 14.0)),
         draw=drawn.draw_lap_packing,
     ),
-    "VF-J05": Scene(
+    "VF-J05": RuleScene(
         wrong=pieced(*CROSSING, unmarked="socket B"),
         right=pieced(*CROSSING),
         draw=drawn.draw_labels,
     ),
-    "VF-S01": Scene(
+    "VF-S01": RuleScene(
         wrong=of((2, 700.0, 90.0), pouch=Pouch(shape="round", radius_mm=310.0)),
         right=of((2, 700.0, 180.0)),
         draw=drawn.draw_bed,
     ),
-    "VF-S02": Scene(
+    "VF-S02": RuleScene(
         wrong=of((3, 1100.0, 200.0), trunk_mm=900.0),
         right=of((3, 1100.0, 60.0), trunk_mm=900.0),
         draw=drawn.draw_roll,
     ),
-    "VF-L01": Scene(
+    "VF-L01": RuleScene(
         wrong=with_paths(away_mm=1.0), right=with_paths(away_mm=5.0), draw=drawn.draw_mark
     ),
-    "VF-L02": Scene(
+    "VF-L02": RuleScene(
         wrong=with_paths(
             path(Operation.CUT, [[500.0, 500.0], [520.0, 500.0]]),
             path(Operation.CUT, [[510.0, 500.0], [530.0, 500.0]]),
@@ -199,23 +207,23 @@ SCENES = {
         ),
         draw=drawn.draw_twice,
     ),
-    "VF-L03": Scene(
+    "VF-L03": RuleScene(
         wrong=with_paths(square(400.0, 500.0), square(425.0, 475.0)),
         right=with_paths(square(425.0, 475.0), square(400.0, 500.0)),
         draw=drawn.draw_order,
     ),
-    "VF-L04": Scene(
+    "VF-L04": RuleScene(
         wrong=material(ply_mm=quantity(0.06)),
         right=material(ply_mm=quantity(0.0375)),
         draw=drawn.draw_ply,
     ),
-    "VF-L05": Scene(wrong=mark_speed(600.0), right=mark_speed(300.0), draw=drawn.draw_machine),
-    "VF-L06": Scene(
+    "VF-L05": RuleScene(wrong=mark_speed(600.0), right=mark_speed(300.0), draw=drawn.draw_machine),
+    "VF-L06": RuleScene(
         wrong=recipe(status=RecipeStatus.UNVERIFIED),
         right=recipe(status=RecipeStatus.COUPON_OK),
         draw=drawn.draw_status,
     ),
-    "VF-X01": Scene(
+    "VF-X01": RuleScene(
         wrong=lambda: Subject.of(
             design((2, 120.0, 90.0)),
             profile(),
@@ -224,16 +232,16 @@ SCENES = {
         right=lambda: Subject.of(design((2, 120.0, 90.0)), profile(), readback={"outline.dxf": ()}),
         draw=drawn.draw_readback,
     ),
-    "VF-R01": Scene(
+    "VF-R01": RuleScene(
         wrong=rigged(problems=tuple(open_block().form_problems())),
         right=rigged(),
         draw=drawn.draw_solid,
     ),
-    "VF-R02": Scene(
+    "VF-R02": RuleScene(
         wrong=rigged(size_mm=(260.0, 120.0, 63.0)), right=rigged(), draw=drawn.draw_fits
     ),
-    "VF-R03": Scene(wrong=corridor(18.0), right=corridor(34.0), draw=drawn.draw_corridor),
-    "VF-R04": Scene(
+    "VF-R03": RuleScene(wrong=corridor(18.0), right=corridor(34.0), draw=drawn.draw_corridor),
+    "VF-R04": RuleScene(
         wrong=rigged(height_mm=18.0), right=rigged(height_mm=40.0), draw=drawn.draw_height
     ),
 }

@@ -141,7 +141,7 @@ def growth() -> Sketch:
         sketch.line(grown.chain_mm(row), ("trunk", "child", "child")[row])
         sketch.disc(grown.chain_mm(row)[-1], 4.0, "rim")
     _name_growth(sketch, grown)
-    sketch.box_mm = (-4.0, -4.0, 536.0, 264.0)
+    sketch.box_mm = (-4.0, -4.0, 536.0, 268.0)
     return sketch
 
 

@@ -9,10 +9,11 @@ import subprocess
 import sys
 from dataclasses import replace
 from importlib import import_module
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
+import shapely
 from typer.main import get_command
 
 import vinefab as vf
@@ -70,6 +71,7 @@ def test_every_parameter_of_every_part_has_a_meaning():
     assert rows == []
 
 
+WORD_PICTURES = ("anatomy", "growth")
 RULE_PICTURES = DOCS / "pictures" / "rules"
 
 
@@ -117,6 +119,36 @@ def test_words_too_long_for_a_picture_are_refused():
     sides[0].sketch.says = "a mouth much too wide for its clamp"
     with pytest.raises(ValueError, match="too long for a panel"):
         draw_rules.rule_picture("VF-B02", sides)
+
+
+LETTER_PX, LINE_PX = 6.0, 11.0
+"""Of words in pictures, about; `docs/rule_sketch.py` sets them in 12 px."""
+
+
+def places_of_words(panel):
+    """Return the words of a panel as boxes: left, top, right, bottom."""
+    shift = {"start": 0.0, "middle": 0.5, "end": 1.0}
+    form = r'<text class="halo" text-anchor="(\w+)" x="(\d+)" y="(\d+)">(.+?)</text>'
+    for anchor, x, y, words in re.findall(form, panel):
+        long = LETTER_PX * len(words)
+        left = float(x) - shift[anchor] * long
+        yield words, shapely.box(left, float(y) - LINE_PX, left + long, float(y))
+
+
+def test_no_words_in_pictures_lie_over_others():
+    pictures = [*RULE_PICTURES.iterdir(), *(DOCS / "pictures" / f"{n}.svg" for n in WORD_PICTURES)]
+    over, count = [], 0
+    for path in pictures:
+        for panel in path.read_text(encoding="utf-8").split("<svg x=")[-2:]:
+            placed = [one for one in places_of_words(panel) if one[0].strip()]
+            count += len(placed)
+            over += [
+                (path.stem, one, two)
+                for (one, here), (two, there) in combinations(placed, 2)
+                if here.buffer(-1.0).intersects(there.buffer(-1.0))
+            ]
+    assert over == []
+    assert count > 100
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):

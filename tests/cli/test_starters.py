@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
-from vinefab.cli.new import NEXT_STEPS, starter_map
+from vinefab.cli.new import NEXT_STEPS
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.starters import starter_map
 from vinefab.search.run_file import read_run
 
 
@@ -62,7 +63,7 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [(["thing", "a.toml"], "KIND"), (["design", "a.json"], "FILE"), (["map", "a.toml"], "FILE")],
+    [(["thing", "a.toml"], "kind"), (["design", "a.json"], "file"), (["map", "a.toml"], "file")],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     assert main(["new", *arguments]) == 2

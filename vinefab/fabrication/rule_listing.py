@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from vinefab.core.errors import UnknownNameError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Rule
@@ -33,7 +34,7 @@ def rule_list() -> list[str]:
     lines = list[str]()
     for title, rules in grouped_rules().items():
         lines.append(title)
-        lines += [f"  {rule.id}  {rule.title}{_limits_text(rule, ' ({})')}" for rule in rules]
+        lines += [f"  {rule.id}  {rule.title}{limits_text(rule, ' ({})')}" for rule in rules]
     lines += [f"  {name}  does not load ({why})" for name, why in RULES.broken.items()]
     lines.append("vinefab rules VF-C01 explains one of them")
     return lines
@@ -47,7 +48,11 @@ def explain_rule(rule_id: str) -> list[str]:
     UnknownNameError
         If there is no such rule.
     """
-    rule = known_rule(rule_id)
+    return rule_lines(known_rule(rule_id))
+
+
+def rule_lines(rule: Rule) -> list[str]:
+    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it."""
     lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
     if rule.remedy:
         lines.append(f"  remedy: {rule.remedy}")
@@ -89,6 +94,18 @@ def _is_own(rule: Rule) -> bool:
     return rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
 
 
+class RuleBook(dict[str, Rule]):
+    """Rules by id; an unknown one is an error that names the nearest."""
+
+    def __missing__(self, rule_id: str) -> Rule:
+        raise UnknownNameError("rule", str(rule_id), self)
+
+    def _repr_html_(self) -> str:
+        """Show the list in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
+
 def rules_json(rule_id: str | None = None) -> str:
     """Return all rules, or one, as JSON."""
     rules = all_rules() if rule_id is None else [known_rule(rule_id)]
@@ -112,7 +129,7 @@ def limit_text(rule: Rule, name: str) -> str:
     return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
 
 
-def _limits_text(rule: Rule, form: str) -> str:
+def limits_text(rule: Rule, form: str) -> str:
     """Return error and warning limits in a form with one place; nothing where there are none."""
     parts = [
         f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits

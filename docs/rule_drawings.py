@@ -503,9 +503,8 @@ def draw_ply(subject: Subject, sketch: Sketch) -> None:
     sketch.dimension((0.05, ply), (0.05, 2.0 * ply), f"{ply:g} mm")
     limit = RULES["VF-L04"].limits["error"]
     sketch.line([(0.0, ply + limit), (0.2, ply + limit)], "dash")
-    sketch.write(f"limit {limit:g}", (0.2, ply + limit), (-2.0, -5.0), "end")
     sketch.box_mm = (0.0, -0.02, 0.2, 0.13)
-    sketch.says = "two plies, cut through"
+    sketch.says = "two plies; dashed: limit"
 
 
 def draw_machine(subject: Subject, sketch: Sketch) -> None:

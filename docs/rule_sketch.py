@@ -20,10 +20,9 @@ from vinefab.pages.plan_svg import contour_path
 WIDTH_PX = 400.0
 _BETWEEN_PX, _HEAD_PX, _PAD_PX = 8.0, 40.0, 12.0
 _MOST_PX, _LEAST_PX = 210.0, 40.0
-_LETTER_PX = 6.4
-"""Width of a letter of a label, at most on average."""
+_NARROW, _WIDE = frozenset("fijlrt.,:|' "), frozenset("mwMW%")
 
-STYLE = """text{font:12px sans-serif;fill:#1d2a30}.head{font-weight:bold}
+STYLE = """text{font:12px Arial,Helvetica,sans-serif;fill:#1d2a30}.head{font-weight:bold}
 .halo{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}
 path,circle{fill:none;stroke-linejoin:round;stroke-linecap:round}.film{fill:#d3dade;stroke:none}
 .rim{stroke:#1d2a30;stroke-width:1.3px}.soft{stroke:#5c6b73;stroke-width:1px}
@@ -179,6 +178,17 @@ class View:
         return contour_path(moved)
 
 
+def long_px(words: str) -> float:
+    """Return how long words of 12 px are, about, in a wide font.
+
+    >>> long_px("film") < long_px("mm mm")
+    True
+    """
+    narrow = sum(one in _NARROW for one in words)
+    wide = sum(one in _WIDE for one in words)
+    return 4.4 * narrow + 11.5 * wide + 7.2 * (len(words) - narrow - wide)
+
+
 def short_number(value: float) -> str:
     """Return a number as it stands in a picture.
 
@@ -268,8 +278,8 @@ _SIGNS = {"wrong": "M11 9l9 9m0-9l-9 9", "right": "M10 14l4 4 7-10"}
 
 def _panel(kind: str, verdict: str, sketch: Sketch, view: View) -> str:
     edge = f"M.5 .5H{view.width_px - 0.5:g}V{view.height_px - 0.5:.1f}H.5Z"
-    for words, room in ((verdict, view.width_px - 30.0), (sketch.says, view.width_px - 12.0)):
-        if _LETTER_PX * len(words) > room:
+    for words, room in ((verdict, view.width_px - 29.0), (sketch.says, view.width_px - 12.0)):
+        if long_px(words) > room:
             raise ValueError(f"too long for a panel: {words}")
     head = [
         f'<path style="fill:#fff" d="{edge}"/>',
@@ -307,7 +317,7 @@ def _written(mark: Mark, view: View) -> str:
 
 def _leader(place: np.ndarray, at: np.ndarray, lines: list[str], anchor: str) -> str:
     """Return an arrow from the side of a label that is nearest to a place."""
-    long, high = _LETTER_PX * max(map(len, lines)), 14.0 * len(lines)
+    long, high = max(map(long_px, lines)), 14.0 * len(lines)
     left = {"middle": at[0] - long / 2.0, "start": at[0], "end": at[0] - long}[anchor]
     low, top = at[1] + high - 9.0, at[1] - 12.0
     inside = np.clip(place, (left - 3.0, top), (left + long + 3.0, low))
@@ -319,7 +329,7 @@ def _leader(place: np.ndarray, at: np.ndarray, lines: list[str], anchor: str) ->
 
 def _text(words: str, at_px: Point, view: View, anchor: str = "middle", kind: str = "") -> str:
     """Return words that stay inside the panel."""
-    long = _LETTER_PX * len(words)
+    long = long_px(words)
     first = {"middle": at_px[0] - long / 2.0, "start": at_px[0], "end": at_px[0] - long}[anchor]
     first = min(max(first, 5.0), max(view.width_px - 5.0 - long, 5.0))
     x = first + {"middle": long / 2.0, "start": 0.0, "end": long}[anchor]

@@ -27,6 +27,7 @@ sys.path[:0] = [str(DOCS), str(ROOT / "tests")]
 
 import draw_rules  # noqa: E402  lies in docs/, which is no package
 import reference_pages  # noqa: E402  as above
+from rule_sketch import long_px  # noqa: E402  as above
 from written_lines import (  # noqa: E402  as above
     PAGES,
     WrittenLine,
@@ -121,8 +122,8 @@ def test_words_too_long_for_a_picture_are_refused():
         draw_rules.rule_picture("VF-B02", sides)
 
 
-LETTER_PX, LINE_PX = 6.0, 11.0
-"""Of words in pictures, about; `docs/rule_sketch.py` sets them in 12 px."""
+LINE_PX = 11.0
+"""Height of words in pictures, about."""
 
 
 def places_of_words(panel):
@@ -130,7 +131,7 @@ def places_of_words(panel):
     shift = {"start": 0.0, "middle": 0.5, "end": 1.0}
     form = r'<text class="halo" text-anchor="(\w+)" x="(\d+)" y="(\d+)">(.+?)</text>'
     for anchor, x, y, words in re.findall(form, panel):
-        long = LETTER_PX * len(words)
+        long = 0.95 * long_px(words)
         left = float(x) - shift[anchor] * long
         yield words, shapely.box(left, float(y) - LINE_PX, left + long, float(y))
 

@@ -1,6 +1,7 @@
 """The documentation: it is built without a warning, and what it tells a user to type works."""
 
 import ast
+import inspect
 import json
 import os
 import re
@@ -379,6 +380,111 @@ def test_parts_of_the_template_are_found(with_template, tmp_path):
     assert all(0.0 < one["score"] < 2.0 for one in scored["evaluations"])
     assert "remedy: shorten" in typed("vinefab rules MYLAB-01").stdout
     assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout
+
+
+# --- Python of the tutorials ---------------------------------------------------------------------
+
+
+TUTORIALS = {
+    "first_robot": ("first_robot",),
+    "search_to_laser": ("search_to_laser",),
+    "arena_and_rig": ("my_arena", "rig_and_reality"),
+}
+"""Tutorials whose Python is typed one after the other in one folder."""
+
+
+def fill_in_a_seam(table):
+    rows = table.read_text().splitlines()
+    place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
+    rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
+    table.write_text("\n".join(rows))
+
+
+@pytest.mark.parametrize(
+    "story",
+    [pytest.param(name, marks=() if name == "first_robot" else pytest.mark.thorough)
+     for name in TUTORIALS],
+)  # fmt: skip
+def test_the_python_of_a_tutorial_needs_no_command_line(story, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    # Seventy unseen maps take longer than a run here.
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
+    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+    for page in TUTORIALS[story]:
+        blocks = [w for w in written_on(DOCS / "tutorials" / f"{page}.md") if w.python]
+        assert blocks
+        for block in blocks:
+            assert set(re.findall(r"(?:import|from) (\w+)", block.text)) == {"vinefab"}
+            if block.left_out:
+                fill_in_a_seam(tmp_path / "own_coupons" / "results.csv")
+            exec(compile(block.text, page, "exec"), {})  # noqa: S102  it is ours
+    printed = capsys.readouterr().out
+    assert "(simulated)" in printed
+    assert "<vinefab" not in printed
+    assert " object at 0x" not in printed  # what is printed says what it is
+
+
+# --- The front door on one page -----------------------------------------------------------------
+
+ROOTS = {"vf": vf, "world": vf.Map, "design": vf.Design, "deployment": vf.Deployment}
+"""What the names in the pages' words stand for."""
+
+
+def calls_in_words(page: Path) -> list[ast.Call]:
+    """Return the calls of the library that a page has between backticks."""
+    text = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    calls = []
+    for words in re.findall(r"`([^`\n]+)`", text):
+        try:
+            tree = ast.parse(words.replace(", ...", ""))
+        except SyntaxError:
+            continue
+        calls += [one for one in ast.walk(tree) if isinstance(one, ast.Call)]
+    return [call for call in calls if ast.unparse(call.func).split(".")[0] in ROOTS]
+
+
+def wrong_call(call: ast.Call) -> str:
+    """Return what is wrong with a call: no such name or no such parameter; else nothing."""
+    root, *names = ast.unparse(call.func).split(".")
+    function = ROOTS[root]
+    for name in names:
+        if not hasattr(function, name):
+            return f"{ast.unparse(call)}: no {name}"
+        function = getattr(function, name)
+    given = [None] * (len(call.args) + isinstance(ROOTS[root], type))
+    try:
+        inspect.signature(function).bind_partial(
+            *given, **{word.arg: None for word in call.keywords if word.arg}
+        )
+    except TypeError as error:
+        return f"{ast.unparse(call)}: {error}"
+    return ""
+
+
+def test_a_wrong_call_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "`vf.maps.gird(seed=1)` `vf.check(design, map=world)` `world.info(width_mm=1)` `vf.rules()`"
+    )
+    found = [wrong_call(call) for call in calls_in_words(page)]
+    assert ["gird" in found[0], "'map'" in found[1], *found[2:]] == [True, True, "", ""]
+
+
+def test_calls_that_pages_name_can_be_made():
+    calls = [call for page in PAGES for call in calls_in_words(page)]
+    assert len(calls) > 30
+    assert [words for call in calls if (words := wrong_call(call))] == []
+
+
+def test_every_command_stands_on_the_page_of_the_library():
+    text = (DOCS / "library.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z]+)\b", text))
+    assert {command for command in COMMANDS if command not in named | set(UNDER_STUDY)} == set()
+
+
+def test_every_public_function_stands_on_the_page_of_the_library():
+    text = (DOCS / "library.md").read_text(encoding="utf-8")
+    assert [name for name in vf.__all__ if name.islower() and f"vf.{name}" not in text] == []
 
 
 # --- A notebook ---------------------------------------------------------------------------------

@@ -10,21 +10,25 @@ import subprocess
 import sys
 from dataclasses import replace
 from importlib import import_module
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
+import shapely
 from typer.main import get_command
 
 import vinefab as vf
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, UsageProblem, build_app, each_map_named
+from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files import map_geojson
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 sys.path[:0] = [str(DOCS), str(ROOT / "tests")]
 
-import reference_pages  # noqa: E402  lies in docs/, which is no package
+import draw_rules  # noqa: E402  lies in docs/, which is no package
+import reference_pages  # noqa: E402  as above
+from rule_sketch import long_px  # noqa: E402  as above
 from written_lines import (  # noqa: E402  as above
     PAGES,
     WrittenLine,
@@ -67,6 +71,86 @@ def test_every_key_of_a_start_stands_on_the_page_of_map_files():
 def test_every_parameter_of_every_part_has_a_meaning():
     rows = re.findall(r"^\| `(\w+)` \| .* \|  \|$", reference_pages.parts_page(), re.MULTILINE)
     assert rows == []
+
+
+WORD_PICTURES = ("anatomy", "growth")
+RULE_PICTURES = DOCS / "pictures" / "rules"
+
+
+def test_every_rule_has_a_picture_on_its_page_and_every_picture_a_rule():
+    drawn = {path.stem for path in RULE_PICTURES.iterdir()}
+    assert drawn == set(draw_rules.SCENES) == {name for name in RULES if name.startswith("VF-")}
+    page = reference_pages.rules_page()
+    shown = re.findall(r"^### (.*?): .*\n\n!\[.*?\]\(\.\./pictures/rules/(.*?)\.svg\)", page, re.M)
+    assert dict(shown) == {rule: rule for rule in drawn}
+
+
+OF_NO_ONE_NUMBER = {"VF-T03", "VF-W04", "VF-J05", "VF-S01"}
+"""Rules whose pictures show an area, a difference or what is missing."""
+
+
+def words_of(drawing):
+    return re.findall(r"<text.*?>(.*?)</text>", drawing)
+
+
+def test_pictures_of_rules_show_what_the_rules_measure():
+    """Each rule fires on one side of its picture and not on the other: else it is not drawn."""
+    stale, silent = [], []
+    for rule in draw_rules.SCENES:
+        sides = draw_rules.sides_of(rule)
+        words = words_of(draw_rules.rule_picture(rule, sides))
+        if words_of((RULE_PICTURES / f"{rule}.svg").read_text(encoding="utf-8")) != words:
+            stale.append(rule)
+        measured = sides[0].finding.measured
+        if measured is not None and rule not in OF_NO_ONE_NUMBER:
+            numbers = [float(one) for text in words[:-1] for one in re.findall(r"[\d.]*\d", text)]
+            if not any(one == pytest.approx(measured, rel=0.01) for one in numbers):
+                silent.append(rule)
+    assert (stale, silent) == ([], []), "run: python docs/draw_pictures.py"
+
+
+def test_a_picture_whose_sides_do_not_differ_is_refused(monkeypatch):
+    scene = draw_rules.SCENES["VF-C01"]
+    monkeypatch.setitem(draw_rules.SCENES, "VF-C01", replace(scene, right=scene.wrong))
+    with pytest.raises(ValueError, match="VF-C01: its right side"):
+        draw_rules.sides_of("VF-C01")
+
+
+def test_words_too_long_for_a_picture_are_refused():
+    sides = draw_rules.sides_of("VF-B02")
+    sides[0].sketch.says = "a mouth much too wide for its clamp"
+    with pytest.raises(ValueError, match="too long for a panel"):
+        draw_rules.rule_picture("VF-B02", sides)
+
+
+LINE_PX = 11.0
+"""Height of words in pictures, about."""
+
+
+def places_of_words(panel):
+    """Return the words of a panel as boxes: left, top, right, bottom."""
+    shift = {"start": 0.0, "middle": 0.5, "end": 1.0}
+    form = r'<text class="halo" text-anchor="(\w+)" x="(\d+)" y="(\d+)">(.+?)</text>'
+    for anchor, x, y, words in re.findall(form, panel):
+        long = 0.95 * long_px(words)
+        left = float(x) - shift[anchor] * long
+        yield words, shapely.box(left, float(y) - LINE_PX, left + long, float(y))
+
+
+def test_no_words_in_pictures_lie_over_others():
+    pictures = [*RULE_PICTURES.iterdir(), *(DOCS / "pictures" / f"{n}.svg" for n in WORD_PICTURES)]
+    over, count = [], 0
+    for path in pictures:
+        for panel in path.read_text(encoding="utf-8").split("<svg x=")[-2:]:
+            placed = [one for one in places_of_words(panel) if one[0].strip()]
+            count += len(placed)
+            over += [
+                (path.stem, one, two)
+                for (one, here), (two, there) in combinations(placed, 2)
+                if here.buffer(-1.0).intersects(there.buffer(-1.0))
+            ]
+    assert over == []
+    assert count > 100
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):

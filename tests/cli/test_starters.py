@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -100,6 +101,8 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     explained = capsys.readouterr().out
     for words in ("VF-C01: clearance", "remedy: ", "limit error: 3 mm", "VF-C01.error=", "waive"):
         assert words in explained
+    page = Path(__file__).parents[2] / explained.partition("picture: ")[2].split()[0]
+    assert "### VF-C01" in page.read_text(encoding="utf-8")
     assert main(["rules", "VF-C99"]) == 2
 
 

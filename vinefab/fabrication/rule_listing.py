@@ -10,6 +10,9 @@ from vinefab.fabrication.rules.rule import Rule
 
 _SCHEMA = "vinefab/rules-1"
 
+PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
+"""Where every rule stands with its picture."""
+
 RULE_GROUPS: Mapping[str, str] = {
     "T": "tree and outline",
     "W": "widths",
@@ -38,7 +41,7 @@ def rule_list() -> list[str]:
 
 
 def explain_rule(rule_id: str) -> list[str]:
-    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it.
+    """Return a rule as lines: what must hold, limits, reason, remedy, change, picture.
 
     Raises
     ------
@@ -59,6 +62,8 @@ def rule_lines(rule: Rule) -> list[str]:
         change = f"[limits.{rule.id}] {first} = ..., or check --limit {rule.id}.{first}=..."
         lines.append(f"  to change a limit for one design: {change}")
     lines.append("  to accept one finding: [[waive]] with its fingerprint and a reason")
+    if _is_own(rule):
+        lines.append(f"  picture: {PICTURES_PAGE}")
     return lines
 
 
@@ -80,10 +85,13 @@ def grouped_rules() -> dict[str, list[Rule]]:
     """Return all rules by what they are about, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
     for rule in all_rules():
-        own = rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
-        title = RULE_GROUPS[rule.id[3]] if own else "of other packages"
+        title = RULE_GROUPS[rule.id[3]] if _is_own(rule) else "of other packages"
         groups.setdefault(title, []).append(rule)
     return {title: rules for title, rules in groups.items() if rules}
+
+
+def _is_own(rule: Rule) -> bool:
+    return rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
 
 
 class RuleBook(dict[str, Rule]):

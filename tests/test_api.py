@@ -582,6 +582,16 @@ def test_findings_are_drawn_in_place_as_by_the_command(tmp_path):
     assert escape(rule.reason) in rule._repr_html_()
 
 
+def test_numbers_of_a_recipe_are_those_of_the_command(tmp_path, capsys):
+    out = tmp_path / "recipe.json"
+    assert main(["profiles", DEFAULT_RECIPE, "--json", str(out)]) == 0
+    found = vf.profile(DEFAULT_RECIPE)
+    assert found.numbers == json.loads(out.read_text())
+    assert "\n".join(found.summary) in capsys.readouterr().out
+    assert repr(found).endswith(found.summary[-1])
+    assert escape(found.summary[-1].strip()) in found._repr_html_()
+
+
 def test_the_names_of_what_is_shipped_are_listed():
     assert {"grid_explorer", "plain_vine"} <= set(vf.designs())
     assert DEFAULT_RECIPE in vf.recipes()
@@ -864,6 +874,8 @@ WRONG = {
     "no run to list": (lambda _: vf.runs(), "folders is missing"),
     "an unknown run": (lambda _: vf.optimize("grid_coverge"), "did you mean 'grid_coverage'"),
     "an unknown kind of file": (lambda out: vf.new("robot", out / "a.toml"), "kind is 'robot'"),
+    "an unknown profile": (lambda _: vf.profile("co2_60"), "no profile is called 'co2_60'"),
+    "a number as a profile": (lambda _: vf.profile(3), "name is 3"),
     "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip
 

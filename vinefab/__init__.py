@@ -40,6 +40,7 @@ __all__ = [
     "PhotoReport",
     "Pose",
     "Pouch",
+    "ProfileNumbers",
     "ProposedFix",
     "Rule",
     "RunListing",
@@ -68,6 +69,7 @@ __all__ = [
     "observe",
     "optimize",
     "printers",
+    "profile",
     "recipes",
     "report",
     "rig",
@@ -79,6 +81,7 @@ __all__ = [
 _HOMES = {
     "vinefab.api": (
         "PhotoReport",
+        "ProfileNumbers",
         "ProposedFix",
         "WrittenFolder",
         "WrittenReport",
@@ -96,6 +99,7 @@ _HOMES = {
         "observe",
         "optimize",
         "printers",
+        "profile",
         "recipes",
         "report",
         "rules",
@@ -128,6 +132,7 @@ _HOMES = {
 if TYPE_CHECKING:
     from vinefab import maps as maps
     from vinefab.api import PhotoReport as PhotoReport
+    from vinefab.api import ProfileNumbers as ProfileNumbers
     from vinefab.api import ProposedFix as ProposedFix
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
@@ -145,6 +150,7 @@ if TYPE_CHECKING:
     from vinefab.api import observe as observe
     from vinefab.api import optimize as optimize
     from vinefab.api import printers as printers
+    from vinefab.api import profile as profile
     from vinefab.api import recipes as recipes
     from vinefab.api import report as report
     from vinefab.api import rig as rig

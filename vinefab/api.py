@@ -207,6 +207,34 @@ class PhotoReport:
         return html_table(title, ("what was measured",), [(line,) for line in self.summary])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfileNumbers:
+    """What is known of a machine, a material or a recipe.
+
+    Parameters
+    ----------
+    name
+        Its name or path.
+    summary
+        Title and file, then each number with its standing and source, a line each.
+    numbers
+        The same as plain values, schema ``vinefab/profiles-1``.
+    """
+
+    name: str
+    summary: tuple[str, ...]
+    numbers: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<ProfileNumbers {self.name}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the numbers in a notebook."""
+        from vinefab.noun_methods import lines_html
+
+        return lines_html(self.summary)
+
+
 def _file_to_write(
     key: str, given: str | PathLike[str] | None, endings: tuple[str, ...], *, force: bool
 ) -> Path | None:
@@ -251,6 +279,34 @@ def printers() -> tuple[str, ...]:
     ('generic_220', 'generic_256', 'generic_large')
     """
     return all_names("printer")
+
+
+def profile(name: str | PathLike[str]) -> ProfileNumbers:
+    """Explain a machine, a material or a recipe: every number with its standing and source.
+
+    Parameters
+    ----------
+    name
+        A shipped name, one of your own, or a path.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such profile.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> profile("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
+    True
+    """
+    from vinefab.fabrication.profile_listing import explain, profile_json
+
+    given = str(path_given("name", name, "a name, or a path"))
+    return ProfileNumbers(
+        name=given, summary=tuple(explain(given)), numbers=json.loads(profile_json(given))
+    )
 
 
 def examples(

@@ -7,12 +7,13 @@ import sys
 
 import pytest
 
+from vinefab.cli.examples import shipped_examples
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
-from vinefab.cli.new import NEXT_STEPS, starter_map
+from vinefab.cli.new import CALLED_AS_FILES, NEXT_STEPS, starter_map
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.search.run_file import read_run
 
 
@@ -21,7 +22,14 @@ def in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-READERS = {"design": read_design, "run": read_run, "recipe": read_profile, "map": read_map}
+READERS = {
+    "design": read_design,
+    "run": read_run,
+    "recipe": read_profile,
+    "machine": read_machine,
+    "material": read_material,
+    "map": read_map,
+}
 
 
 @pytest.mark.parametrize("kind", NEXT_STEPS)
@@ -30,7 +38,7 @@ def test_a_new_file_is_read_and_has_the_name_of_its_file(kind, tmp_path, capsys)
     assert main(["new", kind, str(path)]) == 0
     made = READERS[kind](path)
     assert (made.recipe if kind == "recipe" else made).name == "mine"
-    assert "next: vinefab" in capsys.readouterr().out
+    assert "next: " in capsys.readouterr().out
     path.write_text(path.read_text() + "\n")
     before = path.read_text()
     assert main(["new", kind, str(path)]) == 2
@@ -46,10 +54,36 @@ def test_a_new_file_is_read_whatever_its_name(kind, stem, tmp_path):
     READERS[kind](path)
 
 
-def test_a_recipe_that_cannot_be_called_as_its_file_is_refused(tmp_path, capsys):
-    assert main(["new", "recipe", "my film.toml"]) == 2
-    assert "for a recipe a file name of letters" in capsys.readouterr().err
+@pytest.mark.parametrize("kind", CALLED_AS_FILES)
+def test_a_profile_that_cannot_be_called_as_its_file_is_refused(kind, tmp_path, capsys):
+    assert main(["new", kind, "my film.toml"]) == 2
+    assert f"for a {kind} a file name of letters" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_laser_of_ones_own_lies_beside_its_recipe(tmp_path, monkeypatch, capsys):
+    assert main(["new", "machine", "small.toml", "-q"]) == 0
+    small = tmp_path / "small.toml"
+    small.write_text(small.read_text().replace("value = 1000.0", "value = 300.0", 1))
+    assert main(["new", "recipe", "film.toml", "--from", "co2_60w__stretchlon_800"]) == 0
+    film = tmp_path / "film.toml"
+    film.write_text(film.read_text().replace('machine = "co2_60w"', 'machine = "small"'))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert read_profile(film).machine.bed_width_mm.value == 300.0
+    capsys.readouterr()
+    assert main(["profiles", str(film)]) == 0
+    assert "machine small: " in capsys.readouterr().out
+    assert main(["profiles", str(small)]) == 0
+    assert capsys.readouterr().out.startswith("machine ")
+
+
+def test_a_copy_of_a_run_file_keeps_the_names_of_its_parts(tmp_path):
+    assert main(["new", "run", "mine.toml", "--from", "contest/bench_reach.toml"]) == 2
+    source = shipped_examples()["contest/bench_reach.toml"]
+    assert main(["new", "run", "mine.toml", "--from", str(source)]) == 0
+    made = read_run(tmp_path / "mine.toml")
+    assert (made.name, made.task.name) == ("mine", "reach")
 
 
 def test_the_starter_map_has_room_for_the_starter_design(capsys):
@@ -61,7 +95,12 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [(["thing", "a.toml"], "KIND"), (["design", "a.json"], "FILE"), (["map", "a.toml"], "FILE")],
+    [
+        (["thing", "a.toml"], "KIND"),
+        (["design", "a.json"], "FILE"),
+        (["map", "a.toml"], "FILE"),
+        (["map", "a.geojson", "--from", "table"], "--from"),
+    ],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     assert main(["new", *arguments]) == 2

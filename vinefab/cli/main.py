@@ -43,7 +43,7 @@ class CommandEntry:
 
 COMMANDS = {
     "new": CommandEntry(
-        "new", "new_command", "Write a design, run file, map or recipe to begin with."
+        "new", "new_command", "Write a file to begin with: a design, run, map, recipe, machine."
     ),
     "examples": CommandEntry(
         "examples", "examples_command", "List the examples that ship with vinefab, or copy them."

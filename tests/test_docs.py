@@ -168,6 +168,14 @@ def with_template(tmp_path_factory):
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), str(ROOT)])}
 
 
+RUN_WITH_PARTS = """schema = "vinefab/run-1"
+maps = { environment = "posts", count = 1 }
+task = { name = "farthest" }
+optimizer = { name = "hillclimb", step = 0.2, population = 4, generations = 3 }
+evaluation = { fabricable = false, finalists = 1, final_poses_per_map = 1 }
+"""
+
+
 def test_parts_of_the_template_are_found(with_template, tmp_path):
     def typed(line):
         return subprocess.run(
@@ -187,6 +195,10 @@ def test_parts_of_the_template_are_found(with_template, tmp_path):
     scored = json.loads((tmp_path / "s.json").read_text())
     assert scored["task"] == "farthest"
     assert all(0.0 < one["score"] < 2.0 for one in scored["evaluations"])
+    (tmp_path / "run.toml").write_text(RUN_WITH_PARTS)
+    searched = typed("vinefab optimize run.toml --out run --no-page")
+    assert (searched.returncode, searched.stderr) == (0, "")
+    assert "wrote run/best.toml" in searched.stdout
     assert "remedy: shorten" in typed("vinefab rules MYLAB-01").stdout
     assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout
 

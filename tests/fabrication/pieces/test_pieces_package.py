@@ -136,6 +136,8 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
     job, readme = json.loads(files["job.json"]), files["README.txt"].decode()
     assert files["assembly.svg"].startswith(b"<?xml")
     assert files["assembly.pdf"].startswith(b"%PDF")
+    assert "transform" not in readme
+    assert "pieces, joints: in job.json" in readme
     section = " ".join(readme.split("6a. Joining the pieces")[1].split("7. Mounting")[0].split())
     told = re.findall(
         r"Joint (\d+) of (\d+): socket (\w+) over plug (\w+) \(piece (\w+) on piece (\w+), branch"

@@ -198,8 +198,8 @@ class RecipeForm(NamedForm):
     """A file in ``laser_profiles/recipes``."""
 
     schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")  # kind of file and its version
-    machine: FileName  # its profile, by name
-    material: FileName  # its profile, by name
+    machine: FileName  # its profile, by name or beside the recipe
+    material: FileName  # its profile, by name or beside the recipe
     status: Annotated[RecipeStatus, Field(strict=False)]  # unverified, coupon_ok or burst_tested
     source: Annotated[str, Field(min_length=1)]  # where the settings come from
     operations: OperationsForm  # settings of each operation

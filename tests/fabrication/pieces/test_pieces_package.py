@@ -171,11 +171,11 @@ def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     plain = replace(flat, build=replace(flat.build, pieces=None))
     assert len(partition_of(flat, PROFILE).pieces) == 1
     one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
-    # The rules about pieces are run on the one and skipped on the other.
+    # The rules about pieces are run on the one and skipped on the other; its design asks for them.
     differ = {name for name in one if one[name] != other[name]}
     assert not any(name.startswith("assembly") for name in one)
     assert one.keys() == other.keys()
-    assert differ <= {"checks.json", "report.html", "MANIFEST.sha256"}
+    assert differ <= {"design.toml", "checks.json", "report.html", "MANIFEST.sha256"}
 
 
 def test_copies_share_sheets_and_keep_their_pieces_apart():

@@ -45,8 +45,8 @@ _OFFSET_ADVICE = (
 
 _ABOUT = (
     "Files to cut a vine robot from film: a thin tube with branches that grows at its tips by"
-    " turning inside out under pressure. Read sections 1 to 5 before you press start. What is unclear, ask"
-    " whoever sent this folder."
+    " turning inside out under pressure. Read sections 1 to 5 before you press start. What is"
+    " unclear, ask whoever sent this folder."
 )
 
 _STATUS = {

@@ -8,8 +8,9 @@ import sys
 import pytest
 
 from vinefab.cli.examples import shipped_examples
-from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
+from vinefab.cli.main import COMMANDS, OTHER_WORDS, UNDER_STUDY, each_map_named, main
 from vinefab.cli.new import CALLED_AS_FILES, NEXT_STEPS, starter_map
+from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -107,6 +108,62 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     error = capsys.readouterr().err
     assert error.startswith(f"error: {named} is ")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["search"], "Did you mean 'vinefab optimize'?"),
+        (["export", "mine.toml"], "Did you mean 'vinefab fabricate'?"),
+        (["import", "table.svg"], "Did you mean 'vinefab map import'?"),
+        (["optimise"], "Did you mean 'optimize'?"),
+        (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
+        (["fabricate", "--bed", "300,200"], "vinefab new machine"),
+        (["fabricate", "three_level_tree", "-o", "out"], "No such option: -o; --out"),
+    ],
+)
+def test_words_of_others_lead_to_the_command(arguments, said, capsys):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_every_word_of_others_is_no_command_and_names_one():
+    words = [word for words in OTHER_WORDS.values() for word in words]
+    assert len(words) == len(set(words))
+    assert not set(words) & set(COMMANDS)
+    assert {name.split()[0] for name in OTHER_WORDS} <= {*COMMANDS, "-h", "--version"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "reader", "said"),
+    [
+        ("run", "check", "this is a run file: vinefab optimize takes it"),
+        ("machine", "check", "this is a laser: a recipe names it"),
+        ("map", "check", "looks like JSON, as maps are (--map)"),
+        ("design", "optimize", "this is a design: vinefab grow, check, fabricate"),
+    ],
+)
+def test_a_file_of_another_kind_is_named(kind, reader, said, tmp_path, capsys):
+    file = tmp_path / f"mine.{'geojson' if kind == 'map' else 'toml'}"
+    assert main(["new", kind, str(file), "-q"]) == 0
+    out = ["--out", "run"] if reader == "optimize" else []
+    assert main([reader, str(file), *out]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_file_of_another_version_says_so(tmp_path, capsys):
+    assert main(["new", "design", "mine.toml", "-q"]) == 0
+    mine = tmp_path / "mine.toml"
+    mine.write_text(mine.read_text().replace("vinefab/design-1", "vinefab/design-2"))
+    assert main(["check", "mine.toml"]) == 2
+    assert f"this is vinefab {__version__}, and another version" in capsys.readouterr().err
+
+
+def test_the_program_says_how_to_cite_it(capsys):
+    assert main(["-h"]) == 0
+    assert "10.3389/frobt.2022.838913" in capsys.readouterr().out
 
 
 def test_examples_are_listed_and_copied_and_never_overwrite_changes(tmp_path, capsys):

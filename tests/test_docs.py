@@ -8,21 +8,30 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from typer.main import get_command
 
 import vinefab as vf
-from vinefab.cli.main import COMMANDS, build_app, each_map_named
+from vinefab.cli.main import COMMANDS, UNDER_STUDY, UsageProblem, build_app, each_map_named
 from vinefab.model.files import map_geojson
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tutorials/*.md"))]
-sys.path.insert(0, str(DOCS))
+sys.path[:0] = [str(DOCS), str(ROOT / "tests")]
 
 import reference_pages  # noqa: E402  lies in docs/, which is no package
+from written_lines import (  # noqa: E402  as above
+    PAGES,
+    WrittenLine,
+    examples_below,
+    help_examples,
+    mentioned_on,
+    written_on,
+)
 
 
 def test_reference_pages_are_what_the_code_says(tmp_path):
@@ -112,45 +121,142 @@ def test_every_link_of_the_pages_leads_somewhere():
 # --- What a user types --------------------------------------------------------------------------
 
 
-def typed_lines(page: Path) -> list[str]:
-    """Return the command lines of a page's shell blocks, without comments, joined where broken."""
-    lines: list[str] = []
-    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M):
-        for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words:
-                lines.append(shlex.join(words))
-    return lines
-
-
 TYPED = [
-    (page, line)
+    line
     for page in PAGES
-    if page.name != "plugins.md"  # its commands are those of a package that is not installed here
-    for line in typed_lines(page)
-    if line.startswith("vinefab")
+    if page.stem != "plugins" and page.parent.name != "plugin_template"  # of a package of one's own
+    for line in written_on(page)
+    if line.text.startswith("vinefab ")
 ]
+MENTIONED = [line for page in PAGES for line in mentioned_on(page)]
+
+
+def understood(line, app):
+    """Return the options of the command that a line names, once its parser took all words."""
+    words = shlex.split(line.text)[1:]
+    context = app.make_context("vinefab", each_map_named(words))
+    group, rest = app, [*context._protected_args, *context.args]
+    while hasattr(group, "commands"):
+        name, group, rest = group.resolve_command(context, rest)
+        assert group is not None, (str(line.page), line.text)
+        context = group.make_context(name, rest, parent=context)
+        rest = [*getattr(context, "_protected_args", []), *context.args]
+
+
+def unknown_options(line, app):
+    """Return the options of a line in a sentence, which may leave out the rest, that are none."""
+    words, command = shlex.split(line.text)[1:], app
+    while words and words[0] in getattr(command, "commands", {}):
+        command = command.commands[words.pop(0)]
+    known = {name for one in command.params for name in (*one.opts, *one.secondary_opts)}
+    given = {word.partition("=")[0] for word in words if word.startswith("--")}
+    return given - known - {"--help"}
 
 
 def test_pages_have_commands():
-    assert len(TYPED) > 40
-    assert {line.split()[1] for _, line in TYPED} >= {"new", "map", "grow", "optimize", "rig"}
+    assert len(TYPED) > 100
+    assert {line.text.split()[1] for line in TYPED} >= {"new", "map", "grow", "optimize", "rig"}
+    assert len(MENTIONED) > 30
+
+
+def test_a_wrong_line_is_found():
+    app = get_command(build_app("study"))
+    with pytest.raises(UsageProblem, match="optimizers"):
+        understood(WrittenLine(Path("x"), "vinefab study contest a.toml --out b"), app)
+    assert unknown_options(WrittenLine(Path("x"), "vinefab study bench --quick"), app) == {
+        "--quick"
+    }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_line_of_the_pages_is_understood(command):
+def test_every_command_line_of_pages_and_helps_is_understood(command):
     app = get_command(build_app(command))
-    for page, line in TYPED:
-        words = shlex.split(line)[1:]
-        if words[0] != command:
-            continue
-        context = app.make_context("vinefab", each_map_named(words))  # type: ignore[attr-defined]
-        group, rest = app, [*context._protected_args, *context.args]
-        while hasattr(group, "commands"):
-            name, group, rest = group.resolve_command(context, rest)
-            assert group is not None, (page.name, line)
-            context = group.make_context(name, rest, parent=context)
-            rest = [*getattr(context, "_protected_args", []), *context.args]
+    for line in (*TYPED, *examples_below(command, app.commands[command])):  # type: ignore[attr-defined]
+        if line.text.split()[1] == command:
+            try:
+                understood(line, app)
+            except UsageProblem as error:
+                pytest.fail(f"{line.page}: {line.text}: {error}")
+    for line in MENTIONED:
+        if line.text.split()[1] == command:
+            assert unknown_options(line, app) == set(), (str(line.page), line.text)
+
+
+def test_no_page_types_a_name_that_is_no_longer_listed():
+    old = [line for line in (*TYPED, *MENTIONED) if line.text.split()[1] in UNDER_STUDY]
+    assert [(str(line.page), line.text) for line in old] == []
+
+
+def test_every_command_shows_an_example():
+    shown = {str(line.page) for line in help_examples()}
+    missing = [name for name in COMMANDS if f"vinefab {name} --help" not in shown]
+    assert missing == list(UNDER_STUDY)
+
+
+def test_examples_of_helps_take_only_files_that_ones_before_make():
+    """What they name is made by `new`, `examples` or another example above."""
+    made, missing = {"examples", "."}, []
+    for line in help_examples():
+        words = shlex.split(line.text)
+        for before, word in pairwise(words):
+            is_file = re.fullmatch(r"[\w/]+\.(toml|geojson|csv|json|jpg|html|dxf)", word)
+            if before in WRITTEN or words[1] == "new":
+                made.add(word)
+            elif is_file and word not in made and word.partition("/")[0] not in made:
+                missing.append((word, line.text))
+    assert missing == []
+
+
+WRITTEN = {"--out", "--json", "--svg", "--fix", "--fit", "--snapshot", "--animate"}
+"""Options whose file is written."""
+
+
+def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
+    page = (DOCS / "testing.md").read_text(encoding="utf-8")
+    marked = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if re.search(r"^(@|pytestmark = )pytest\.mark\.thorough", path.read_text("utf-8"), re.M)
+    }
+    assert len(marked) > 10
+    section = page.partition("## Tests that the gate leaves out")[2].partition("\n## ")[0]
+    assert {path for path in marked if Path(path).name not in section} == set()
+    named = {Path(name).name for name in re.findall(r"`((?:tests/)?[\w/]*test_\w+\.py)`", section)}
+    assert named == {Path(path).name for path in marked}
+
+
+WHERE = {
+    "dataclasses": "dataclass",
+    "pathlib": "Path",
+    "typing": "ClassVar",
+    "vinefab.fabrication.formats.laser_drawing": "LaserFileSpec LaserFormat ReadDrawing",
+    "vinefab.fabrication.rules.rule": "Limits Rule RuleApplied Violation",
+    "vinefab.fabrication.rules.subject": "Subject",
+    "vinefab.maps.importers.importers": "MapImporter",
+    "vinefab.maps.importers.source_drawing": "ImportOptions",
+    "vinefab.model.deployment": "Deployment",
+    "vinefab.model.map": "Map",
+    "vinefab.search.optimizers.optimizer": "Optimizer SearchAxes",
+    "vinefab.tasks.map_context": "MapContext",
+    "vinefab.tasks.task": "Outcome",
+}
+"""Modules of the names in the sketches of the code's map, which leave out their imports."""
+
+
+def test_the_sketches_of_parts_run():
+    names = {
+        name: getattr(import_module(module), name)
+        for module, listed in WHERE.items()
+        for name in listed.split()
+    }
+    sketches = [
+        line for line in written_on(ROOT / "vinefab" / "README.md") if line.text.count("\n") > 2
+    ]
+    for sketch in sketches:
+        exec(compile(sketch.text, "sketch", "exec"), names)  # noqa: S102  it is ours
+    assert len(sketches) >= 5
+    made = [name for name, made in names.items() if name.isupper()]
+    assert made == ["MASS", "GCODE"]
 
 
 # --- A package of one's own ---------------------------------------------------------------------

@@ -96,7 +96,7 @@ def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
 
 
 def _map_document(world: Map) -> str:
-    from vinefab.pages.plan_document import START, plan_document
+    from vinefab.pages.plan_document import START_ENTRY, plan_document
     from vinefab.pages.plan_svg import ground_svg, pose_svg
 
     size_mm = START_SIZE * max(world.size_mm)
@@ -106,7 +106,7 @@ def _map_document(world: Map) -> str:
         [ground_svg(world, box_mm=world.bounds.bounds), *starts],
         world.bounds.bounds,
         title=f"{world.name}: {size} mm",
-        legend=[*([START] if starts else []), *_range_entry(world)],
+        legend=[*([START_ENTRY] if starts else []), *_range_entry(world)],
     )
 
 
@@ -141,7 +141,7 @@ def _design_document(design: Design) -> str | None:
 
 def _deployment_document(deployment: Deployment) -> str:
     from vinefab.pages.map_view import longer_mm, robot_box, robot_view
-    from vinefab.pages.plan_document import START, plan_document, robot_legend
+    from vinefab.pages.plan_document import START_ENTRY, plan_document, robot_legend
     from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg
 
     world, design = deployment.world, deployment.design
@@ -156,7 +156,7 @@ def _deployment_document(deployment: Deployment) -> str:
     if world and box_mm != world.bounds.bounds:
         names[1] = f"on a part of {world.name}, {world.size_mm[0]:g} x {world.size_mm[1]:g} mm"
     title = " ".join(filter(None, names))
-    legend = [*robot_legend(deployment), START, *(_range_entry(world) if world else ())]
+    legend = [*robot_legend(deployment), START_ENTRY, *(_range_entry(world) if world else ())]
     return plan_document(parts, box_mm, title=title, legend=legend)
 
 

@@ -29,7 +29,8 @@ def calibrate_command(
 ) -> int:
     """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
 
-    Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
+    Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200
+    --out my_recipe.toml
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)

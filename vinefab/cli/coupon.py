@@ -14,7 +14,7 @@ from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
-MARK = "coupon.json"
+_MARK = "coupon.json"
 """The file by which a folder of this command is recognized."""
 
 
@@ -30,7 +30,7 @@ def coupon_command(
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
     output = CommandOutput(quiet=quiet, force=force)
-    output.ensure_folder(out, MARK)
+    output.ensure_folder(out, _MARK)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))
     for line in (*check_lines(coupons.report), *broken_formats()):
@@ -39,7 +39,7 @@ def coupon_command(
         typer.echo("nothing written: a rule forbids these coupons", err=True)
         return EXIT_FINDINGS
     files = coupon_files(coupons)
-    with new_folder(out, MARK, force=force) as folder:
+    with new_folder(out, _MARK, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
     output.say(f"wrote {out}/ ({counted(len(files), 'file')}; begin with README.txt)")

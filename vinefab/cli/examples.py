@@ -11,7 +11,10 @@ from vinefab.core.errors import UnknownNameError
 from vinefab.model.files.shipped import read_text, shipped_root
 
 FOLDER = "examples"
-KINDS_SHOWN = (".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".geojson")
+KINDS_SHOWN = (".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".png", ".gpkg", ".yaml")
+PICTURES = "pictures"
+"""A folder of what the README shows; it is not copied."""
+
 TEXTS = (".toml", ".py", ".sbatch", ".md")
 
 
@@ -55,7 +58,8 @@ def shipped_examples() -> dict[str, Path]:
     """Return the shipped examples by their path below the folder of examples."""
     root = shipped_root() / FOLDER
     found = sorted(path for path in root.rglob("*") if path.suffix in KINDS_SHOWN)
-    return {path.relative_to(root).as_posix(): path for path in found}
+    shown = (path for path in found if path.parent.name != PICTURES)
+    return {path.relative_to(root).as_posix(): path for path in shown}
 
 
 def about(path: Path) -> str:

@@ -156,7 +156,7 @@ OTHER_WORDS = {
 }
 """Words that people type for a command, under its name."""
 
-OTHER_OPTIONS = {
+_OTHER_OPTIONS = {
     ("--bed", "--bed-mm", "--machine", "--laser"): "the recipe names the machine; vinefab new "
     "machine writes one with your bed",
     ("--kerf", "--power", "--speed", "--film", "--material", "--thickness"): "it stands in the "
@@ -173,7 +173,7 @@ OTHER_OPTIONS = {
 }
 """What to say of options that people type where a command has none of that name."""
 
-HOW_TO_CITE = (
+_HOW_TO_CITE = (
     f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
     "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
 )
@@ -181,7 +181,7 @@ HOW_TO_CITE = (
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
 
-MOST_LETTERS = 2_000  # of a line that names an error
+_MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 INTERRUPTED = "interrupted; what was being written was left as it was"
@@ -203,7 +203,7 @@ def build_app(wanted: str | None) -> typer.Typer:
     app = typer.Typer(
         name="vinefab",
         help="Design, simulate, optimize and make branching vine robots.",
-        epilog=HOW_TO_CITE,
+        epilog=_HOW_TO_CITE,
         context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -355,7 +355,7 @@ def usage_advice(message: str) -> str:
         meant = next((name for name, words in OTHER_WORDS.items() if found[1] in words), "")
         return f"{found[0]} Did you mean 'vinefab {meant}'?" if meant else message
     if found := re.fullmatch(r"No such option: (\S+)", message):
-        said = next((said for words, said in OTHER_OPTIONS.items() if found[1] in words), "")
+        said = next((said for words, said in _OTHER_OPTIONS.items() if found[1] in words), "")
         return f"{message}; {said}" if said else message
     return message
 
@@ -381,7 +381,7 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    line = shortened(visible(" ".join(message.split())), MOST_LETTERS)
+    line = shortened(visible(" ".join(message.split())), _MOST_LETTERS)
     with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
         typer.echo(f"error: {line}", err=True)
     return code

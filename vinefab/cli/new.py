@@ -58,6 +58,8 @@ def new_command(
     """Write a commented file to begin with, as a design or a map; its name is the file's.
 
     Example: vinefab new design mine.toml
+
+    Example: vinefab new map table.geojson
     """
     output = CommandOutput(quiet=quiet, force=force)
     if kind not in NEXT_STEPS:

@@ -53,7 +53,7 @@ class UnreadableFileError(VinefabError, OSError):
         super().__init__(source, problem)
 
     def __str__(self) -> str:
-        return f"{self.source}: {shortened(self.problem, MOST_LETTERS)}"
+        return f"{self.source}: {shortened(self.problem, _MOST_LETTERS)}"
 
 
 class UnknownNameError(VinefabError, KeyError):
@@ -221,7 +221,7 @@ _DIGITS_PER_BIT = 0.30103
 _BEGINNING = _Beginning()
 
 
-MOST_LETTERS = 1_000
+_MOST_LETTERS = 1_000
 """Of the words of other programs in one line."""
 
 

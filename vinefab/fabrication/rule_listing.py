@@ -7,7 +7,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Rule
 
-SCHEMA = "vinefab/rules-1"
+_SCHEMA = "vinefab/rules-1"
 
 RULE_GROUPS: Mapping[str, str] = {
     "T": "tree and outline",
@@ -95,7 +95,7 @@ def rules_json(rule_id: str | None = None) -> str:
         }
         for rule in rules
     ]
-    return json_text(SCHEMA, {"rules": content})
+    return json_text(_SCHEMA, {"rules": content})
 
 
 def limit_text(rule: Rule, name: str) -> str:

@@ -43,7 +43,7 @@ _BUILD_LOCK = RLock()
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
 
-ARC_SEGMENTS_PER_QUARTER = 16
+_ARC_SEGMENTS_PER_QUARTER = 16
 """Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
 
 
@@ -78,7 +78,7 @@ class Terrain:
         """Return the free space of the centreline of a body of some radius, as polygons."""
         with _BUILD_LOCK:
             if radius_mm not in self._free:
-                whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
+                whole, finely = self._free[0.0], _ARC_SEGMENTS_PER_QUARTER
                 shrunk = shapely.buffer(whole, -radius_mm, quad_segs=finely)
                 _make_room(self._free)
                 self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))

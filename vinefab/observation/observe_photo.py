@@ -42,7 +42,7 @@ LEAST_EXPLAINED = 0.8
 """With less of the film in the lines, or of the lines on film, design and photo do not fit."""
 
 
-ENDINGS = {
+_ENDINGS = {
     Stop.FULL_LENGTH.label: "grown in full",
     Stop.HEAD_ON.label: "stopped head-on at a wall",
     Stop.CORNER.label: "stopped in a corner",
@@ -209,7 +209,7 @@ class Observation:
 
 def _ending(stop: str, length_mm: float) -> str:
     """Return how a branch ended, in words."""
-    words = ENDINGS.get(stop, "ended early without a wall")
+    words = _ENDINGS.get(stop, "ended early without a wall")
     return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
 
 

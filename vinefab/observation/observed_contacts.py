@@ -128,7 +128,7 @@ class ObservedPhoto:
     notes: tuple[str, ...] = ()
 
 
-OTHER_SUFFIXES = (".jpg", ".jpeg", ".png", ".html")
+_NO_OBSERVATIONS = (".jpg", ".jpeg", ".png", ".html")
 """Of photos and pages, which are not what is fitted."""
 
 
@@ -138,7 +138,7 @@ def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
         raise BadInputError("observations", "none", "at least one JSON file of vinefab observe")
     texts: dict[str, Path] = {}
     for path in paths:
-        if path.suffix.lower() in OTHER_SUFFIXES:
+        if path.suffix.lower() in _NO_OBSERVATIONS:
             allowed = "the JSON of an observation: vinefab observe PHOTO ... --json one.json"
             raise BadInputError("observation", path.name, allowed)
         text = read_text(path, LARGEST_OBSERVATION_BYTES)

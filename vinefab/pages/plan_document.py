@@ -16,7 +16,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.pages.animation import round_length_mm
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import STOP_WORDS, Box, longer_mm
-from vinefab.pages.plan_svg import CONTACT, MARKS, stop_class, view_box
+from vinefab.pages.plan_svg import CONTACT, STOP_SIGNS, stop_class, view_box
 
 _LONGEST_PX, _LEAST_WIDTH_PX = 600.0, 340.0
 _TOP_PX, _ROW_PX = 26.0, 18.0
@@ -27,7 +27,7 @@ _MOST_LETTERS = 90
 LegendEntry = tuple[str, str]
 """A symbol, in pixels around the origin, and what it means."""
 
-START: LegendEntry = (
+START_ENTRY: LegendEntry = (
     '<g class="pose"><circle class="handle base" r="3"/></g>',
     "start",
 )
@@ -100,7 +100,7 @@ def robot_legend(deployment: Deployment) -> list[LegendEntry]:
     for stop in Stop:
         count_stopped = deployment.stops[stop.label]
         if count_stopped:
-            mark = f'<g class="mark {stop_class(stop)}">{MARKS[stop]}</g>'
+            mark = f'<g class="mark {stop_class(stop)}">{STOP_SIGNS[stop]}</g>'
             entries.append((mark, f"{STOP_WORDS[stop]} ({count_stopped})"))
     return entries
 

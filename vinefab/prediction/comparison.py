@@ -48,7 +48,7 @@ from vinefab.prediction.prediction_width import (
 )
 from vinefab.prediction.provenance import Origin, repeat_section
 
-LEVEL = 0.05
+_LEVEL = 0.05
 """A difference is called clear when its adjusted p-value is below this."""
 
 
@@ -84,7 +84,7 @@ class PairedDifference:
     @property
     def is_clear(self) -> bool:
         """Whether the difference is significant; that of one pair never is."""
-        return self.p_adjusted < LEVEL
+        return self.p_adjusted < _LEVEL
 
     @property
     def winner(self) -> str:

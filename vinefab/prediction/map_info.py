@@ -24,19 +24,19 @@ from vinefab.prediction.deploy import pose_text
 SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
 
-HALVINGS = 7
+_HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
 
-ARC_SEGMENTS_PER_QUARTER = 8
+_ARC_SEGMENTS_PER_QUARTER = 8
 """Rounded corners of swept areas: within 0.5 % of a radius."""
 
 
 LEAST_OUTSIDE_SHARE = 1e-6
 """Of an obstacle's area: less is rounding of what ends at the bounds."""
 
-MOST_NAMED = 5
+_MOST_NAMED = 5
 """Obstacles that reach over the bounds, by number in one line."""
 
 
@@ -100,7 +100,7 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     The middle of the body stays a radius away from all walls, in one piece with the start; the
     body fills a radius around that. The area falls as the radius grows.
     """
-    arcs = ARC_SEGMENTS_PER_QUARTER
+    arcs = _ARC_SEGMENTS_PER_QUARTER
     point = Point(start.pose.x_mm, start.pose.y_mm)
     parts = shapely.get_parts(shapely.buffer(home, -radius_mm, quad_segs=arcs))
     away_mm = shapely.distance(parts, point)
@@ -123,7 +123,7 @@ def _widest_mm(
     low_mm, high_mm = 0.0, clearance_mm
     if share_of(high_mm) >= share:
         return math.pi * high_mm
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle_mm = 0.5 * (low_mm + high_mm)
         if share_of(middle_mm) >= share:
             low_mm = middle_mm
@@ -133,7 +133,7 @@ def _widest_mm(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
+class NarrowPassage:
     """A narrow passage of a map."""
 
     passage: Passage  # where it is and how wide
@@ -152,7 +152,7 @@ class MapInfo:
 
     world: Map  # the map
     free: BaseGeometry  # its free space, as growth sees it
-    gates: tuple[Gate, ...]  # the narrowest passages, the narrowest first
+    gates: tuple[NarrowPassage, ...]  # the narrowest passages, the narrowest first
     starts: tuple[StartRoom, ...]  # its starts and the room there
     # lay-flat width of the widest body that can sweep each share of the free area from the first
     # start, to about 1 %; None where no body can
@@ -219,23 +219,23 @@ def _outside_shares(world: Map) -> dict[int, float]:
     }
 
 
-def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[Gate, ...]:
+def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ...]:
     walls = STRtree([world.bounds.boundary, *world.obstacles])
     names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
     gates = []
     for passage in passages:
         # Where obstacles touch, the one that stands first in the file is named.
         first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
-        gates.append(Gate(passage=passage, between=(names[first], names[last])))
+        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
     return tuple(gates)
 
 
-SCHEMA = "vinefab/map-info-1"
+_SCHEMA = "vinefab/map-info-1"
 
 
 def info_text(info: MapInfo) -> str:
     """Return everything as JSON."""
-    return json_text(SCHEMA, _content(info))
+    return json_text(_SCHEMA, _content(info))
 
 
 def _content(info: MapInfo) -> dict[str, object]:
@@ -272,7 +272,7 @@ def _vertices(world: Map) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _gate_content(gate: Gate) -> dict[str, object]:
+def _gate_content(gate: NarrowPassage) -> dict[str, object]:
     x_mm, y_mm = gate.passage.middle_mm
     return {
         "width_mm": gate.passage.width_mm,
@@ -335,7 +335,7 @@ def info_lines(info: MapInfo) -> Iterator[str]:
     if info.outside:
         named = [
             f"obstacle {number} ({100 * share:.3g} % of it)"
-            for number, share in list(info.outside.items())[:MOST_NAMED]
+            for number, share in list(info.outside.items())[:_MOST_NAMED]
         ]
         more = len(info.outside) - len(named)
         rest = f" and {more} more" if more else ""

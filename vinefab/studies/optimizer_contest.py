@@ -31,9 +31,9 @@ from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
-SIGNIFICANT = 0.05
+_SIGNIFICANT = 0.05
 
-FIRST_UNSEEN = 500_001
+FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""
 
 
@@ -103,8 +103,10 @@ class ContestRun:
     ) -> "ContestRun":
         """Return a contender's run on a problem."""
         maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
-        if maps.seed + maps.count > FIRST_UNSEEN:
-            raise BadInputError("maps.seed", maps.seed, f"less than {FIRST_UNSEEN - maps.count}")
+        if maps.seed + maps.count > FIRST_CONTEST_SEED:
+            raise BadInputError(
+                "maps.seed", maps.seed, f"less than {FIRST_CONTEST_SEED - maps.count}"
+            )
         search = replace(problem.search, seed=problem.search.seed + number)
         settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
         return cls(
@@ -175,7 +177,7 @@ def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedM
     settings = MapSettings(environment=environment, options=json.loads(options))
     made = environment_options(settings)
     make = ENVIRONMENTS[environment].make
-    return tuple(PreparedMap.of(make(FIRST_UNSEEN + index, made)) for index in range(count))
+    return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
 
 def contest_rows(
@@ -255,7 +257,7 @@ def _row(values: Mapping[str, float]) -> ContestRow:
     return ContestRow(**values)  # type: ignore[arg-type]
 
 
-RESAMPLES = 10_000
+_RESAMPLES = 10_000
 
 _STREAM = 1702
 
@@ -328,7 +330,7 @@ def _block(
 
 def _interval(values: Floats) -> dict[str, float]:
     """Return a mean with its 95 % percentile bootstrap interval."""
-    draws = child(0, _STREAM).integers(0, len(values), (RESAMPLES, len(values)))
+    draws = child(0, _STREAM).integers(0, len(values), (_RESAMPLES, len(values)))
     low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
     return {"mean": float(values.mean()), "low": float(low), "high": float(high)}
 
@@ -346,7 +348,7 @@ def least_seeds(comparisons: int) -> int:
     >>> [least_seeds(comparisons) for comparisons in (1, 2, 6)]
     [6, 7, 8]
     """
-    return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < SIGNIFICANT)
+    return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < _SIGNIFICANT)
 
 
 def heading_lines(contest: Contest) -> list[str]:
@@ -359,7 +361,7 @@ def heading_lines(contest: Contest) -> list[str]:
         if contest.seeds < (least := least_seeds(others)):
             lines.append(
                 f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
-                f"{SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
+                f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
             )
     return lines
 

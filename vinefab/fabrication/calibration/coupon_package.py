@@ -17,7 +17,7 @@ from vinefab.fabrication.calibration.coupons import (
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
-from vinefab.fabrication.outline.body_outline import WHOLE, body_outline
+from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import readme_section
 from vinefab.fabrication.package.sheet_pictures import job_plan
@@ -118,7 +118,7 @@ def _giving_back(profile: LaserProfile) -> list[str]:
     ]
 
 
-SCHEMA = "vinefab/coupon-1"
+_SCHEMA = "vinefab/coupon-1"
 RESULTS_NAME = "results.csv"
 
 SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
@@ -220,7 +220,7 @@ def _checked(
     for piece in pieces:
         if piece.design is None:
             continue
-        if piece.ends is WHOLE:
+        if piece.ends is WHOLE_ROBOT:
             subjects.append(Subject.of(piece.design, profile))
             reports.append(run_checks(subjects[-1], only=SHAPE_RULES))
         else:
@@ -255,7 +255,7 @@ def _checked(
 def _settings_text(coupons: Coupons) -> str:
     matrix = coupons.matrix
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "recipe": coupons.profile.recipe.name,
             "jobs": [

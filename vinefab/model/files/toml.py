@@ -95,7 +95,7 @@ def _as_bad_input(
     return BadInputError(key, detail["input"], allowed, source)
 
 
-KINDS_OF_FILES = {
+_KINDS_OF_FILES = {
     "design": "a design: vinefab grow, check, fabricate and others take it",
     "run": "a run file: vinefab optimize takes it",
     "map": "a map: --map and --maps take it",
@@ -115,7 +115,7 @@ def _other_kind(given: object, allowed: str) -> str:
         return ""
     if f"vinefab/{found[1]}-" in allowed:
         return f"; this is vinefab {__version__}, and another version wrote it"
-    about = KINDS_OF_FILES.get(found[1])
+    about = _KINDS_OF_FILES.get(found[1])
     return f"; this is {about}" if about else ""
 
 

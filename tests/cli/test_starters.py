@@ -168,7 +168,9 @@ def test_the_program_says_how_to_cite_it(capsys):
 
 def test_examples_are_listed_and_copied_and_never_overwrite_changes(tmp_path, capsys):
     assert main(["examples"]) == 0
-    assert "grid_coverage.toml: A run of" in capsys.readouterr().out
+    listed = capsys.readouterr().out
+    assert "grid_coverage.toml: A run of" in listed
+    assert "a robot of bench size that can be cut\n" in listed  # whole, from two lines of its file
     assert main(["examples", "grid_coverage", "--out", "mine"]) == 0
     copied = tmp_path / "mine" / "grid_coverage.toml"
     assert read_run(copied).name == "grid_coverage"

@@ -198,6 +198,12 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     for words in ("VF-C01: clearance", "remedy: ", "limit error: 3 mm", "VF-C01.error=", "waive"):
         assert words in explained
     assert main(["rules", "VF-C99"]) == 2
+    assert main(["rules", "P03"]) == 0
+    assert capsys.readouterr().out.startswith("VF-P03: ")
+    assert main(["rules", "Pressure"]) == 0
+    about = capsys.readouterr().out.splitlines()
+    assert len(about) > 2
+    assert all(line.startswith("VF-") for line in about)
 
 
 def test_old_names_of_studies_work_and_are_not_listed(capsys):

@@ -4,17 +4,18 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from vinefab.cli.examples import shipped_examples
 from vinefab.cli.main import COMMANDS, OTHER_WORDS, UNDER_STUDY, each_map_named, main
-from vinefab.cli.new import CALLED_AS_FILES, NEXT_STEPS, starter_map
+from vinefab.cli.new import NEXT_STEPS
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
+from vinefab.model.files.starters import CALLED_AS_FILES, shipped_examples, starter_map
 from vinefab.search.run_file import read_run
 
 
@@ -97,10 +98,10 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["thing", "a.toml"], "KIND"),
-        (["design", "a.json"], "FILE"),
-        (["map", "a.toml"], "FILE"),
-        (["map", "a.geojson", "--from", "table"], "--from"),
+        (["thing", "a.toml"], "kind"),
+        (["design", "a.json"], "file"),
+        (["map", "a.toml"], "file"),
+        (["map", "a.geojson", "--from", "table"], "original"),
     ],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
@@ -197,6 +198,8 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     explained = capsys.readouterr().out
     for words in ("VF-C01: clearance", "remedy: ", "limit error: 3 mm", "VF-C01.error=", "waive"):
         assert words in explained
+    page = Path(__file__).parents[2] / explained.partition("picture: ")[2].split()[0]
+    assert "### VF-C01" in page.read_text(encoding="utf-8")
     assert main(["rules", "VF-C99"]) == 2
     assert main(["rules", "P03"]) == 0
     assert capsys.readouterr().out.startswith("VF-P03: ")

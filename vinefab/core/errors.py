@@ -99,7 +99,7 @@ class ForeignFileError(VinefabError, FileExistsError):
         super().__init__(path, problem)
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}; --force overwrites it"
+        return f"{self.path}: {self.problem}; --force overwrites it (force=True in Python)"
 
 
 class CannotWriteError(VinefabError, OSError):

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 
 from vinefab.core.errors import UnknownNameError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Rule
 
 _SCHEMA = "vinefab/rules-1"
+
+PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
+"""Where every rule stands with its picture."""
 
 RULE_GROUPS: Mapping[str, str] = {
     "T": "tree and outline",
@@ -37,11 +41,11 @@ def rule_list() -> list[str]:
 
 
 def _rule_line(rule: Rule) -> str:
-    return f"{rule.id}  {rule.title}{_limits_text(rule, ' ({})')}"
+    return f"{rule.id}  {rule.title}{limits_text(rule, ' ({})')}"
 
 
 def explain_rule(words: str) -> list[str]:
-    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it.
+    """Return a rule as lines: what must hold, limits, reason, remedy, change, picture.
 
     Of several rules that words stand for, return one line each.
 
@@ -51,8 +55,11 @@ def explain_rule(words: str) -> list[str]:
         If there is no such rule.
     """
     rule, *others = rules_named(words)
-    if others:
-        return [_rule_line(one) for one in (rule, *others)]
+    return [_rule_line(one) for one in (rule, *others)] if others else rule_lines(rule)
+
+
+def rule_lines(rule: Rule) -> list[str]:
+    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it."""
     lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
     if rule.remedy:
         lines.append(f"  remedy: {rule.remedy}")
@@ -62,6 +69,8 @@ def explain_rule(words: str) -> list[str]:
         change = f"[limits.{rule.id}] {first} = ..., or check --limit {rule.id}.{first}=..."
         lines.append(f"  to change a limit for one design: {change}")
     lines.append("  to accept one finding: [[waive]] with its fingerprint and a reason")
+    if _is_own(rule):
+        lines.append(f"  picture: {PICTURES_PAGE}")
     return lines
 
 
@@ -95,10 +104,25 @@ def grouped_rules() -> dict[str, list[Rule]]:
     """Return all rules by what they are about, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
     for rule in all_rules():
-        own = rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
-        title = RULE_GROUPS[rule.id[3]] if own else "of other packages"
+        title = RULE_GROUPS[rule.id[3]] if _is_own(rule) else "of other packages"
         groups.setdefault(title, []).append(rule)
     return {title: rules for title, rules in groups.items() if rules}
+
+
+def _is_own(rule: Rule) -> bool:
+    return rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
+
+
+class RuleBook(dict[str, Rule]):
+    """Rules by id; an unknown one is an error that names the nearest."""
+
+    def __missing__(self, rule_id: str) -> Rule:
+        raise UnknownNameError("rule", str(rule_id), self)
+
+    def _repr_html_(self) -> str:
+        """Show the list in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
 
 def rules_json(words: str | None = None) -> str:
@@ -124,7 +148,7 @@ def limit_text(rule: Rule, name: str) -> str:
     return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
 
 
-def _limits_text(rule: Rule, form: str) -> str:
+def limits_text(rule: Rule, form: str) -> str:
     """Return error and warning limits in a form with one place; nothing where there are none."""
     parts = [
         f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits

@@ -18,7 +18,10 @@ from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import STOP_WORDS, Box, longer_mm
 from vinefab.pages.plan_svg import CONTACT, STOP_SIGNS, stop_class, view_box
 
-_LONGEST_PX, _LEAST_WIDTH_PX = 600.0, 340.0
+LONGEST_PX = 600.0
+"""Of a plan's longer side; the documentation draws smaller ones, whose words a phone shows."""
+
+_LEAST_WIDTH_PX = 340.0
 _TOP_PX, _ROW_PX = 26.0, 18.0
 _LETTER_PX, _TITLE_PX = 6.0, 6.8  # of a letter in the legend and in the title
 _RIM = 0.02  # around the box, as a share of its longer side
@@ -53,7 +56,7 @@ def plan_document(
     """
     rim_mm = _RIM * longer_mm(box_mm)
     width_mm, height_mm = (box_mm[i + 2] - box_mm[i] + 2.0 * rim_mm for i in (0, 1))
-    mm_per_px = max(width_mm, height_mm) / _LONGEST_PX
+    mm_per_px = max(width_mm, height_mm) / LONGEST_PX
     plan_px = (width_mm / mm_per_px, height_mm / mm_per_px)
     name = escape(shortened(one_line(title), _MOST_LETTERS))
     width_px = max(plan_px[0], _LEAST_WIDTH_PX, 16.0 + _TITLE_PX * len(name))

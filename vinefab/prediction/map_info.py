@@ -1,22 +1,29 @@
 """Size, passages and room of a map, as lines for the user and JSON, ``vinefab/map-info-1``."""
 
+import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import shapely
 from shapely import Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.atomic import write_bytes
+from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.results_json import pose_content
+from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
@@ -148,19 +155,53 @@ class NarrowPassage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapInfo:
-    """Numbers about a map, all computed."""
+    """Numbers about a map, all computed.
 
-    world: Map  # the map
-    free: BaseGeometry  # its free space, as growth sees it
-    gates: tuple[NarrowPassage, ...]  # the narrowest passages, the narrowest first
-    starts: tuple[StartRoom, ...]  # its starts and the room there
-    # lay-flat width of the widest body that can sweep each share of the free area from the first
-    # start, to about 1 %; None where no body can
+    Parameters
+    ----------
+    world
+        The map.
+    free
+        Its free space, as growth sees it.
+    passages
+        The narrowest passages, the narrowest first.
+    starts
+        Its starts and the room there.
+    widest_mm
+        Lay-flat width of the widest body that can sweep each share of the free area from the first
+        start, to about 1 %; None where no body can.
+    body
+        How far a body of the width asked for could get; None when none was asked for.
+    outside
+        Share of the area outside the bounds, of obstacles that reach over them, by number from 1.
+    """
+
+    world: Map
+    free: BaseGeometry
+    passages: tuple[NarrowPassage, ...]
+    starts: tuple[StartRoom, ...]
     widest_mm: dict[float, float | None]
-    # how far a body of the width asked for could get; None when none was asked for
     body: Body | None
-    # share of the area outside the bounds, of obstacles that reach over them, by number from 1
     outside: dict[int, float]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<MapInfo {self.world.name}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the figures and the plan with the passages in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The figures, a line each."""
+        return tuple(info_lines(self))
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Every figure as plain values, schema ``vinefab/map-info-1``."""
+        plain: dict[str, Any] = json.loads(info_text(self))
+        return plain
 
     @property
     def regions_mm2(self) -> tuple[float, ...]:
@@ -173,6 +214,43 @@ class MapInfo:
         """Free area over that of the bounds."""
         return float(self.free.area / self.world.bounds.area)
 
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the plan with the passages (``.svg``, ``.png``) or the figures (``.json``).
+
+        Parameters
+        ----------
+        path
+            The file; missing folders are made.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If the name ends in something else.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from vinefab import maps
+        >>> with TemporaryDirectory() as folder:
+        ...     maps.pegs(seed=1).info().write(f"{folder}/pegs.json").name
+        'pegs.json'
+        """
+        target = path_given("path", path)
+        suffix = target.suffix.lower()
+        if suffix not in (".svg", ".png", ".json"):
+            raise BadInputError("path", str(target), "a name ending in .svg, .png or .json")
+        data = info_text(self).encode() if suffix == ".json" else self.picture(suffix)
+        return write_bytes(target, data, force=force)
+
     def picture(self, suffix: str) -> bytes:
         """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
         # matplotlib takes longer to load than all of this to compute.
@@ -181,7 +259,7 @@ class MapInfo:
 
         figure = passage_plan(
             self.world,
-            [gate.passage for gate in self.gates],
+            [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
@@ -190,15 +268,14 @@ class MapInfo:
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
     """Return numbers about a map."""
-    if width_mm is not None:
-        positive("--width-mm", width_mm)
+    width_mm = None if width_mm is None else positive("--width-mm", width_mm)
     whole("--passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
     return MapInfo(
         world=world,
         free=free,
-        gates=_gates(world, narrow_passages(free, passages)),
+        passages=_gates(world, narrow_passages(free, passages)),
         starts=starts,
         widest_mm=widest_bodies(free, starts),
         body=None if width_mm is None else body_room(free, starts, width_mm),
@@ -256,7 +333,7 @@ def _content(info: MapInfo) -> dict[str, object]:
         "free_area_mm2": info.free.area,
         "free_share": info.free_share,
         "regions_mm2": list(info.regions_mm2),
-        "passages": [_gate_content(gate) for gate in info.gates],
+        "passages": [_gate_content(gate) for gate in info.passages],
         "starts": [_start_content(room) for room in info.starts],
         "widest_body": [
             {"free_share": share, "width_mm": width} for share, width in info.widest_mm.items()
@@ -341,13 +418,13 @@ def info_lines(info: MapInfo) -> Iterator[str]:
         rest = f" and {more} more" if more else ""
         yield f"reach over the bounds, and do nothing there: {', '.join(named)}{rest} (computed)"
     yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
-    for number, gate in enumerate(info.gates, start=1):
+    for number, gate in enumerate(info.passages, start=1):
         x_mm, y_mm = gate.passage.middle_mm
         yield (
             f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
             f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm)"
         )
-    if not info.gates:
+    if not info.passages:
         yield "  none"
     yield from _start_lines(info)
 
@@ -366,10 +443,12 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
         found = "none" if width is None else f"about {width:.1f} mm"
         yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
     if info.body is not None:
-        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.gates)
+        narrow, among = (
+            sum(g.body_mm < info.body.width_mm for g in info.passages),
+            len(info.passages),
+        )
         yield (
             f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of {agreeing(len(info.gates), 'this', 'these')} "
-            f"{counted(len(info.gates), 'passage')} {agreeing(len(info.gates), 'is', 'are')} too "
-            "narrow (computed)"
+            f"free area; {narrow} of {agreeing(among, 'this', 'these')} "
+            f"{counted(among, 'passage')} {agreeing(among, 'is', 'are')} too narrow (computed)"
         )

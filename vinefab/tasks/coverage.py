@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, positive, whole
@@ -166,7 +165,7 @@ class Coverage:
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
-        return shapely.intersection(union, context.free).area, float(each_mm2.sum())
+        return context.free_area_mm2(union), float(each_mm2.sum())
 
     def _strips(self, context: MapContext) -> Raster | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+from vinefab.core.atomic import ensure_own_folder, ensure_unchanged
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.fabrication.calibration.coupons import (
@@ -119,6 +121,9 @@ def _giving_back(profile: LaserProfile) -> list[str]:
 
 
 _SCHEMA = "vinefab/coupon-1"
+COUPON_MARK = "coupon.json"
+"""The file by which a folder of coupons is recognized."""
+
 RESULTS_NAME = "results.csv"
 
 SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
@@ -184,7 +189,7 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
     }
     return {
         "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),
-        "coupon.json": _settings_text(coupons).encode(),
+        COUPON_MARK: _settings_text(coupons).encode(),
         **coupons.laser,
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
@@ -266,3 +271,9 @@ def _settings_text(coupons: Coupons) -> str:
             "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
         },
     )
+
+
+def ensure_coupon_folder(path: Path, *, force: bool = False) -> None:
+    """Check that a folder can be filled with coupons, and that nobody filled in its results."""
+    ensure_own_folder(path, COUPON_MARK, force=force)
+    ensure_unchanged(path / RESULTS_NAME, force=force)

@@ -3,6 +3,7 @@
 import importlib
 import logging
 import os
+import re
 import shlex
 import signal
 import sys
@@ -43,7 +44,7 @@ class CommandEntry:
 
 COMMANDS = {
     "new": CommandEntry(
-        "new", "new_command", "Write a design, run file, map or recipe to begin with."
+        "new", "new_command", "Write a file to begin with: a design, run, map, recipe, machine."
     ),
     "examples": CommandEntry(
         "examples", "examples_command", "List the examples that ship with vinefab, or copy them."
@@ -130,6 +131,53 @@ COMMANDS = {
 UNDER_STUDY = ("contest", "reproduce", "bench")
 """Commands that few need; they stand under ``study``, and go on working under their own names."""
 
+OTHER_WORDS = {
+    "optimize": ("search", "train", "run", "evolve", "improve"),
+    "grow": ("simulate", "sim", "deploy", "run-robot", "plot", "draw", "show", "view"),
+    "map import": ("import", "convert", "load"),
+    "map start": ("start", "starts"),
+    "map info": ("info", "measure"),
+    "map -h": ("grid", "cave", "rubble", "corridors", "pegs", "generate", "maps", "environment"),
+    "fabricate": ("export", "laser", "cut", "dxf", "svg", "make", "build", "package", "outline"),
+    "check": ("fix", "validate", "lint", "verify"),
+    "score": ("evaluate", "coverage", "reach", "anchoring", "anchor"),
+    "report": ("predict", "prediction", "analyze", "analyse"),
+    "aim": ("place", "pose", "base", "position"),
+    "observe": ("photo", "trace", "image", "fit", "picture"),
+    "coupon": ("coupons", "kerf"),
+    "new": ("init", "create", "template", "design", "machine", "material"),
+    "profiles": ("recipe", "recipes", "machines", "materials", "films", "lasers"),
+    "examples": ("example", "designs", "samples"),
+    "studio": ("gui", "ui", "edit", "open", "app"),
+    "rig": ("print", "stl", "3d"),
+    "study contest": ("benchmark", "optimizers"),
+    "-h": ("help", "docs", "manual", "commands", "cite", "license", "licence", "about"),
+    "--version": ("version",),
+}
+"""Words that people type for a command, under its name."""
+
+_OTHER_OPTIONS = {
+    ("--bed", "--bed-mm", "--machine", "--laser"): "the recipe names the machine; vinefab new "
+    "machine writes one with your bed",
+    ("--kerf", "--power", "--speed", "--film", "--material", "--thickness"): "it stands in the "
+    "recipe: vinefab new recipe",
+    ("--map", "--maps"): "maps of a search stand in its run file; rig and map take theirs without "
+    "an option",
+    ("--environment",): "vinefab map makes maps of an environment, for --maps",
+    ("--task", "--start", "--recipe"): "of a search it stands in the run file",
+    ("--width", "--length", "--levels", "--branches", "--angle"): "it stands in the design file",
+    ("--units", "--unit", "--scale", "--inches", "--metres"): "--scale-mm-per-unit of vinefab map "
+    "import sets the unit",
+    ("-o", "--output", "--outdir"): "--out",
+    ("--verbose", "--debug"): "-v, where a command has it",
+}
+"""What to say of options that people type where a command has none of that name."""
+
+_HOW_TO_CITE = (
+    f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
+    "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
+)
+
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
 
@@ -155,6 +203,7 @@ def build_app(wanted: str | None) -> typer.Typer:
     app = typer.Typer(
         name="vinefab",
         help="Design, simulate, optimize and make branching vine robots.",
+        epilog=_HOW_TO_CITE,
         context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -282,7 +331,8 @@ def _explained(
         return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
-            return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
+            message = cast("typer.BadParameter", error).format_message()
+            return usage_advice(message), EXIT_BAD_INPUT
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
@@ -293,6 +343,21 @@ def _explained(
     else:
         message, code = _unforeseen(error, arguments), EXIT_UNFORESEEN
     return message, code
+
+
+def usage_advice(message: str) -> str:
+    """Return a message about a command line, with what was meant where that is known.
+
+    >>> usage_advice("No such command 'export'. Did you mean 'report'?")
+    "No such command 'export'. Did you mean 'vinefab fabricate'?"
+    """
+    if found := re.match(r"No such command '([^']*)'\.", message):
+        meant = next((name for name, words in OTHER_WORDS.items() if found[1] in words), "")
+        return f"{found[0]} Did you mean 'vinefab {meant}'?" if meant else message
+    if found := re.fullmatch(r"No such option: (\S+)", message):
+        said = next((said for words, said in _OTHER_OPTIONS.items() if found[1] in words), "")
+        return f"{message}; {said}" if said else message
+    return message
 
 
 def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:

@@ -39,7 +39,7 @@ def contest_command(
 ) -> None:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
-    Example: vinefab study contest examples/contest/*.toml --out contest
+    Example: vinefab study contest examples/contest/*.toml --optimizer cmaes --optimizer pso --out c
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
+from vinefab.cli.usage_problems import usage_line
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
@@ -282,7 +283,7 @@ def _explained(
         return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
-            return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
+            return usage_line(error, arguments), EXIT_BAD_INPUT
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():

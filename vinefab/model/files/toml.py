@@ -41,7 +41,8 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise UnreadableFileError(path, f"is not TOML: {error}") from error
+        hint = ", but JSON, as maps are" if text.lstrip().startswith("{") else ""
+        raise UnreadableFileError(path, f"is not TOML{hint}: {error}") from error
     except ValueError as error:
         # Python refuses to read integers of so many digits.
         found = _LONG_INTEGER.search(text)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.cli.main import COMMANDS, OTHER_WORDS, UNDER_STUDY, each_map_named, main
+from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
 from vinefab.cli.new import NEXT_STEPS
+from vinefab.cli.usage_problems import OTHER_WORDS
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
@@ -114,13 +115,13 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["search"], "Did you mean 'vinefab optimize'?"),
-        (["export", "mine.toml"], "Did you mean 'vinefab fabricate'?"),
-        (["import", "table.svg"], "Did you mean 'vinefab map import'?"),
-        (["optimise"], "Did you mean 'optimize'?"),
+        (["search"], "did you mean 'vinefab optimize'?"),
+        (["export", "mine.toml"], "did you mean 'vinefab fabricate'?"),
+        (["import", "table.svg"], "did you mean 'vinefab map import'?"),
+        (["optimise"], "did you mean 'vinefab optimize'?"),
         (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
         (["fabricate", "--bed", "300,200"], "vinefab new machine"),
-        (["fabricate", "three_level_tree", "-o", "out"], "No such option: -o; --out"),
+        (["fabricate", "three_level_tree", "-o", "out"], "there is no option -o; --out"),
     ],
 )
 def test_words_of_others_lead_to_the_command(arguments, said, capsys):
@@ -134,7 +135,7 @@ def test_every_word_of_others_is_no_command_and_names_one():
     words = [word for words in OTHER_WORDS.values() for word in words]
     assert len(words) == len(set(words))
     assert not set(words) & set(COMMANDS)
-    assert {name.split()[0] for name in OTHER_WORDS} <= {*COMMANDS, "-h", "--version"}
+    assert {name.split()[0] for name in OTHER_WORDS} <= {*COMMANDS, "--help", "--version"}
 
 
 @pytest.mark.parametrize(
@@ -142,7 +143,7 @@ def test_every_word_of_others_is_no_command_and_names_one():
     [
         ("run", "check", "this is a run file: vinefab optimize takes it"),
         ("machine", "check", "this is a laser: a recipe names it"),
-        ("map", "check", "looks like JSON, as maps are (--map)"),
+        ("map", "check", "but JSON, as maps are (--map)"),
         ("design", "optimize", "this is a design: vinefab grow, check, fabricate"),
     ],
 )

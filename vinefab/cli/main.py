@@ -3,7 +3,6 @@
 import importlib
 import logging
 import os
-import re
 import shlex
 import signal
 import sys
@@ -14,10 +13,11 @@ from dataclasses import dataclass
 from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
+from vinefab.cli.usage_problems import usage_line
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
@@ -130,48 +130,6 @@ COMMANDS = {
 
 UNDER_STUDY = ("contest", "reproduce", "bench")
 """Commands that few need; they stand under ``study``, and go on working under their own names."""
-
-OTHER_WORDS = {
-    "optimize": ("search", "train", "run", "evolve", "improve"),
-    "grow": ("simulate", "sim", "deploy", "run-robot", "plot", "draw", "show", "view"),
-    "map import": ("import", "convert", "load"),
-    "map start": ("start", "starts"),
-    "map info": ("info", "measure"),
-    "map -h": ("grid", "cave", "rubble", "corridors", "pegs", "generate", "maps", "environment"),
-    "fabricate": ("export", "laser", "cut", "dxf", "svg", "make", "build", "package", "outline"),
-    "check": ("fix", "validate", "lint", "verify"),
-    "score": ("evaluate", "coverage", "reach", "anchoring", "anchor"),
-    "report": ("predict", "prediction", "analyze", "analyse"),
-    "aim": ("place", "pose", "base", "position"),
-    "observe": ("photo", "trace", "image", "fit", "picture"),
-    "coupon": ("coupons", "kerf"),
-    "new": ("init", "create", "template", "design", "machine", "material"),
-    "profiles": ("recipe", "recipes", "machines", "materials", "films", "lasers"),
-    "examples": ("example", "designs", "samples"),
-    "studio": ("gui", "ui", "edit", "open", "app"),
-    "rig": ("print", "stl", "3d"),
-    "study contest": ("benchmark", "optimizers"),
-    "-h": ("help", "docs", "manual", "commands", "cite", "license", "licence", "about"),
-    "--version": ("version",),
-}
-"""Words that people type for a command, under its name."""
-
-_OTHER_OPTIONS = {
-    ("--bed", "--bed-mm", "--machine", "--laser"): "the recipe names the machine; vinefab new "
-    "machine writes one with your bed",
-    ("--kerf", "--power", "--speed", "--film", "--material", "--thickness"): "it stands in the "
-    "recipe: vinefab new recipe",
-    ("--map", "--maps"): "maps of a search stand in its run file; rig and map take theirs without "
-    "an option",
-    ("--environment",): "vinefab map makes maps of an environment, for --maps",
-    ("--task", "--start", "--recipe"): "of a search it stands in the run file",
-    ("--width", "--length", "--levels", "--branches", "--angle"): "it stands in the design file",
-    ("--units", "--unit", "--scale", "--inches", "--metres"): "--scale-mm-per-unit of vinefab map "
-    "import sets the unit",
-    ("-o", "--output", "--outdir"): "--out",
-    ("--verbose", "--debug"): "-v, where a command has it",
-}
-"""What to say of options that people type where a command has none of that name."""
 
 _HOW_TO_CITE = (
     f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
@@ -331,8 +289,7 @@ def _explained(
         return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
-            message = cast("typer.BadParameter", error).format_message()
-            return usage_advice(message), EXIT_BAD_INPUT
+            return usage_line(error, arguments), EXIT_BAD_INPUT
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
@@ -343,21 +300,6 @@ def _explained(
     else:
         message, code = _unforeseen(error, arguments), EXIT_UNFORESEEN
     return message, code
-
-
-def usage_advice(message: str) -> str:
-    """Return a message about a command line, with what was meant where that is known.
-
-    >>> usage_advice("No such command 'export'. Did you mean 'report'?")
-    "No such command 'export'. Did you mean 'vinefab fabricate'?"
-    """
-    if found := re.match(r"No such command '([^']*)'\.", message):
-        meant = next((name for name, words in OTHER_WORDS.items() if found[1] in words), "")
-        return f"{found[0]} Did you mean 'vinefab {meant}'?" if meant else message
-    if found := re.fullmatch(r"No such option: (\S+)", message):
-        said = next((said for words, said in _OTHER_OPTIONS.items() if found[1] in words), "")
-        return f"{message}; {said}" if said else message
-    return message
 
 
 def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:

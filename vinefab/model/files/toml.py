@@ -42,8 +42,8 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        hint = "; it looks like JSON, as maps are (--map)" if text.lstrip()[:1] == "{" else ""
-        raise UnreadableFileError(path, f"is not TOML: {error}{hint}") from error
+        hint = ", but JSON, as maps are (--map)" if text.lstrip()[:1] == "{" else ""
+        raise UnreadableFileError(path, f"is not TOML{hint}: {error}") from error
     except ValueError as error:
         # Python refuses to read integers of so many digits.
         found = _LONG_INTEGER.search(text)

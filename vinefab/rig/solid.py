@@ -100,9 +100,7 @@ def _posts(courses: Sequence[Course]) -> list[Course]:
         if len(points):
             discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
             ends_mm = max(heights[0], low_mm - _POST_MM), min(heights[-1], high_mm + _POST_MM)
-            posts.append(
-                Course(pieces=polygon_parts(discs), low_mm=ends_mm[0], high_mm=ends_mm[1])
-            )
+            posts.append(Course(pieces=polygon_parts(discs), low_mm=ends_mm[0], high_mm=ends_mm[1]))
     return posts
 
 

@@ -22,13 +22,14 @@ from vinefab.cli.common_options import (
     SetIn,
     StartIn,
     contacts_arguments,
+    ensure_text_kind,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
     started_maps,
 )
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import write_text
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -77,7 +78,7 @@ def compare_command(
     )
     main = measure_named(measure)
     if out is not None:
-        ensure_writable(out, force=force)
+        ensure_text_kind("--out", out, (".html", ".htm"), force=force)
     with output.progress("compare") as show:
         robots = [read_design(design) for design in designs]
         parameters = parameters_from(parameter or [])

@@ -52,8 +52,8 @@ def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> B
         shell, *holes = shapely.get_rings(part)
         solid = np.array([shapely.Polygon(hole) for hole in holes], dtype=object)
         small = shapely.get_num_points(holes) <= WALLS_PER_PIECE
-        large = [*solid[~small]]
-        outlines = (shell, *shapely.get_exterior_ring(large))
+        large = solid[~small]
+        outlines = [shell, *shapely.get_exterior_ring(large).tolist()]
         pieces = [piece for outline in outlines for piece in _pieces(outline)]
         near = [*solid[small], *pieces]
         grown = shapely.buffer(near, radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
@@ -61,6 +61,14 @@ def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> B
         shrunk.append(_without(shapely.Polygon(shell), shapely.get_parts(merged), grid_mm))
     places = shapely.get_parts(shrunk)
     return places[0] if len(places) == 1 else shapely.MultiPolygon([*places])
+
+
+def beside_walls(rings: Shapes, radius_mm: float) -> BaseGeometry:
+    """Return all that is near some rings."""
+    if shapely.get_num_coordinates(rings).sum() <= MOST_AT_ONCE:
+        return shapely.buffer(shapely.MultiLineString(list(rings)), radius_mm)
+    pieces = [piece for ring in rings for piece in _pieces(ring)]
+    return shapely.union_all(shapely.buffer(pieces, radius_mm))
 
 
 def _pieces(ring: BaseGeometry) -> list[BaseGeometry]:

@@ -19,6 +19,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Batch, Block, BlockMapper, Launches, TerrainSet, Workspace
+from vinefab.growth.free_space import beside_walls
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment
@@ -427,7 +428,7 @@ def _border(trial: PoseTrial) -> BaseGeometry:
     outer = shapely.get_exterior_ring(shapely.get_parts(free))
     # Arcs around corners are polygons, a little nearer to the wall or farther from it.
     reach_mm = trial.radius_mm + 5e-3 * max(trial.radius_mm, LEAST_LOOK_MM)
-    beside = shapely.buffer(shapely.MultiLineString(list(outer)), reach_mm)
+    beside = beside_walls(outer, reach_mm)
     along = _parts(shapely.intersection(shapely.boundary(room), beside), "LineString")
     merged = shapely.line_merge(shapely.MultiLineString(list(shapely.get_parts(along))))
     return shapely.GeometryCollection(list(shapely.get_parts(merged)))

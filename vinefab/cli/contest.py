@@ -45,12 +45,8 @@ def contest_command(
 ) -> None:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
-    <<<<<<< HEAD
-    Example: vinefab study contest examples/contest/*.toml --optimizer cmaes --optimizer pso --out c
-    =======
     Example: vinefab study contest examples/contest/grid.toml --optimizer cmaes --optimizer random
     --seeds 2 --unseen 5 --out contest
-    >>>>>>> main
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(

@@ -58,20 +58,26 @@ FORMATS = (
         name="recipe",
         title="Recipe (`vinefab/recipe-1`, TOML)",
         form=RecipeForm,
-        about="One material on one machine. `vinefab new recipe mine.toml` writes one, "
+        about="One material on one machine. `vinefab new recipe mine.toml` writes one "
+        "(`--from NAME`: of another film), "
         "`vinefab calibrate` another from coupons. Every number is a table with its standing.",
     ),
     Format(
         name="machine",
         title="Machine (`vinefab/machine-1`, TOML)",
         form=MachineForm,
-        about="A laser cutter. Every number is a table with its standing.",
+        about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
+        "(`machine`) and finds it beside itself, or in your "
+        "[own folder](../files.md#where-files-are-found). "
+        "Every number is a table with its standing.",
     ),
     Format(
         name="material",
         title="Material (`vinefab/material-1`, TOML)",
         form=MaterialForm,
-        about="A film. Every number is a table with its standing.",
+        about="A film; `vinefab new material mine.toml` writes one, found as a "
+        "[machine](machine.md) is. "
+        "Every number is a table with its standing.",
     ),
     Format(
         name="printer",
@@ -270,7 +276,10 @@ def rules_page() -> str:
     parts = [
         "# Design rules\n\n`vinefab rules VF-C01` explains one in the terminal. An error forbids "
         "cutting unless it is waived; a warning does not. Limits are changed by a recipe, by "
-        "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n"
+        "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n\n"
+        "Each picture shows what breaks a rule, then what keeps it. Both were drawn and checked by "
+        "vinefab itself: shapes and numbers are computed, from values that are assumed or "
+        "published; none was measured.\n"
     ]
     for title, rules in grouped_rules().items():
         parts.append(f"## {title.capitalize()}\n")
@@ -281,7 +290,11 @@ def rules_page() -> str:
 def _rule_part(rule: Rule) -> str:
     limits = "; ".join(limit_text(rule, name) for name in rule.limits) or "none: it holds or not"
     picture = Path(__file__).parent / "pictures" / "rules" / f"{rule.id}.svg"
-    shown = f"\n![{rule.id} fires](../pictures/rules/{rule.id}.svg)\n" if picture.is_file() else ""
+    shown = (
+        f"\n![{rule.id} broken and kept](../pictures/rules/{rule.id}.svg)\n"
+        if picture.is_file()
+        else ""
+    )
     return (
         f"### {rule.id}: {rule.title}\n{shown}\n- **Limits:** {limits}\n- **Why:** {rule.reason}\n"
         f"- **Remedy:** {rule.remedy}\n"

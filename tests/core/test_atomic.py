@@ -4,7 +4,14 @@ from pathlib import Path
 import pytest
 
 from vinefab.core import atomic
-from vinefab.core.atomic import ensure_writable, is_ours, new_folder, write_text
+from vinefab.core.atomic import (
+    ensure_own_folder,
+    ensure_writable,
+    is_ours,
+    new_folder,
+    write_folder,
+    write_text,
+)
 from vinefab.core.errors import CannotWriteError, ForeignFileError
 
 OURS = "# written by vinefab 0\n"
@@ -172,3 +179,17 @@ def test_an_empty_folder_is_filled(tmp_path):
     (tmp_path / "out").mkdir()
     fill(tmp_path / "out", "1")
     assert names(tmp_path / "out") == ["MANIFEST.sha256", "job.json"]
+
+
+@pytest.mark.parametrize("deeper", ["", "/deep/er"])
+@pytest.mark.parametrize("force", [False, True])
+def test_a_file_is_no_folder_and_is_kept(tmp_path, deeper, force):
+    (tmp_path / "mine.toml").write_text("five years of work")
+    place = tmp_path / f"mine.toml{deeper}"
+    with pytest.raises(CannotWriteError, match="it is a file; name a folder"):
+        ensure_own_folder(place, "job.json", force=force)
+    with pytest.raises(CannotWriteError, match="it is a file; name a folder"):
+        write_folder(place, {"job.json": b"{}"}, "job.json", force=force)
+    with pytest.raises(CannotWriteError, match="it is a file; name a folder"):
+        write_text(tmp_path / f"mine.toml{deeper}" / "a.txt", "", force=force)
+    assert (tmp_path / "mine.toml").read_text() == "five years of work"

@@ -1,5 +1,6 @@
 """Ctrl-C, SIGTERM and SIGHUP end code alike; what is ignored stays ignored."""
 
+import importlib
 import os
 import signal
 import subprocess
@@ -8,6 +9,7 @@ import threading
 
 import pytest
 
+from vinefab.core import interruption
 from vinefab.core.interruption import (
     REQUESTS,
     STOP_WITH_INPUT,
@@ -113,3 +115,30 @@ def test_a_command_stops_when_whoever_began_it_is_gone(how):
             os.write(command.stdin.fileno(), b"\n")
         assert command.stdout.readline() == "stopped 130\n"
         assert command.wait(30) == 0
+
+
+@pytest.mark.parametrize("number", REQUESTS)
+def test_a_request_waits_until_a_module_is_loaded(number, tmp_path, monkeypatch):
+    # Compiled modules such as numpy's print a traceback of what interrupts them on the way.
+    module = f"loaded_when_{number}"
+    text = f"import signal, time\nsignal.raise_signal({int(number)})\ntime.sleep(0.12)\nend = 1\n"
+    (tmp_path / f"{module}.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def load_then_wait():
+        importlib.import_module(module)
+        threading.Event().wait(5.0)
+
+    with stop_requests() as request, pytest.raises(KeyboardInterrupt):
+        load_then_wait()
+    assert request.exit_code == 128 + number
+    assert sys.modules.pop(module).end == 1
+
+
+def test_a_module_that_never_ends_loading_is_interrupted(tmp_path, monkeypatch):
+    monkeypatch.setattr(interruption, "_LOADING_S", 0.1)
+    text = "import signal, time\nsignal.raise_signal(signal.SIGINT)\ntime.sleep(20.0)\n"
+    (tmp_path / "never_loaded.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with stop_requests(), pytest.raises(KeyboardInterrupt):
+        importlib.import_module("never_loaded")

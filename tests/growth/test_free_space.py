@@ -1,5 +1,8 @@
 """Free space on large maps: holes made directly are those that subtracting would make."""
 
+import math
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -27,7 +30,7 @@ def test_free_space_is_bounds_minus_obstacles(random_map, kind):
         grid_mm = Terrain.of(world).grid_mm
         assert same(free_space(world, grid_mm), subtracted(world, grid_mm)), number
         shapes = np.array(world.obstacles, dtype=object)
-        direct += np.count_nonzero(freespace._stand_alone(world, shapes, 8.0 * grid_mm))
+        direct += np.count_nonzero(freespace._stand_alone(world.bounds, shapes, 8.0 * grid_mm))
     assert direct > 20 or kind == "lattice"
 
 
@@ -58,3 +61,44 @@ def test_holes_in_the_bounds_and_no_obstacles():
     for obstacles in ((), (box(10, 10, 20, 20),), (box(45, 45, 50, 50),)):
         world = Map(name="test", bounds=bounds, obstacles=obstacles)
         assert same(free_space(world, 2.0**-30), subtracted(world, 2.0**-30))
+
+
+@pytest.mark.parametrize("radius_mm", [2.0, 9.0, 30.0])
+def test_a_free_space_shrunk_piece_by_piece_is_that_shrunk_at_once(monkeypatch, radius_mm):
+    waves = [polar(100.0 + 4.0 * math.sin(7.3 * turn), turn) for turn in np.arange(200) * 0.0314159]
+    holed = box(20, 20, 130, 130) - box(60, 60, 90, 90)
+    posts = [box(x, 300, x + 12, 312) for x in range(30, 330, 33)]
+    star = affinity.translate(Polygon(waves), 320, 160)
+    world = Map(name="w", bounds=box(0, 0, 500, 400), obstacles=(holed, star, *posts))
+    at_once = Terrain.of(world).free_space(radius_mm)
+    monkeypatch.setattr(freespace, "MOST_AT_ONCE", 10)
+    piecewise = Terrain.of(world).free_space(radius_mm)
+    assert piecewise.is_valid
+    # Both draw arcs as polygons, within 0.0012 radii of the true ones.
+    assert shapely.hausdorff_distance(piecewise, at_once) < 0.005 * radius_mm
+    assert shapely.symmetric_difference(piecewise, at_once).area < 2e-4 * at_once.area
+
+
+def test_the_free_space_of_a_wide_body_among_many_walls_takes_seconds():
+    # 30,000 walls; at once, this takes ten seconds, and a hundred with 100,000.
+    spots = [(x, y) for x in range(100) for y in range(75)]
+    posts = tuple(box(50 * x + 20, 50 * y + 20, 50 * x + 30, 50 * y + 30) for x, y in spots)
+    world = Map(name="posts", bounds=box(0, 0, 5000, 3750), obstacles=posts)
+    terrain = Terrain.of(world)
+    begun_s = time.process_time()
+    free = terrain.free_space(6.0)
+    assert time.process_time() - begun_s < 6.0
+    grown = shapely.buffer(box(0, 0, 10, 10), 6.0, quad_segs=16).area
+    assert free.area == pytest.approx(4988.0 * 3738.0 - 7500 * grown, rel=1e-9)
+
+
+def test_what_is_beside_a_ring_is_found_piece_by_piece_too(monkeypatch):
+    ring = shapely.get_exterior_ring(shapely.Point(0, 0).buffer(100.0, quad_segs=40))
+    at_once = freespace.beside_walls(np.array([ring]), 12.0)
+    monkeypatch.setattr(freespace, "MOST_AT_ONCE", 10)
+    piecewise = freespace.beside_walls(np.array([ring]), 12.0)
+    assert shapely.hausdorff_distance(piecewise, at_once) < 0.01 * 12.0
+
+
+def polar(radius, turn):
+    return radius * math.cos(turn), radius * math.sin(turn)

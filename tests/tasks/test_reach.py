@@ -15,6 +15,7 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
+from vinefab.tasks import map_context
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.fast_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.map_context import MapContext
@@ -222,3 +223,16 @@ def test_a_target_must_be_free_on_every_map(pillar_room: Map, room: Map) -> None
     assert caught.value.key == "task.target_mm[2]"
     with pytest.raises(BadInputError, match="outside the bounds of 'pillars'"):
         Reach(target_mm=[[500, 50]]).check_map(pillar_room, MapContext.of(pillar_room))
+
+
+def test_areas_measured_by_tiles_are_those_measured_at_once(monkeypatch):
+    context = MapContext.of(grid_map(seed=3, options=GridOptions()))
+    shapes = [shapely.Point(x, 250.0).buffer(90.0) for x in (60.0, 250.0, 470.0, 900.0)]
+    at_once = [context.free_area_mm2(shape) for shape in shapes]
+    monkeypatch.setattr(map_context, "MOST_EDGES_AT_ONCE", 10)
+    monkeypatch.setattr(map_context, "EDGES_PER_TILE", 20)
+    assert [context.free_area_mm2(shape) for shape in shapes] == pytest.approx(at_once, abs=1e-6)
+    tiles = map_context._tiles(context.free)
+    assert len(tiles) > 10
+    assert max(shapely.get_num_coordinates(tiles)) <= 20
+    assert sum(tile.area for tile in tiles) == pytest.approx(context.area_mm2, rel=1e-12)

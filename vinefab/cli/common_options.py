@@ -211,11 +211,25 @@ class CommandOutput:
             yield lambda share, text: bar.update(task, completed=share, text=text)
 
 
+_DRAWN = (".dxf", ".gif", ".jpeg", ".jpg", ".pdf", ".png", ".stl", ".svg")
+OTHER_KINDS = (*_DRAWN, ".csv", ".geojson", ".htm", ".html", ".json", ".toml", ".yaml", ".zip")
+"""Endings of files that a name promises; a file of another kind is not written under one."""
+
+
 def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
     """Check before any work that a file, if one is asked for, can be written: kind and place."""
     if path is None:
         return
     if path.suffix.lower() not in endings:
+        raise BadInputError(option, str(path), f"a file name ending in {' or '.join(endings)}")
+    ensure_writable(path, force=force)
+
+
+def ensure_text_kind(
+    option: str, path: Path, endings: tuple[str, ...], *, force: bool = False
+) -> None:
+    """Check before any work that a file can be written, and is not named as one of another kind."""
+    if path.suffix.lower() in OTHER_KINDS and path.suffix.lower() not in endings:
         raise BadInputError(option, str(path), f"a file name ending in {' or '.join(endings)}")
     ensure_writable(path, force=force)
 

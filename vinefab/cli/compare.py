@@ -22,13 +22,14 @@ from vinefab.cli.common_options import (
     SetIn,
     StartIn,
     contacts_arguments,
+    ensure_text_kind,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
     started_maps,
 )
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import write_text
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -77,7 +78,7 @@ def compare_command(
     )
     main = measure_named(measure)
     if out is not None:
-        ensure_writable(out, force=force)
+        ensure_text_kind("--out", out, (".html", ".htm"), force=force)
     with output.progress("compare") as show:
         robots = [read_design(design) for design in designs]
         parameters = parameters_from(parameter or [])
@@ -88,7 +89,9 @@ def compare_command(
         families = map_families(given, unseen)
         choice = growth_choice(designs, robots, given_growth)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
-        found = compare_designs(robots, families, plan, show)
+        found = compare_designs(
+            robots, families, plan, show, measure=main, growth_notes=choice.notes
+        )
         arguments = [
             "vinefab",
             "compare",
@@ -106,10 +109,10 @@ def compare_command(
             *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)
-        page = comparison_page(found, main, origin, choice.notes) if out else ""
+        page = comparison_page(found, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)
         output.say(f"wrote {out}")
-    output.give_json(comparison_text(found, main, origin))
-    for line in [*choice.notes, *comparison_lines(found, main)]:
+    output.give_json(comparison_text(found, origin))
+    for line in comparison_lines(found):
         output.say(line)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
+from vinefab.cli.usage_problems import usage_line
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
@@ -43,7 +44,7 @@ class CommandEntry:
 
 COMMANDS = {
     "new": CommandEntry(
-        "new", "new_command", "Write a design, run file, map or recipe to begin with."
+        "new", "new_command", "Write a file to begin with: a design, run, map, recipe, machine."
     ),
     "examples": CommandEntry(
         "examples", "examples_command", "List the examples that ship with vinefab, or copy them."
@@ -130,10 +131,15 @@ COMMANDS = {
 UNDER_STUDY = ("contest", "reproduce", "bench")
 """Commands that few need; they stand under ``study``, and go on working under their own names."""
 
+_HOW_TO_CITE = (
+    f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
+    "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
+)
+
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
 
-MOST_LETTERS = 2_000  # of a line that names an error
+_MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 INTERRUPTED = "interrupted; what was being written was left as it was"
@@ -155,6 +161,7 @@ def build_app(wanted: str | None) -> typer.Typer:
     app = typer.Typer(
         name="vinefab",
         help="Design, simulate, optimize and make branching vine robots.",
+        epilog=_HOW_TO_CITE,
         context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -282,7 +289,7 @@ def _explained(
         return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
-            return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
+            return usage_line(error, arguments), EXIT_BAD_INPUT
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
@@ -316,7 +323,7 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    line = shortened(visible(" ".join(message.split())), MOST_LETTERS)
+    line = shortened(visible(" ".join(message.split())), _MOST_LETTERS)
     with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
         typer.echo(f"error: {line}", err=True)
     return code

@@ -16,11 +16,12 @@ from vinefab.cli.common_options import (
     StartIn,
     ensure_apart,
     ensure_kind,
+    ensure_text_kind,
     numbers_from,
     started_maps,
     starts_from,
 )
-from vinefab.core.atomic import ensure_writable, write_bytes, write_text
+from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
@@ -32,6 +33,8 @@ from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import START_WAYS, area_notes, start_words
 from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
+
+MAP_ENDINGS = (".geojson", ".json")
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
@@ -166,10 +169,13 @@ def import_command(
     Everything that was repaired or left out is counted and printed. Without --start, robots start
     at the roomiest place.
 
-    Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
+    Example: vinefab map import examples/imports/cave.dxf --drawn free --out plan.geojson
+
+    Example: vinefab map import examples/arena/table.jpg --marker-mm 30 --height-mm 30
+    --obstacles 50,84,176,75 --crop 42,42,642,442 --out arena.geojson
     """
     ensure_apart("--out", out, source, "the one to import")
-    ensure_writable(out, force=force)
+    ensure_text_kind("--out", out, MAP_ENDINGS, force=force)
     if preview:
         ensure_kind("--preview", preview, (".png",), force=force)
         ensure_apart("--preview", preview, source, "the one to import")
@@ -243,7 +249,7 @@ def start_command(
     """
     if not start:
         raise BadInputError("--start", None, START_WAYS)
-    ensure_writable(out, force=force)
+    ensure_text_kind("--out", out, MAP_ENDINGS, force=force)
     (world,) = started_maps([read_map(map_file)], start)
     _save(world, out, CommandOutput(quiet=quiet, force=force), facts=False)
 
@@ -283,7 +289,7 @@ def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -
     write_text(out, map_text(world), force=output.force)
     width_mm, height_mm = world.size_mm
     output.say(
-        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
+        f"{world.name}: {_rounded(width_mm)} x {_rounded(height_mm)} mm, "
         f"{counted(len(world.obstacles), 'obstacle')}, {counted(world.wall_count, 'wall')}, "
         f"free area {world.free_space.area / 1e6:.4g} m2"
     )
@@ -297,13 +303,18 @@ def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -
     output.say(f"wrote {out}")
 
 
+def _rounded(side_mm: float) -> str:
+    """Return a side of a map in whole millimetres, or three digits of a small one."""
+    return f"{side_mm:.0f}" if side_mm >= 100.0 else f"{side_mm:.3g}"
+
+
 def _generator(environment: Environment) -> Callable[..., None]:
     """Return a command whose options are the fields of an environment's options class."""
     known = {field.name: field for field in option_fields(environment.options)}
 
     def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
         out, output = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
-        ensure_writable(out, force=output.force)
+        ensure_text_kind("--out", out, MAP_ENDINGS, force=output.force)
         options = environment.options(**{name: given[name] for name in known})
         made = environment.make(given["seed"], options)
         _save(started_maps([made], given["start"])[0], out, output)

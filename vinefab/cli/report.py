@@ -24,13 +24,14 @@ from vinefab.cli.common_options import (
     SetIn,
     StartIn,
     contacts_arguments,
+    ensure_text_kind,
     growth_choice,
     growth_from,
     map_arguments,
     parameters_from,
     started_maps,
 )
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import write_text
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -70,7 +71,7 @@ def report_command(
     given_growth = growth_from(
         growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
     )
-    ensure_writable(out, force=force)
+    ensure_text_kind("--out", out, (".html", ".htm"), force=force)
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)

@@ -157,9 +157,9 @@ def folder_to_fill(path: Path) -> Iterator[None]:
 
 def _make(folder: Path) -> list[Path]:
     """Make a folder and those above it, and return which were missing, the deepest first."""
-    missing = []
+    missing, nearest = [], _nearest_folder(folder)
     for place in (folder, *folder.parents):
-        if place.exists():
+        if place == nearest:
             break
         missing.append(place)
     try:
@@ -168,6 +168,16 @@ def _make(folder: Path) -> list[Path]:
         _take_away(missing)
         raise
     return missing
+
+
+def _nearest_folder(folder: Path) -> Path:
+    """Return the deepest folder that is there, of one and those above it."""
+    for place in (folder, *folder.parents):
+        if place.is_dir():
+            return place
+        if place.exists():
+            raise CannotWriteError(place, "it is a file; name a folder")
+    return folder
 
 
 def _take_away(folders: list[Path]) -> None:
@@ -183,10 +193,9 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
         here = Path.cwd()
         if path.resolve() in (here, *here.parents):
             raise CannotWriteError(path, "it holds the current folder; name a folder of its own")
+        _nearest_folder(path)
         if not path.exists() or force:
             return
-        if not path.is_dir():
-            raise ForeignFileError(path)
         marked = (path / mark).is_file() and is_ours(path / mark)
         whole = marked and (path / MANIFEST_NAME).is_file()
         if any(path.iterdir()) and not whole and not is_incomplete(path):

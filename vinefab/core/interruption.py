@@ -4,10 +4,12 @@ Each raises KeyboardInterrupt in the main thread, so that whatever cleans up aft
 after the others too. A signal that the caller ignores (``nohup``) stays ignored.
 """
 
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,6 +25,12 @@ _FROM_TERMINAL = tuple(request for request in REQUESTS if request is not signal.
 
 _AGAIN_S = 0.05
 """Until a request is repeated that came where no exception can be raised."""
+
+_LOADING_S = 5.0
+"""So long a request waits at most for modules that are being loaded."""
+
+_IMPORTING = "<frozen importlib._bootstrap>"
+"""Where the interpreter loads modules, as frames of calls name it."""
 
 Handler = Callable[[int, FrameType | None], object]
 
@@ -43,10 +51,17 @@ class StopRequest:
 def stop_requests() -> Iterator[StopRequest]:
     """Let every request to end raise KeyboardInterrupt within the block."""
     request = StopRequest()
+    first_s = math.inf
 
-    def stop(number: int, _: FrameType | None) -> None:
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal first_s
         request.number = request.number or number
-        raise KeyboardInterrupt
+        first_s = min(first_s, time.monotonic())
+        # Compiled modules print a traceback of what interrupts them while they are loaded.
+        if _loads_module(frame) and time.monotonic() - first_s < _LOADING_S:
+            _repeat_soon(number)
+        else:
+            raise KeyboardInterrupt
 
     usual_hook = sys.unraisablehook
     with _handled(stop):
@@ -130,11 +145,22 @@ def _repeating(
         if not issubclass(what.exc_type, KeyboardInterrupt):
             usual(what)
             return
-        timer = threading.Timer(_AGAIN_S, _repeat, (request.number or signal.SIGINT,))
-        timer.daemon = True
-        timer.start()
+        _repeat_soon(request.number or signal.SIGINT)
 
     return hook
+
+
+def _loads_module(frame: FrameType | None) -> bool:
+    """Tell whether a module is being loaded at a place of a program."""
+    while frame is not None and frame.f_code.co_filename != _IMPORTING:
+        frame = frame.f_back
+    return frame is not None
+
+
+def _repeat_soon(number: int) -> None:
+    timer = threading.Timer(_AGAIN_S, _repeat, (number,))
+    timer.daemon = True
+    timer.start()
 
 
 def _repeat(number: int) -> None:

@@ -16,6 +16,16 @@ Shapes = NDArray[np.object_]
 APART = 8.0
 """Distance in grid steps at which shapes cannot touch each other by rounding."""
 
+ARC_SEGMENTS_PER_QUARTER = 16
+"""Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
+
+MOST_AT_ONCE = 20_000
+"""A free space with more corners is shrunk piece by piece. At once it takes time that grows with
+the square of their number: seconds up to here, hours for 100,000."""
+
+WALLS_PER_PIECE = 32
+"""Walls that are thickened together: few, because each meets all others that are near it."""
+
 
 def free_space(world: Map, grid_mm: float) -> BaseGeometry:
     """Return bounds minus obstacles, snap-rounded.
@@ -24,17 +34,61 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
     because every hole is searched for in every polygon. Obstacles that stand alone, clear of the
     bounds and of each other, are therefore made holes directly; only the others are subtracted.
     """
-    obstacles = np.array(world.obstacles, dtype=object)
-    alone = _stand_alone(world, obstacles, APART * grid_mm)
+    return _without(world.bounds, np.array(world.obstacles, dtype=object), grid_mm)
+
+
+def shrunk_free_space(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
+    """Return where the centreline of a body of some radius may be, snap-rounded."""
+    if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
+        return _shrunk_piecewise(free, radius_mm, grid_mm)
+    shrunk = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+    return shapely.set_precision(shrunk, grid_mm)
+
+
+def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
+    """Return a free space less all that is near its walls, taken a few at a time and merged."""
+    shrunk = list[BaseGeometry]()
+    for part in shapely.get_parts(free):
+        shell, *holes = shapely.get_rings(part)
+        solid = np.array([shapely.Polygon(hole) for hole in holes], dtype=object)
+        small = shapely.get_num_points(holes) <= WALLS_PER_PIECE
+        large = solid[~small]
+        outlines = [shell, *shapely.get_exterior_ring(large).tolist()]
+        pieces = [piece for outline in outlines for piece in _pieces(outline)]
+        near = [*solid[small], *pieces]
+        grown = shapely.buffer(near, radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+        merged = shapely.disjoint_subset_union_all([*grown, *large])
+        shrunk.append(_without(shapely.Polygon(shell), shapely.get_parts(merged), grid_mm))
+    places = shapely.get_parts(shrunk)
+    return places[0] if len(places) == 1 else shapely.MultiPolygon([*places])
+
+
+def beside_walls(rings: Shapes, radius_mm: float) -> BaseGeometry:
+    """Return all that is near some rings."""
+    if shapely.get_num_coordinates(rings).sum() <= MOST_AT_ONCE:
+        return shapely.buffer(shapely.MultiLineString(list(rings)), radius_mm)
+    pieces = [piece for ring in rings for piece in _pieces(ring)]
+    return shapely.union_all(shapely.buffer(pieces, radius_mm))
+
+
+def _pieces(ring: BaseGeometry) -> list[BaseGeometry]:
+    """Return a ring's walls, a few to a line."""
+    corners = shapely.get_coordinates(ring)
+    firsts = range(0, len(corners) - 1, WALLS_PER_PIECE)
+    return [shapely.LineString(corners[at : at + WALLS_PER_PIECE + 1]) for at in firsts]
+
+
+def _without(bounds: BaseGeometry, obstacles: Shapes, grid_mm: float) -> BaseGeometry:
+    """Return bounds minus obstacles, snap-rounded; see `free_space`."""
+    alone = _stand_alone(bounds, obstacles, APART * grid_mm)
     # Only obstacles that meet are merged one with another: much faster on scattered ones.
     solid = shapely.disjoint_subset_union_all(obstacles[~alone])
-    free = shapely.difference(world.bounds, solid, grid_size=grid_mm)
+    free = shapely.difference(bounds, solid, grid_size=grid_mm)
     return _with_holes(free, _rounded(obstacles[alone], grid_mm))
 
 
-def _stand_alone(world: Map, obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
+def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
     """Tell which obstacles are plain, inside the bounds and clear of all else, shape (n,)."""
-    bounds = world.bounds
     edge = bounds.boundary
     shapely.prepare(bounds)
     shapely.prepare(edge)

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import WallArrays
-from vinefab.growth.free_space import free_space, indexed, walls_of
+from vinefab.growth.free_space import free_space, indexed, shrunk_free_space, walls_of
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")
@@ -42,9 +42,6 @@ _BUILD_LOCK = RLock()
 
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
-
-ARC_SEGMENTS_PER_QUARTER = 16
-"""Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
 
 
 class Terrain:
@@ -78,10 +75,9 @@ class Terrain:
         """Return the free space of the centreline of a body of some radius, as polygons."""
         with _BUILD_LOCK:
             if radius_mm not in self._free:
-                whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
-                shrunk = shapely.buffer(whole, -radius_mm, quad_segs=finely)
+                shrunk = shrunk_free_space(self._free[0.0], radius_mm, self.grid_mm)
                 _make_room(self._free)
-                self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))
+                self._free[radius_mm] = _prepared(shrunk)
             return self._free[radius_mm]
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:

@@ -16,6 +16,7 @@ from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats, whole
@@ -30,7 +31,9 @@ from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
-FIRST_UNSEEN = 500_001
+_SIGNIFICANT = 0.05
+
+FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""
 
 
@@ -100,8 +103,10 @@ class ContestRun:
     ) -> "ContestRun":
         """Return a contender's run on a problem."""
         maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
-        if maps.seed + maps.count > FIRST_UNSEEN:
-            raise BadInputError("maps.seed", maps.seed, f"less than {FIRST_UNSEEN - maps.count}")
+        if maps.seed + maps.count > FIRST_CONTEST_SEED:
+            raise BadInputError(
+                "maps.seed", maps.seed, f"less than {FIRST_CONTEST_SEED - maps.count}"
+            )
         search = replace(problem.search, seed=problem.search.seed + number)
         settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
         return cls(
@@ -172,7 +177,7 @@ def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedM
     settings = MapSettings(environment=environment, options=json.loads(options))
     made = environment_options(settings)
     make = ENVIRONMENTS[environment].make
-    return tuple(PreparedMap.of(make(FIRST_UNSEEN + index, made)) for index in range(count))
+    return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
 
 def contest_rows(
@@ -252,7 +257,7 @@ def _row(values: Mapping[str, float]) -> ContestRow:
     return ContestRow(**values)  # type: ignore[arg-type]
 
 
-RESAMPLES = 10_000
+_RESAMPLES = 10_000
 
 _STREAM = 1702
 
@@ -325,7 +330,7 @@ def _block(
 
 def _interval(values: Floats) -> dict[str, float]:
     """Return a mean with its 95 % percentile bootstrap interval."""
-    draws = child(0, _STREAM).integers(0, len(values), (RESAMPLES, len(values)))
+    draws = child(0, _STREAM).integers(0, len(values), (_RESAMPLES, len(values)))
     low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
     return {"mean": float(values.mean()), "low": float(low), "high": float(high)}
 
@@ -335,6 +340,30 @@ def _chance(differences: Floats) -> float:
     if len(differences) < 2 or not differences.any():
         return 1.0
     return float(wilcoxon(differences).pvalue)
+
+
+def least_seeds(comparisons: int) -> int:
+    """Return how many seeds a corrected p-value below 0.05 takes, if all pairs agree.
+
+    >>> [least_seeds(comparisons) for comparisons in (1, 2, 6)]
+    [6, 7, 8]
+    """
+    return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < _SIGNIFICANT)
+
+
+def heading_lines(contest: Contest) -> list[str]:
+    """Return what the numbers of the table are, and whether there are too few seeds."""
+    maps, seeds = counted(contest.unseen, "unseen map"), counted(contest.seeds, "seed")
+    lines = [f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]"]
+    if others := len(contest.contenders) - 1:
+        first = contest.contenders[0].label
+        lines.append(f"  difference to {first}, paired by seed [95 %], p by Wilcoxon and Holm")
+        if contest.seeds < (least := least_seeds(others)):
+            lines.append(
+                f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
+                f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
+            )
+    return lines
 
 
 def table_lines(table: Sequence[dict[str, Any]]) -> list[str]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, positive, whole
@@ -18,7 +17,7 @@ from vinefab.tasks.fast_areas import Raster, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
 
 
@@ -137,7 +136,7 @@ class Coverage:
         sees = summed_mm2 > 0.0
         overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
         # A union of polygons beside a sum of true discs: a remainder this small is rounding.
-        overlap[overlap <= ROUNDING] = 0.0
+        overlap[overlap <= _ROUNDING] = 0.0
         film = np.minimum(1.0, length_mm / (self.most_diagonals * context.diagonal_mm))
         area = np.minimum(1.0, seen_mm2 / context.area_mm2)
         count = np.minimum(1.0, tips / self.most_branches) * overlap
@@ -166,7 +165,7 @@ class Coverage:
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
-        return shapely.intersection(union, context.free).area, float(each_mm2.sum())
+        return context.free_area_mm2(union), float(each_mm2.sum())
 
     def _strips(self, context: MapContext) -> Raster | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""

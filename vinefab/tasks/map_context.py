@@ -22,8 +22,15 @@ Part = TypeVar("Part")
 MOST_KEPT_RADII = 4
 """Rasters and lines of sight are kept for so many radii, then the oldest are dropped."""
 
-MARGIN = 1e-6
+_MARGIN = 1e-6
 """Walls are listed in cells that they miss by this share of a cell: far above rounding."""
+
+MOST_EDGES_AT_ONCE = 20_000
+"""The free space of a map with more edges is cut into tiles where areas in it are measured, so that
+the time of each follows what is near, not the whole map."""
+
+EDGES_PER_TILE = 512
+"""Tiles are halved down to about so many edges, where halves have fewer."""
 
 _BUILD_LOCK = Lock()
 """Threads share contexts, and only one may build or drop a cached part at a time."""
@@ -41,6 +48,7 @@ class MapContext:
     _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
     _cells: dict[str, WallCells] = field(default_factory=dict)
+    _tiles: dict[str, shapely.STRtree] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
@@ -54,6 +62,17 @@ class MapContext:
             diagonal_mm=math.hypot(*world.size_mm),
             edges_mm=_edges_mm(free),
         )
+
+    def free_area_mm2(self, shape: BaseGeometry) -> float:
+        """Return the area of what is in free space of a shape."""
+        if len(self.edges_mm) <= MOST_EDGES_AT_ONCE:
+            return float(shapely.intersection(shape, self.free).area)
+        shapely.prepare(shape)
+        tiles = _cached(self._tiles, "all", lambda: shapely.STRtree(_tiles(self.free)))
+        near = tiles.geometries[tiles.query(shape, "intersects")]
+        whole = shapely.contains_properly(shape, near)
+        parts = shapely.intersection(shape, near[~whole])
+        return float(shapely.area(near[whole]).sum() + shapely.area(parts).sum())
 
     def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
         """Return the raster for a radius, cached; None if it would be too large."""
@@ -80,7 +99,7 @@ class MapContext:
             even_mm = math.sqrt(float(size_mm.prod()) / len(walls_mm))
             side_mm = max(even_mm, float(size_mm.max()) / len(walls_mm))
             while True:
-                reach_mm = MARGIN * side_mm + 2.0 * TOUCHING_MM
+                reach_mm = _MARGIN * side_mm + 2.0 * TOUCHING_MM
                 cells = WallCells.of(walls_mm, side_mm, reach_mm)
                 if cells is not None:
                     return cells
@@ -115,3 +134,26 @@ def _edges_mm(free: BaseGeometry) -> Floats:
     edges = np.stack([points[:-1], points[1:]], axis=1)[real]
     flat = frozen_floats("edges_mm", edges.reshape(-1, 4), 4)
     return flat.reshape(-1, 2, 2)
+
+
+def _tiles(free: BaseGeometry) -> list[BaseGeometry]:
+    """Return polygons in parts with few edges each, that have no area in common."""
+    corners = shapely.get_num_coordinates(free)
+    if corners <= EDGES_PER_TILE:
+        return [free]
+    x_min, y_min, x_max, y_max = free.bounds
+    x, y = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
+    if x_max - x_min > y_max - y_min:
+        boxes = (x_min, y_min, x, y_max), (x, y_min, x_max, y_max)
+    else:
+        boxes = (x_min, y_min, x_max, y), (x_min, y, x_max, y_max)
+    halves = [_clipped(free, box) for box in boxes]
+    if shapely.get_num_coordinates(halves).sum() > 1.5 * corners:  # most edges cross the line
+        return [free]
+    return [tile for half in halves for tile in _tiles(half)]
+
+
+def _clipped(free: BaseGeometry, box: tuple[float, float, float, float]) -> BaseGeometry:
+    """Return polygons within a box."""
+    quick = shapely.clip_by_rect(free, *box)  # much faster, but it may cross itself
+    return quick if quick.is_valid else shapely.intersection(free, shapely.box(*box))

@@ -143,7 +143,7 @@ class Reach:
 
     def _exact_mm2(self, deployment: Deployment, context: MapContext) -> float:
         reached = near_chains(_chains(deployment), self.buffer_mm)
-        return float(shapely.intersection(reached, context.free).area)
+        return context.free_area_mm2(reached)
 
 
 MOST_TARGETS = 1000

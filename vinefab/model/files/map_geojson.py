@@ -30,7 +30,8 @@ def geojson_document(path: Path) -> Any:  # noqa: ANN401  JSON
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+        hint = ", but TOML, as designs are" if "vinefab/" in text[:4096] else ""
+        raise UnreadableFileError(path, f"is not JSON{hint}: {error}") from error
 
 
 def _features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:

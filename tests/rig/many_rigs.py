@@ -190,19 +190,19 @@ def problems_of(folder: Path, world: Path) -> tuple[list[str], dict[str, float]]
     else:
         free = inside.difference(solid).buffer(-LEAST_FREE / options["scale"], join_style="mitre")
         shapes = shapely.get_parts(shapely.union_all(walls))
-        built = shapely.union_all([Polygon(one.exterior) for one in shapes])
-        rings = [
-            ring for one in shapes for ring in shapely.get_parts(shapely.polygons(one.interiors))
-        ]
-        built = built.difference(
-            shapely.union_all([ring for ring in rings if free.intersects(ring)])
-        )
-        built = built.union(shapely.union_all(walls)).intersection(inside)
+        built = shapely.union_all([filled(shape, free) for shape in shapes]).intersection(inside)
         off_mm2 = built.symmetric_difference(solid).area
         figures["plan_off"] = max(0.0, off_mm2 - thick_mm2) / max(solid.area, 0.01 * inside.area)
     if figures["plan_off"] > MOST_SHARE:
         problems.append(f"walls differ from the map by {figures['plan_off']:.3%}")
     return problems, figures
+
+
+def filled(shape: Polygon, free: shapely.Geometry) -> Polygon:
+    """Return a cross-section without the holes that no free space reaches."""
+    return Polygon(
+        shape.exterior, [hole for hole in shape.interiors if free.intersects(Polygon(hole))]
+    )
 
 
 def cut(mesh: trimesh.Trimesh, to_map: np.ndarray, options: dict[str, float]) -> shapely.Geometry:

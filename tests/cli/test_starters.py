@@ -121,7 +121,7 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
         (["optimise"], "did you mean 'vinefab optimize'?"),
         (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
         (["fabricate", "--bed", "300,200"], "vinefab new machine"),
-        (["fabricate", "three_level_tree", "-o", "out"], "there is no option -o; --out"),
+        (["fabricate", "three_level_tree", "-o", "out"], "there is no option -o; did you mean --out?"),
     ],
 )
 def test_words_of_others_lead_to_the_command(arguments, said, capsys):

@@ -45,7 +45,7 @@ _OTHER_OPTIONS = {
     ("--width", "--length", "--levels", "--branches", "--angle"): "it stands in the design file",
     ("--units", "--unit", "--scale", "--inches", "--metres"): "--scale-mm-per-unit of vinefab map "
     "import sets the unit",
-    ("-o", "--output", "--outdir"): "--out",
+    ("-o", "--output", "--outdir"): "did you mean --out?",
     ("--verbose", "--debug"): "-v, where a command has it",
 }
 """What to say of options that people type where a command has none of that name."""

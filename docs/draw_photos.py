@@ -13,12 +13,12 @@ from pathlib import Path
 from PIL import Image
 from PIL.ExifTags import IFD, Base
 
-from vinefab.cli.new import starter_map
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.starters import starter_map
 from vinefab.model.map import Pose
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -270,7 +270,10 @@ def rules_page() -> str:
     parts = [
         "# Design rules\n\n`vinefab rules VF-C01` explains one in the terminal. An error forbids "
         "cutting unless it is waived; a warning does not. Limits are changed by a recipe, by "
-        "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n"
+        "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n\n"
+        "Each picture shows what breaks a rule, then what keeps it. Both were drawn and checked by "
+        "vinefab itself: shapes and numbers are computed, from values that are assumed or "
+        "published; none was measured.\n"
     ]
     for title, rules in grouped_rules().items():
         parts.append(f"## {title.capitalize()}\n")
@@ -281,7 +284,11 @@ def rules_page() -> str:
 def _rule_part(rule: Rule) -> str:
     limits = "; ".join(limit_text(rule, name) for name in rule.limits) or "none: it holds or not"
     picture = Path(__file__).parent / "pictures" / "rules" / f"{rule.id}.svg"
-    shown = f"\n![{rule.id} fires](../pictures/rules/{rule.id}.svg)\n" if picture.is_file() else ""
+    shown = (
+        f"\n![{rule.id} broken and kept](../pictures/rules/{rule.id}.svg)\n"
+        if picture.is_file()
+        else ""
+    )
     return (
         f"### {rule.id}: {rule.title}\n{shown}\n- **Limits:** {limits}\n- **Why:** {rule.reason}\n"
         f"- **Remedy:** {rule.remedy}\n"

@@ -12,13 +12,15 @@ import subprocess
 import sys
 from collections import Counter
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from types import ModuleType
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from shapely import box
+from PIL import Image
+from shapely import Point, box
 
 import vinefab as vf
 from vinefab.cli.main import main
@@ -123,6 +125,7 @@ def test_every_public_function_says_units_errors_and_an_example():
     functions = [getattr(vf, name) for name in vf.__all__ if name.islower() and name != "maps"]
     functions += [getattr(vf.maps, name) for name in vf.maps.__all__]
     functions += [vf.Design.read, vf.Design.write, vf.Design.grow, vf.Map.read, vf.Map.write]
+    functions += [vf.Map.info, vf.MapInfo.write, vf.RunResult.read, vf.RunSettings.read]
     for function in functions:
         text = inspect.getdoc(vf.api.rig if function is vf.rig else function)
         assert ">>>" in text, function
@@ -234,6 +237,57 @@ def test_a_growth_is_that_of_the_command(world, map_file, tmp_path):
     assert grown.stops == json.loads(out.read_text())["metrics"]["stops"]
 
 
+def test_numbers_of_numpy_are_taken_and_written(tmp_path):
+    plain = vf.Design(
+        name="a", trunk_length_mm=200.0, levels=(vf.Level.of(3, 100.0, 60.0),),
+        build=vf.Build(widths_mm=(40.0, 20.0), fillet_mm=(5.0,)),
+    )  # fmt: skip
+    own = vf.Design(
+        name="a",
+        trunk_length_mm=np.float32(200.0),
+        levels=[vf.Level.of(np.int64(3), np.float32(100.0), np.float64(60.0))],
+        build=vf.Build(widths_mm=np.array([40.0, 20.0]), fillet_mm=np.array([5.0])),
+    )
+    assert own == plain
+    assert vf.Design.read(own.write(tmp_path / "a.toml")) == plain
+    world = vf.maps.grid(seed=np.int64(3), columns=np.int32(4), size_mm=np.float32(400.0))
+    assert same_map(world, vf.maps.grid(seed=3, columns=4, size_mm=400.0))
+    assert vf.Map.read(world.write(tmp_path / "a.geojson")).size_mm == (400.0, 600.0)
+
+
+def test_a_start_is_a_pose_or_words_wherever_one_is_given(tmp_path):
+    source = tmp_path / "room.svg"
+    source.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><rect id="a" width="40" height="30"/></svg>'
+    )
+    for given in ((100, -50, 90), vf.Pose.of((100, -50, 90)), np.array([100.0, -50.0, 90.0])):
+        room = vf.maps.import_(source, scale_mm_per_unit=10.0, start=given)
+        assert room.with_start(given).starts == room.starts == (vf.Start(pose=vf.Pose.of(given)),)
+    along = vf.maps.import_(source, scale_mm_per_unit=10.0, start="left side, heading 0+-20")
+    assert along.starts == room.with_start("left side, heading 0+-20").starts
+    assert along.starts[0].area.geom_type == "LineString"
+
+
+@pytest.mark.parametrize("radians", [1.57, 3.14, -np.pi / 3, 2 * np.pi])
+def test_an_angle_that_looks_like_radians_is_asked_about(radians):
+    with pytest.warns(UserWarning, match="degrees are meant") as told:
+        assert vf.Pose.of((1, 2, radians)).heading_deg == pytest.approx(radians)
+    assert f"pose.heading_deg is {radians:.4g}" in str(told[0].message)
+    assert told[0].filename == __file__
+    with pytest.warns(UserWarning, match="angle_deg is 1.571"):
+        vf.Level.of(3, 100.0, np.pi / 2)
+    for degrees in (0.0, 1.0, 1.5, 3.0, -6.0, 45.0, 90.0, 0.5):
+        vf.Pose.of((1, 2, degrees))  # a warning would be an error here
+
+
+def test_what_became_of_a_robot_is_said_as_by_the_command(map_file, capsys):
+    assert main(f"grow three_level_tree --map {map_file}".split()) == 0
+    grown = vf.Design.read("three_level_tree").grow(map_file)
+    assert "\n".join(grown.summary) in capsys.readouterr().out
+    lost = vf.Design.read("three_level_tree").grow(map_file, (0.13, 0.015, 90))  # metres
+    assert any("no room for its inflated body" in line for line in lost.summary)
+
+
 def test_a_growth_takes_a_map_or_a_path_and_a_pose_of_any_form(vine, world, map_file):
     start = world.starts[0].pose
     wanted = grow(vine, Terrain.of(world), start).tips_mm
@@ -292,7 +346,7 @@ def run_settings(**more):
 @pytest.fixture(autouse=True)
 def few_unseen_maps(monkeypatch):
     """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
-    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
     monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
 
 
@@ -388,6 +442,154 @@ def test_a_report_says_what_the_command_says(map_file, world, tmp_path):
     assert {**found.numbers, "reproduce": 0} == {**wanted, "reproduce": 0}
     assert "<html" in found.path.read_text()
     assert found.summary[0] == wanted["verdict"]
+
+
+def test_a_comparison_is_that_of_the_command(map_file, world, tmp_path):
+    out, page = tmp_path / "numbers.json", tmp_path / "page.html"
+    options = "--poses 2 --measure reach_percent"
+    command(f"compare plain_vine three_level_tree --map {map_file} {options} --json {out}")
+    wanted = json.loads(out.read_text())
+    found = vf.compare(
+        ("plain_vine", vf.Design.read("three_level_tree")), (one for one in [world]),
+        measure="reach_percent", poses=2, out=page,
+    )  # fmt: skip
+    assert list(found.means) == ["three_level_tree", "plain_vine"]
+    for name, mean in found.means.items():
+        assert found.measure.content(mean) == wanted["designs"][name]["reach_percent"]["mean"]
+    assert len(found.differences) == len(wanted["duels"])
+    assert "maps=[&lt;Map pegs_1&gt;]" in page.read_text()
+    assert found.differences[0].words in found.summary or not found.differences[0].is_clear
+    shown = found._repr_html_()
+    (main,) = found.in_measure(found.measure)
+    assert f"<td>{main.interval}</td>" in shown
+    assert "(simulated)" in shown
+    assert repr(found).startswith("<DesignComparison in free space reached (simulated): three_")
+
+
+def test_figures_of_a_map_are_those_of_the_command(map_file, tmp_path, capsys):
+    out, world = tmp_path / "command.json", vf.Map.read(map_file)
+    assert main(f"map info {map_file} --width-mm 20 --passages 2 --json {out}".split()) == 0
+    found = world.info(width_mm=20, passages=2)
+    assert found.numbers == json.loads(out.read_text())
+    assert found.write(tmp_path / "library.json").read_bytes() == out.read_bytes()
+    assert "\n".join(found.summary) in capsys.readouterr().out
+    assert repr(found) == "\n".join(["<MapInfo pegs_1>", *found.summary])
+    shown = found._repr_html_()
+    assert 'src="data:image/svg+xml;base64,' in shown
+    assert all(escape(line.strip()) in shown for line in found.summary)
+
+
+def test_where_to_aim_shows_itself_in_a_notebook(world):
+    found = vf.aim("plain_vine", world, deployments=5000)
+    shown = found._repr_html_()
+    assert all(escape(line.strip()) in shown for line in found.summary)
+    assert "<svg" in shown
+    assert "plain_vine on pegs_1 (simulated)" in shown
+
+
+def test_a_robot_grows_from_the_poses_that_aiming_found():
+    """A trunk of 28 mm touches a wall 8.9127 mm away: rounded, 8.91 would stand in it."""
+    sides = box(0, 0, 300, 200)
+    world = vf.Map(name="box", bounds=sides).with_start("150,100,90")
+    design = vf.Design.read("plain_vine").with_level(1, width_mm=28.0)
+    found = vf.aim(design, world, deployments=5000, robots=2)
+    assert any(abs(one.x_mm - 150.0) > 140.0 or abs(one.y_mm - 100.0) > 90.0 for one in found.poses)
+    for pose in found.poses:
+        grown = design.grow(world, (round(pose.x_mm, 2), round(pose.y_mm, 2), pose.heading_deg))
+        assert grown.deployed.all()
+        assert sides.exterior.distance(Point(pose.x_mm, pose.y_mm)) < 8.95
+
+
+def test_files_to_begin_with_are_those_of_the_command(tmp_path):
+    for kind, name in (("design", "a.toml"), ("run", "b.toml"), ("map", "c.geojson")):
+        path = vf.new(kind, tmp_path / name)
+        command(f"new {kind} {tmp_path / 'command' / name}")
+        assert path.read_bytes() == (tmp_path / "command" / name).read_bytes()
+    assert vf.RunSettings.read(tmp_path / "b.toml").name == "b"
+    with pytest.raises(vf.VinefabError, match=r"a.toml: exists; .*force=True"):
+        vf.new("design", tmp_path / "a.toml")
+    assert "arena/sprig.toml" in vf.examples()
+    assert vf.examples("sprig", "table.jpg", out=tmp_path / "ex") == (
+        "arena/sprig.toml",
+        "arena/table.jpg",
+    )
+    assert vf.Design.read(tmp_path / "ex" / "arena" / "sprig.toml").name == "sprig"
+
+
+def test_coupons_and_a_calibration_are_those_of_the_command(tmp_path):
+    made = vf.coupon(out=tmp_path / "coupons")
+    table = made.path / "results.csv"
+    assert {"README.txt", "results.csv"} <= set(made.files)
+    assert not made.report.blocking
+    with pytest.raises(vf.BadInputError, match=f"^{table}: "):
+        vf.calibrate(table, out=tmp_path / "mine.toml")
+    rows = table.read_text().splitlines()
+    place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
+    rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
+    table.write_text("\n".join(rows))
+    with pytest.raises(vf.VinefabError, match="was filled in"):
+        vf.coupon(out=tmp_path / "coupons")
+    mine = vf.calibrate(table, out=tmp_path / "mine.toml")
+    (tmp_path / "command").mkdir()
+    command(f"calibrate {table} --out {tmp_path / 'command' / 'mine.toml'}")
+    assert mine.path.read_bytes() == (tmp_path / "command" / "mine.toml").read_bytes()
+    assert mine.numbers["numbers"]["weldcut.seam_width_mm"]["value"] == 0.5
+    assert any("measured" in line for line in mine.summary)
+    assert vf.check("plain_vine", mine).recipe == "mine"
+    assert "measured" in mine._repr_html_()
+
+
+def test_a_run_is_read_again_listed_and_seeded(tmp_path):
+    result = vf.optimize(run_settings(), out=tmp_path / "one", seed=7, page=False)
+    again = vf.RunResult.read(tmp_path / "one")
+    assert (again.best, again.run_id) == (result.best, result.run_id)
+    assert repr(again) == repr(result)
+    assert "on fresh poses of the training maps (simulated)>" in repr(again)
+    assert f"<td>{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
+    assert "unseen pegs maps" in again._repr_html_()
+    listing = vf.runs(tmp_path)
+    assert [row["seed"] for row in listing.rows] == [7]
+    assert listing.lines[0] in repr(listing)
+    assert listing.lines[0] in listing._repr_html_()
+    with pytest.raises(OSError, match=r"none/run\.sqlite: there is no such file"):
+        vf.RunResult.read(tmp_path / "none")
+
+
+def test_a_shipped_run_is_found_by_its_name(monkeypatch):
+    seen = []
+    monkeypatch.setattr("vinefab.api._searched", lambda settings, *_: seen.append(settings))
+    vf.optimize("grid_coverage", seed=9)
+    assert seen[0] == dataclasses.replace(
+        vf.RunSettings.read("grid_coverage"),
+        search=dataclasses.replace(vf.RunSettings.read("grid_coverage").search, seed=9),
+    )
+
+
+def test_findings_are_drawn_in_place_as_by_the_command(tmp_path):
+    design = vf.Design.read("three_level_tree").with_level(3, width_mm=4.0, name="thin")
+    path = design.write(tmp_path / "thin.toml")
+    report = vf.check(design, out=tmp_path / "library.svg")
+    main(["check", str(path), "--svg", str(tmp_path / "command.svg"), "--quiet"])
+    drawn = (tmp_path / "library.svg").read_bytes()
+    assert drawn == (tmp_path / "command.svg").read_bytes()
+    assert drawn.startswith(b"<?xml")
+    finding = report.blocking[0]
+    assert repr(finding).startswith(f"<Finding {finding.rule} error at ")
+    assert escape(finding.message) in finding._repr_html_()
+    rule = vf.rules()[finding.rule]
+    assert f"<td>{rule.id}</td>" in vf.rules()._repr_html_()
+    assert repr(rule).startswith(f"<Rule {rule.id}: {rule.title}")
+    assert escape(rule.reason) in rule._repr_html_()
+
+
+def test_numbers_of_a_recipe_are_those_of_the_command(tmp_path, capsys):
+    out = tmp_path / "recipe.json"
+    assert main(["profiles", DEFAULT_RECIPE, "--json", str(out)]) == 0
+    found = vf.profile(DEFAULT_RECIPE)
+    assert found.numbers == json.loads(out.read_text())
+    assert "\n".join(found.summary) in capsys.readouterr().out
+    assert repr(found).endswith(found.summary[-1])
+    assert escape(found.summary[-1].strip()) in found._repr_html_()
 
 
 def test_the_names_of_what_is_shipped_are_listed():
@@ -507,6 +709,13 @@ VINE = vf.Design.read("plain_vine")
 
 PEGS = vf.maps.pegs(seed=1, columns=5, rows=5)
 
+
+def _photo(folder):
+    path = folder / "empty.png"
+    Image.new("RGB", (40, 30), "white").save(path)
+    return path
+
+
 WRONG = {
     "a map as a design": (lambda _: vf.check(ROOM), "design"),
     "a map as a name": (lambda _: vf.Design.read(ROOM), "design"),
@@ -615,6 +824,58 @@ WRONG = {
     ),
     "a text as growth of a check": (lambda _: vf.check(VINE, growth="x"), "growth"),
     "a start of a number": (lambda _: PEGS.with_start(3), "start is 3"),
+    "one design to compare": (lambda _: vf.compare(VINE, PEGS), "designs is '1 design'"),
+    "a map among designs": (lambda _: vf.compare([VINE, ROOM], PEGS), "designs is <Map"),
+    "nowhere to compare": (lambda _: vf.compare([VINE, VINE]), "maps is missing"),
+    "an unknown measure": (lambda _: vf.compare([VINE, VINE], PEGS, measure="reech"), "'reech'"),
+    "a number as a measure": (lambda _: vf.compare([VINE, VINE], PEGS, measure=3), "measure is 3"),
+    "a page that is none": (lambda _: vf.compare([VINE, VINE], PEGS, out=3), "out is 3"),
+    "a negative width": (lambda _: PEGS.info(width_mm=-3), "width_mm is -3"),
+    "figures in a picture of no kind": (lambda out: PEGS.info().write(out / "a.bmp"), ".json"),
+    "the name of an environment as a map": (lambda _: VINE.grow("grid"), "vf.maps.grid(seed=1)"),
+    "a box of numbers as bounds": (lambda _: vf.Map(name="a", bounds=(0, 0, 9, 9)), "bounds is (0"),
+    "one obstacle": (
+        lambda _: vf.Map(name="a", bounds=box(0, 0, 9, 9), obstacles=box(1, 1, 2, 2)),
+        "obstacles is",
+    ),
+    "a pose among starts": (
+        lambda _: vf.Map(name="a", bounds=box(0, 0, 9, 9), starts=((1, 2, 3),)), "starts is ((1"
+    ),
+    "one level": (
+        lambda _: vf.Design(name="a", trunk_length_mm=9, levels=vf.Level.of(2, 9),
+                            build=vf.Build.standard(2)),
+        "levels is Level",
+    ),
+    "a width as a build": (lambda _: vf.Design(name="a", trunk_length_mm=9, build=3), "build is 3"),
+    "one width": (lambda _: vf.Build(widths_mm=3.0, fillet_mm=()), "build.widths_mm is 3.0"),
+    "a map among settings": (lambda _: vf.RunSettings(maps=[ROOM]), "allowed: MapSettings"),
+    "a map among map files": (lambda _: vf.MapSettings(files=(ROOM,)), "maps.files is <Map"),
+    "a scale that is missing": (
+        lambda out: vf.maps.import_(_photo(out.parent)), "allowed: points 'X,Y;X,Y'"
+    ),
+    "photo options twice": (
+        lambda out: vf.maps.import_(out / "a.jpg", marker_mm=3, photo={"height_mm": 2}),
+        "marker_mm is 3; allowed: not beside photo",
+    ),
+    "one corner": (
+        lambda out: vf.observe(_photo(out.parent), PEGS, VINE, corners_px=3), "corners_px is 3"
+    ),
+    "a colour by name": (
+        lambda out: vf.observe(_photo(out.parent), PEGS, VINE, film_colour="red"),
+        "film_colour is 'red'",
+    ),
+    "an observation as PDF": (lambda out: vf.observe("a.jpg", PEGS, VINE, out=out / "a.pdf"),
+                              ".html or .json"),
+    "an unknown limit": (
+        lambda _: vf.check(VINE, limits={"VF-C01": {"warn": 6}}), "limits.VF-C01.warn is 6"
+    ),
+    "a rule that is none": (lambda _: vf.rules()["VF-C99"], "no rule is called 'VF-C99'"),
+    "a report as PDF": (lambda out: vf.report(VINE, out=out / "a.pdf", maps=ROOM), ".html"),
+    "no run to list": (lambda _: vf.runs(), "folders is missing"),
+    "an unknown run": (lambda _: vf.optimize("grid_coverge"), "did you mean 'grid_coverage'"),
+    "an unknown kind of file": (lambda out: vf.new("robot", out / "a.toml"), "kind is 'robot'"),
+    "an unknown profile": (lambda _: vf.profile("co2_60"), "no profile is called 'co2_60'"),
+    "a number as a profile": (lambda _: vf.profile(3), "name is 3"),
     "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip
 
@@ -627,6 +888,7 @@ def test_a_wrong_thing_is_one_line_that_names_it(name, tmp_path):
     message = str(caught.value)
     assert "\n" not in message
     assert named in message
+    assert "--" not in message.replace("--force overwrites it (force=True in Python)", "")
     assert not any(tmp_path.iterdir())
 
 
@@ -638,7 +900,8 @@ def test_an_unknown_parameter_of_any_function_is_an_error_that_names_it():
                  for name, one in inspect.signature(
                      vf.api.rig if function is vf.rig else function).parameters.items()
                  if one.default is one.empty and one.kind is one.POSITIONAL_OR_KEYWORD]  # fmt: skip
-        needed = {"out": Path("none")} if function in (vf.rig, vf.fabricate, vf.report) else {}
+        writing = (vf.rig, vf.fabricate, vf.report, vf.coupon, vf.calibrate)
+        needed = {"out": Path("none")} if function in writing else {}
         needed |= {"maps": PEGS} if function is vf.score else {}
         with pytest.raises((vf.VinefabError, TypeError)) as caught:
             function(*given, **needed, unheard_of=3)

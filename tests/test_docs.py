@@ -1,6 +1,7 @@
 """The documentation: it is built without a warning, and what it tells a user to type works."""
 
 import ast
+import inspect
 import json
 import os
 import re
@@ -8,21 +9,34 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
+import shapely
 from typer.main import get_command
 
 import vinefab as vf
-from vinefab.cli.main import COMMANDS, build_app, each_map_named
+from vinefab.cli.main import COMMANDS, UNDER_STUDY, UsageProblem, build_app, each_map_named
+from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files import map_geojson
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("tutorials/*.md"))]
-sys.path.insert(0, str(DOCS))
+sys.path[:0] = [str(DOCS), str(ROOT / "tests")]
 
-import reference_pages  # noqa: E402  lies in docs/, which is no package
+import draw_rules  # noqa: E402  lies in docs/, which is no package
+import reference_pages  # noqa: E402  as above
+from rule_sketch import long_px  # noqa: E402  as above
+from written_lines import (  # noqa: E402  as above
+    PAGES,
+    WrittenLine,
+    examples_below,
+    help_examples,
+    mentioned_on,
+    written_on,
+)
 
 
 def test_reference_pages_are_what_the_code_says(tmp_path):
@@ -57,6 +71,86 @@ def test_every_key_of_a_start_stands_on_the_page_of_map_files():
 def test_every_parameter_of_every_part_has_a_meaning():
     rows = re.findall(r"^\| `(\w+)` \| .* \|  \|$", reference_pages.parts_page(), re.MULTILINE)
     assert rows == []
+
+
+WORD_PICTURES = ("anatomy", "growth")
+RULE_PICTURES = DOCS / "pictures" / "rules"
+
+
+def test_every_rule_has_a_picture_on_its_page_and_every_picture_a_rule():
+    drawn = {path.stem for path in RULE_PICTURES.iterdir()}
+    assert drawn == set(draw_rules.SCENES) == {name for name in RULES if name.startswith("VF-")}
+    page = reference_pages.rules_page()
+    shown = re.findall(r"^### (.*?): .*\n\n!\[.*?\]\(\.\./pictures/rules/(.*?)\.svg\)", page, re.M)
+    assert dict(shown) == {rule: rule for rule in drawn}
+
+
+OF_NO_ONE_NUMBER = {"VF-T03", "VF-W04", "VF-J05", "VF-S01"}
+"""Rules whose pictures show an area, a difference or what is missing."""
+
+
+def words_of(drawing):
+    return re.findall(r"<text.*?>(.*?)</text>", drawing)
+
+
+def test_pictures_of_rules_show_what_the_rules_measure():
+    """Each rule fires on one side of its picture and not on the other: else it is not drawn."""
+    stale, silent = [], []
+    for rule in draw_rules.SCENES:
+        sides = draw_rules.sides_of(rule)
+        words = words_of(draw_rules.rule_picture(rule, sides))
+        if words_of((RULE_PICTURES / f"{rule}.svg").read_text(encoding="utf-8")) != words:
+            stale.append(rule)
+        measured = sides[0].finding.measured
+        if measured is not None and rule not in OF_NO_ONE_NUMBER:
+            numbers = [float(one) for text in words[:-1] for one in re.findall(r"[\d.]*\d", text)]
+            if not any(one == pytest.approx(measured, rel=0.01) for one in numbers):
+                silent.append(rule)
+    assert (stale, silent) == ([], []), "run: python docs/draw_pictures.py"
+
+
+def test_a_picture_whose_sides_do_not_differ_is_refused(monkeypatch):
+    scene = draw_rules.SCENES["VF-C01"]
+    monkeypatch.setitem(draw_rules.SCENES, "VF-C01", replace(scene, right=scene.wrong))
+    with pytest.raises(ValueError, match="VF-C01: its right side"):
+        draw_rules.sides_of("VF-C01")
+
+
+def test_words_too_long_for_a_picture_are_refused():
+    sides = draw_rules.sides_of("VF-B02")
+    sides[0].sketch.says = "a mouth much too wide for its clamp"
+    with pytest.raises(ValueError, match="too long for a panel"):
+        draw_rules.rule_picture("VF-B02", sides)
+
+
+LINE_PX = 11.0
+"""Height of words in pictures, about."""
+
+
+def places_of_words(panel):
+    """Return the words of a panel as boxes: left, top, right, bottom."""
+    shift = {"start": 0.0, "middle": 0.5, "end": 1.0}
+    form = r'<text class="halo" text-anchor="(\w+)" x="(\d+)" y="(\d+)">(.+?)</text>'
+    for anchor, x, y, words in re.findall(form, panel):
+        long = 0.95 * long_px(words)
+        left = float(x) - shift[anchor] * long
+        yield words, shapely.box(left, float(y) - LINE_PX, left + long, float(y))
+
+
+def test_no_words_in_pictures_lie_over_others():
+    pictures = [*RULE_PICTURES.iterdir(), *(DOCS / "pictures" / f"{n}.svg" for n in WORD_PICTURES)]
+    over, count = [], 0
+    for path in pictures:
+        for panel in path.read_text(encoding="utf-8").split("<svg x=")[-2:]:
+            placed = [one for one in places_of_words(panel) if one[0].strip()]
+            count += len(placed)
+            over += [
+                (path.stem, one, two)
+                for (one, here), (two, there) in combinations(placed, 2)
+                if here.buffer(-1.0).intersects(there.buffer(-1.0))
+            ]
+    assert over == []
+    assert count > 100
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):
@@ -112,45 +206,142 @@ def test_every_link_of_the_pages_leads_somewhere():
 # --- What a user types --------------------------------------------------------------------------
 
 
-def typed_lines(page: Path) -> list[str]:
-    """Return the command lines of a page's shell blocks, without comments, joined where broken."""
-    lines: list[str] = []
-    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M):
-        for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words:
-                lines.append(shlex.join(words))
-    return lines
-
-
 TYPED = [
-    (page, line)
+    line
     for page in PAGES
-    if page.name != "plugins.md"  # its commands are those of a package that is not installed here
-    for line in typed_lines(page)
-    if line.startswith("vinefab")
+    if page.stem != "plugins" and page.parent.name != "plugin_template"  # of a package of one's own
+    for line in written_on(page)
+    if line.text.startswith("vinefab ")
 ]
+MENTIONED = [line for page in PAGES for line in mentioned_on(page)]
+
+
+def understood(line, app):
+    """Return the options of the command that a line names, once its parser took all words."""
+    words = shlex.split(line.text)[1:]
+    context = app.make_context("vinefab", each_map_named(words))
+    group, rest = app, [*context._protected_args, *context.args]
+    while hasattr(group, "commands"):
+        name, group, rest = group.resolve_command(context, rest)
+        assert group is not None, (str(line.page), line.text)
+        context = group.make_context(name, rest, parent=context)
+        rest = [*getattr(context, "_protected_args", []), *context.args]
+
+
+def unknown_options(line, app):
+    """Return the options of a line in a sentence, which may leave out the rest, that are none."""
+    words, command = shlex.split(line.text)[1:], app
+    while words and words[0] in getattr(command, "commands", {}):
+        command = command.commands[words.pop(0)]
+    known = {name for one in command.params for name in (*one.opts, *one.secondary_opts)}
+    given = {word.partition("=")[0] for word in words if word.startswith("--")}
+    return given - known - {"--help"}
 
 
 def test_pages_have_commands():
-    assert len(TYPED) > 40
-    assert {line.split()[1] for _, line in TYPED} >= {"new", "map", "grow", "optimize", "rig"}
+    assert len(TYPED) > 100
+    assert {line.text.split()[1] for line in TYPED} >= {"new", "map", "grow", "optimize", "rig"}
+    assert len(MENTIONED) > 30
+
+
+def test_a_wrong_line_is_found():
+    app = get_command(build_app("study"))
+    with pytest.raises(UsageProblem, match="optimizers"):
+        understood(WrittenLine(Path("x"), "vinefab study contest a.toml --out b"), app)
+    assert unknown_options(WrittenLine(Path("x"), "vinefab study bench --quick"), app) == {
+        "--quick"
+    }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_line_of_the_pages_is_understood(command):
+def test_every_command_line_of_pages_and_helps_is_understood(command):
     app = get_command(build_app(command))
-    for page, line in TYPED:
-        words = shlex.split(line)[1:]
-        if words[0] != command:
-            continue
-        context = app.make_context("vinefab", each_map_named(words))  # type: ignore[attr-defined]
-        group, rest = app, [*context._protected_args, *context.args]
-        while hasattr(group, "commands"):
-            name, group, rest = group.resolve_command(context, rest)
-            assert group is not None, (page.name, line)
-            context = group.make_context(name, rest, parent=context)
-            rest = [*getattr(context, "_protected_args", []), *context.args]
+    for line in (*TYPED, *examples_below(command, app.commands[command])):  # type: ignore[attr-defined]
+        if line.text.split()[1] == command:
+            try:
+                understood(line, app)
+            except UsageProblem as error:
+                pytest.fail(f"{line.page}: {line.text}: {error}")
+    for line in MENTIONED:
+        if line.text.split()[1] == command:
+            assert unknown_options(line, app) == set(), (str(line.page), line.text)
+
+
+def test_no_page_types_a_name_that_is_no_longer_listed():
+    old = [line for line in (*TYPED, *MENTIONED) if line.text.split()[1] in UNDER_STUDY]
+    assert [(str(line.page), line.text) for line in old] == []
+
+
+def test_every_command_shows_an_example():
+    shown = {str(line.page) for line in help_examples()}
+    missing = [name for name in COMMANDS if f"vinefab {name} --help" not in shown]
+    assert missing == list(UNDER_STUDY)
+
+
+def test_examples_of_helps_take_only_files_that_ones_before_make():
+    """What they name is made by `new`, `examples` or another example above."""
+    made, missing = {"examples", "."}, []
+    for line in help_examples():
+        words = shlex.split(line.text)
+        for before, word in pairwise(words):
+            is_file = re.fullmatch(r"[\w/]+\.(toml|geojson|csv|json|jpg|html|dxf)", word)
+            if before in WRITTEN or words[1] == "new":
+                made.add(word)
+            elif is_file and word not in made and word.partition("/")[0] not in made:
+                missing.append((word, line.text))
+    assert missing == []
+
+
+WRITTEN = {"--out", "--json", "--svg", "--fix", "--fit", "--snapshot", "--animate"}
+"""Options whose file is written."""
+
+
+def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
+    page = (DOCS / "testing.md").read_text(encoding="utf-8")
+    marked = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if re.search(r"^(@|pytestmark = )pytest\.mark\.thorough", path.read_text("utf-8"), re.M)
+    }
+    assert len(marked) > 10
+    section = page.partition("## Tests that the gate leaves out")[2].partition("\n## ")[0]
+    assert {path for path in marked if Path(path).name not in section} == set()
+    named = {Path(name).name for name in re.findall(r"`((?:tests/)?[\w/]*test_\w+\.py)`", section)}
+    assert named == {Path(path).name for path in marked}
+
+
+WHERE = {
+    "dataclasses": "dataclass",
+    "pathlib": "Path",
+    "typing": "ClassVar",
+    "vinefab.fabrication.formats.laser_drawing": "LaserFileSpec LaserFormat ReadDrawing",
+    "vinefab.fabrication.rules.rule": "Limits Rule RuleApplied Violation",
+    "vinefab.fabrication.rules.subject": "Subject",
+    "vinefab.maps.importers.importers": "MapImporter",
+    "vinefab.maps.importers.source_drawing": "ImportOptions",
+    "vinefab.model.deployment": "Deployment",
+    "vinefab.model.map": "Map",
+    "vinefab.search.optimizers.optimizer": "Optimizer SearchAxes",
+    "vinefab.tasks.map_context": "MapContext",
+    "vinefab.tasks.task": "Outcome",
+}
+"""Modules of the names in the sketches of the code's map, which leave out their imports."""
+
+
+def test_the_sketches_of_parts_run():
+    names = {
+        name: getattr(import_module(module), name)
+        for module, listed in WHERE.items()
+        for name in listed.split()
+    }
+    sketches = [
+        line for line in written_on(ROOT / "vinefab" / "README.md") if line.text.count("\n") > 2
+    ]
+    for sketch in sketches:
+        exec(compile(sketch.text, "sketch", "exec"), names)  # noqa: S102  it is ours
+    assert len(sketches) >= 5
+    made = [name for name, made in names.items() if name.isupper()]
+    assert made == ["MASS", "GCODE"]
 
 
 # --- A package of one's own ---------------------------------------------------------------------
@@ -189,6 +380,111 @@ def test_parts_of_the_template_are_found(with_template, tmp_path):
     assert all(0.0 < one["score"] < 2.0 for one in scored["evaluations"])
     assert "remedy: shorten" in typed("vinefab rules MYLAB-01").stdout
     assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout
+
+
+# --- Python of the tutorials ---------------------------------------------------------------------
+
+
+TUTORIALS = {
+    "first_robot": ("first_robot",),
+    "search_to_laser": ("search_to_laser",),
+    "arena_and_rig": ("my_arena", "rig_and_reality"),
+}
+"""Tutorials whose Python is typed one after the other in one folder."""
+
+
+def fill_in_a_seam(table):
+    rows = table.read_text().splitlines()
+    place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
+    rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
+    table.write_text("\n".join(rows))
+
+
+@pytest.mark.parametrize(
+    "story",
+    [pytest.param(name, marks=() if name == "first_robot" else pytest.mark.thorough)
+     for name in TUTORIALS],
+)  # fmt: skip
+def test_the_python_of_a_tutorial_needs_no_command_line(story, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    # Seventy unseen maps take longer than a run here.
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
+    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+    for page in TUTORIALS[story]:
+        blocks = [w for w in written_on(DOCS / "tutorials" / f"{page}.md") if w.python]
+        assert blocks
+        for block in blocks:
+            assert set(re.findall(r"(?:import|from) (\w+)", block.text)) == {"vinefab"}
+            if block.left_out:
+                fill_in_a_seam(tmp_path / "own_coupons" / "results.csv")
+            exec(compile(block.text, page, "exec"), {})  # noqa: S102  it is ours
+    printed = capsys.readouterr().out
+    assert "(simulated)" in printed
+    assert "<vinefab" not in printed
+    assert " object at 0x" not in printed  # what is printed says what it is
+
+
+# --- The front door on one page -----------------------------------------------------------------
+
+ROOTS = {"vf": vf, "world": vf.Map, "design": vf.Design, "deployment": vf.Deployment}
+"""What the names in the pages' words stand for."""
+
+
+def calls_in_words(page: Path) -> list[ast.Call]:
+    """Return the calls of the library that a page has between backticks."""
+    text = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    calls = []
+    for words in re.findall(r"`([^`\n]+)`", text):
+        try:
+            tree = ast.parse(words.replace(", ...", ""))
+        except SyntaxError:
+            continue
+        calls += [one for one in ast.walk(tree) if isinstance(one, ast.Call)]
+    return [call for call in calls if ast.unparse(call.func).split(".")[0] in ROOTS]
+
+
+def wrong_call(call: ast.Call) -> str:
+    """Return what is wrong with a call: no such name or no such parameter; else nothing."""
+    root, *names = ast.unparse(call.func).split(".")
+    function = ROOTS[root]
+    for name in names:
+        if not hasattr(function, name):
+            return f"{ast.unparse(call)}: no {name}"
+        function = getattr(function, name)
+    given = [None] * (len(call.args) + isinstance(ROOTS[root], type))
+    try:
+        inspect.signature(function).bind_partial(
+            *given, **{word.arg: None for word in call.keywords if word.arg}
+        )
+    except TypeError as error:
+        return f"{ast.unparse(call)}: {error}"
+    return ""
+
+
+def test_a_wrong_call_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "`vf.maps.gird(seed=1)` `vf.check(design, map=world)` `world.info(width_mm=1)` `vf.rules()`"
+    )
+    found = [wrong_call(call) for call in calls_in_words(page)]
+    assert ["gird" in found[0], "'map'" in found[1], *found[2:]] == [True, True, "", ""]
+
+
+def test_calls_that_pages_name_can_be_made():
+    calls = [call for page in PAGES for call in calls_in_words(page)]
+    assert len(calls) > 30
+    assert [words for call in calls if (words := wrong_call(call))] == []
+
+
+def test_every_command_stands_on_the_page_of_the_library():
+    text = (DOCS / "library.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z]+)\b", text))
+    assert {command for command in COMMANDS if command not in named | set(UNDER_STUDY)} == set()
+
+
+def test_every_public_function_stands_on_the_page_of_the_library():
+    text = (DOCS / "library.md").read_text(encoding="utf-8")
+    assert [name for name in vf.__all__ if name.islower() and f"vf.{name}" not in text] == []
 
 
 # --- A notebook ---------------------------------------------------------------------------------

@@ -5,15 +5,18 @@ import runpy
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from vinefab.cli.main import main
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.drawing import map_plan
@@ -33,7 +36,7 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(autouse=True)
 def few_unseen_maps(monkeypatch):
     """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
-    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
     monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
 
 
@@ -229,3 +232,30 @@ def test_the_library_snippet_of_the_readme_runs(tmp_path):
         errors="replace",
     )
     assert len(ran.stdout.splitlines()) > 10
+
+
+IMPORTS = {
+    "cave.dxf": ("--drawn", "free"),
+    "survey.gpkg": ("--layer", "passages", "--drawn", "free", "--scale-mm-per-unit", "10"),
+    "world.yaml": ("--scale-mm-per-unit", "100"),
+    "scan.png": ("--points", "0,1240;1754,1240", "--distance-mm", "742.5"),
+}
+"""The drawings to import, with the words of the page of maps."""
+
+
+@pytest.mark.parametrize("name", IMPORTS)
+def test_a_drawing_shows_the_cave_that_it_was_made_from(name, tmp_path, monkeypatch):
+    pytest.importorskip("pyogrio")
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    free = import_module("draw_imports").free_area()
+    source, written = ROOT / "examples" / "imports" / name, tmp_path / "cave.geojson"
+    assert main(["map", "import", str(source), *IMPORTS[name], "--out", str(written), "-q"]) == 0
+    world = read_map(written)
+    assert len(world.obstacles) == len(free.interiors) == 1
+    drawn = 0.03 if name == "world.yaml" else 0.005  # cells of 5 mm
+    assert world.free_space.area == pytest.approx(free.area, rel=drawn)
+
+
+def test_every_drawing_is_tried():
+    kept = {path.name for path in (ROOT / "examples" / "imports").iterdir()}
+    assert kept == {*IMPORTS, "world.png"}

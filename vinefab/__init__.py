@@ -27,19 +27,23 @@ __all__ = [
     "Contour",
     "Deployment",
     "Design",
+    "DesignComparison",
     "Evaluation",
     "EvaluationSettings",
     "ExportRefusedError",
     "Finding",
     "Level",
     "Map",
+    "MapInfo",
     "MapSettings",
     "PartSettings",
     "PhotoReport",
     "Pose",
     "Pouch",
+    "ProfileNumbers",
     "ProposedFix",
     "Rule",
+    "RunListing",
     "RunResult",
     "RunSettings",
     "Score",
@@ -51,40 +55,55 @@ __all__ = [
     "WrittenFolder",
     "WrittenReport",
     "aim",
+    "calibrate",
     "check",
+    "compare",
+    "coupon",
     "designs",
+    "examples",
     "fabricate",
     "fit_observations",
     "fix",
     "maps",
+    "new",
     "observe",
     "optimize",
     "printers",
+    "profile",
     "recipes",
     "report",
     "rig",
     "rules",
+    "runs",
     "score",
 ]
 
 _HOMES = {
     "vinefab.api": (
         "PhotoReport",
+        "ProfileNumbers",
         "ProposedFix",
         "WrittenFolder",
         "WrittenReport",
         "aim",
+        "calibrate",
         "check",
+        "compare",
+        "coupon",
         "designs",
+        "examples",
         "fabricate",
         "fit_observations",
         "fix",
+        "new",
         "observe",
         "optimize",
         "printers",
+        "profile",
         "recipes",
         "report",
         "rules",
+        "runs",
         "score",
     ),
     "vinefab.core.errors": ("BadInputError", "ExportRefusedError", "VinefabError"),
@@ -96,7 +115,10 @@ _HOMES = {
     "vinefab.model.outline": ("Contour",),
     "vinefab.model.score": ("Evaluation", "Score"),
     "vinefab.prediction.aiming": ("AimResult",),
+    "vinefab.prediction.comparison": ("DesignComparison",),
+    "vinefab.prediction.map_info": ("MapInfo",),
     "vinefab.search.record.result": ("RunResult",),
+    "vinefab.search.run_pages": ("RunListing",),
     "vinefab.search.settings": (
         "EvaluationSettings",
         "MapSettings",
@@ -110,22 +132,30 @@ _HOMES = {
 if TYPE_CHECKING:
     from vinefab import maps as maps
     from vinefab.api import PhotoReport as PhotoReport
+    from vinefab.api import ProfileNumbers as ProfileNumbers
     from vinefab.api import ProposedFix as ProposedFix
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
     from vinefab.api import aim as aim
+    from vinefab.api import calibrate as calibrate
     from vinefab.api import check as check
+    from vinefab.api import compare as compare
+    from vinefab.api import coupon as coupon
     from vinefab.api import designs as designs
+    from vinefab.api import examples as examples
     from vinefab.api import fabricate as fabricate
     from vinefab.api import fit_observations as fit_observations
     from vinefab.api import fix as fix
+    from vinefab.api import new as new
     from vinefab.api import observe as observe
     from vinefab.api import optimize as optimize
     from vinefab.api import printers as printers
+    from vinefab.api import profile as profile
     from vinefab.api import recipes as recipes
     from vinefab.api import report as report
     from vinefab.api import rig as rig
     from vinefab.api import rules as rules
+    from vinefab.api import runs as runs
     from vinefab.api import score as score
     from vinefab.core.errors import BadInputError as BadInputError
     from vinefab.core.errors import ExportRefusedError as ExportRefusedError
@@ -148,7 +178,10 @@ if TYPE_CHECKING:
     from vinefab.model.score import Evaluation as Evaluation
     from vinefab.model.score import Score as Score
     from vinefab.prediction.aiming import AimResult as AimResult
+    from vinefab.prediction.comparison import DesignComparison as DesignComparison
+    from vinefab.prediction.map_info import MapInfo as MapInfo
     from vinefab.search.record.result import RunResult as RunResult
+    from vinefab.search.run_pages import RunListing as RunListing
     from vinefab.search.settings import EvaluationSettings as EvaluationSettings
     from vinefab.search.settings import MapSettings as MapSettings
     from vinefab.search.settings import PartSettings as PartSettings

@@ -23,7 +23,9 @@ from vinefab.core.atomic import (
     write_folder,
     write_text,
 )
-from vinefab.core.errors import BadInputError, ExportRefusedError
+from vinefab.core.errors import BadInputError, ExportRefusedError, located
+from vinefab.core.front_door import as_parameters, python_words
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import number, whole
 from vinefab.inputs import (
     ContactsLike,
@@ -32,12 +34,12 @@ from vinefab.inputs import (
     PoseLike,
     RecipeLike,
     all_names,
-    as_parameters,
     call_text,
     design_given,
     flags_given,
     growth_given,
     limits_given,
+    listed_given,
     map_given,
     mapping_given,
     maps_given,
@@ -45,7 +47,6 @@ from vinefab.inputs import (
     name_or_path,
     options_given,
     progress_given,
-    python_words,
     recipe_given,
     run_given,
     several_given,
@@ -53,6 +54,7 @@ from vinefab.inputs import (
 )
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_given
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Pose
@@ -61,8 +63,11 @@ if TYPE_CHECKING:
     from vinefab.fabrication.rules.rule import Rule
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
+    from vinefab.prediction.comparison import DesignComparison
+    from vinefab.prediction.family_deployments import MapFamily
     from vinefab.rig.rig_options import Printer
     from vinefab.search.record.result import Progress, RunResult
+    from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task
 
@@ -72,7 +77,7 @@ _MOST_POSES = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFolder:
-    """A folder of files that `fabricate` or `rig` wrote.
+    """A folder of files that `fabricate`, `rig` or `coupon` wrote.
 
     Parameters
     ----------
@@ -92,6 +97,9 @@ class WrittenFolder:
         """Return the path: the folder can be passed where one is expected."""
         return str(self.path)
 
+    def __repr__(self) -> str:
+        return f"<WrittenFolder {self.path}: {counted(len(self.files), 'file')}>\n{self.report!r}"
+
     def _repr_html_(self) -> str:
         """Show the files and the findings in a notebook."""
         from vinefab.noun_methods import html_of, html_table
@@ -102,21 +110,25 @@ class WrittenFolder:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenReport:
-    """A page that `report` wrote.
+    """A page that `report` wrote, or a recipe that `calibrate` wrote.
 
     Parameters
     ----------
     path
-        The page (HTML).
+        The page (HTML) or the recipe (TOML).
     summary
         The verdict and the numbers to take away, a line each.
     numbers
-        Every number of the page as plain values, schema ``vinefab/prediction-1``.
+        Every number as plain values, schema ``vinefab/prediction-1`` or ``vinefab/calibration-1``.
     """
 
     path: Path
     summary: tuple[str, ...]
     numbers: Mapping[str, Any]
+
+    def __fspath__(self) -> str:
+        """Return the path: a calibrated recipe is passed as ``recipe``."""
+        return str(self.path)
 
     def __repr__(self) -> str:
         return "\n".join([f"<WrittenReport {self.path}>", *self.summary])
@@ -195,6 +207,47 @@ class PhotoReport:
         return html_table(title, ("what was measured",), [(line,) for line in self.summary])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfileNumbers:
+    """What is known of a machine, a material or a recipe.
+
+    Parameters
+    ----------
+    name
+        Its name or path.
+    summary
+        Title and file, then each number with its standing and source, a line each.
+    numbers
+        The same as plain values, schema ``vinefab/profiles-1``.
+    """
+
+    name: str
+    summary: tuple[str, ...]
+    numbers: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<ProfileNumbers {self.name}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the numbers in a notebook."""
+        from vinefab.noun_methods import lines_html
+
+        return lines_html(self.summary)
+
+
+def _file_to_write(
+    key: str, given: str | PathLike[str] | None, endings: tuple[str, ...], *, force: bool
+) -> Path | None:
+    """Return the file to write, if one is asked for, once its kind and place will do."""
+    if given is None:
+        return None
+    path = path_given(key, given)
+    if path.suffix.lower() not in endings:
+        raise BadInputError(key, str(path), f"a file name ending in {' or '.join(endings)}")
+    ensure_writable(path, force=force)
+    return path
+
+
 def designs() -> tuple[str, ...]:
     """Return the names of the shipped designs and of the user's own.
 
@@ -226,6 +279,108 @@ def printers() -> tuple[str, ...]:
     ('generic_220', 'generic_256', 'generic_large')
     """
     return all_names("printer")
+
+
+def profile(name: str | PathLike[str]) -> ProfileNumbers:
+    """Explain a machine, a material or a recipe: every number with its standing and source.
+
+    Parameters
+    ----------
+    name
+        A shipped name, one of your own, or a path.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such profile.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> profile("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
+    True
+    """
+    from vinefab.fabrication.profile_listing import explain, profile_json
+
+    given = str(path_given("name", name, "a name, or a path"))
+    return ProfileNumbers(
+        name=given, summary=tuple(explain(given)), numbers=json.loads(profile_json(given))
+    )
+
+
+def examples(
+    *names: str, out: str | PathLike[str] | None = None, force: bool = False
+) -> tuple[str, ...]:
+    """Return the names of the shipped examples, or copy them to try and change.
+
+    Parameters
+    ----------
+    *names
+        Examples, with or without folder and ending; all of them if none is named.
+    out
+        Copy them into this folder; what is there already and unchanged stays.
+    force
+        Overwrite files that vinefab did not write, or that were changed.
+
+    Raises
+    ------
+    ForeignFileError
+        If a file is in the way.
+    UnknownNameError
+        If there is no such example.
+
+    Examples
+    --------
+    >>> examples("grid_coverage")
+    ('grid_coverage.toml',)
+    """
+    from vinefab.model.files.starters import copy_examples, examples_named
+
+    flags_given(force=force)
+    chosen = examples_named([name_given("names", name) for name in names])
+    if out is not None:
+        copy_examples(chosen, path_given("out", out), force=force)
+    return tuple(chosen)
+
+
+def new(kind: str, file: str | PathLike[str], *, force: bool = False) -> Path:
+    """Write a commented design, run file, map or recipe to begin with; its name is the file's.
+
+    Parameters
+    ----------
+    kind
+        ``design``, ``run``, ``map`` or ``recipe``.
+    file
+        The file to write: ``.geojson`` for a map, else ``.toml``.
+    force
+        Overwrite what is there, whoever wrote it.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such kind, or the name ends in something else.
+    ForeignFileError
+        If the place is taken.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     Design.read(new("design", f"{folder}/mine.toml")).name
+    'mine'
+    """
+    from vinefab.model.files.starters import write_starter
+
+    flags_given(force=force)
+    path = path_given("file", file)
+    write_starter(name_given("kind", kind), path, force=force)
+    return path
 
 
 def score(
@@ -402,11 +557,7 @@ def aim(
     from vinefab.prediction.provenance import origin_of
 
     flags_given(alone=alone, force=force)
-    path = None if out is None else path_given("out", out)
-    if path is not None:
-        if path.suffix.lower() not in (".html", ".svg", ".png"):
-            raise BadInputError("out", str(path), "a file name ending in .html, .svg or .png")
-        ensure_writable(path, force=force)
+    path = _file_to_write("out", out, (".html", ".svg", ".png"), force=force)
     place, scored_on = map_given(world, "world"), task_given(task, parameters)
     other = None if against is None else design_given(against, "against")
     given = growth_given(
@@ -434,7 +585,135 @@ def aim(
         origin = origin_of(call, designs, None, [family])
         document = aim_document(found, origin, path.suffix, choice.notes)
         write_bytes(path, document, force=force)
+    return replace(found, notes=(*choice.notes, *found.notes))
+
+
+def compare(
+    designs: Iterable[DesignLike],
+    maps: MapLike | Iterable[MapLike] = (),
+    *,
+    environment: str | None = None,
+    count: int = 100,
+    options: Mapping[str, object] | None = None,
+    measure: str = "coverage_score",
+    poses: int = 3,
+    seed: int = 0,
+    body: str | None = None,
+    head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    contacts: ContactsLike | None = None,
+    growth: Mapping[str, object] | None = None,
+    out: str | PathLike[str] | None = None,
+    progress: Callable[[float, str], None] | bool = True,
+    force: bool = False,
+) -> DesignComparison:
+    """Compare designs on the same maps and poses, with paired statistics (simulated).
+
+    Parameters
+    ----------
+    designs
+        Two to twelve designs, their paths or their names.
+    maps
+        Maps or paths of map files to compare on.
+    environment
+        Compare on unseen maps of this environment too: ``grid``, ``cave``, ...
+    count
+        How many unseen maps.
+    options
+        The environment's options, such as ``{"size_mm": 300}``.
+    measure
+        What counts most, such as ``reach_percent``.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of unseen maps and poses.
+    body
+        ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the designs were trained.
+    head_on_half_angle_deg
+        As in ``Design.grow``; a range ``(low, high)`` gives every deployment a value of its own.
+    contacts
+        Numbers that photos measured, as in ``Design.grow``.
+    growth
+        Any growth options by name, as in ``Design.grow``.
+    out
+        A page (HTML) to write.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    DesignComparison
+        The ``means`` by name, best first, the paired ``differences``, and a ``summary`` in lines.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there are neither maps nor an environment.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design, environment or measure.
+
+    Examples
+    --------
+    >>> from vinefab import maps
+    >>> found = compare(["plain_vine", "three_level_tree"], maps.pegs(seed=1), poses=1)
+    >>> sorted(found.means)
+    ['plain_vine', 'three_level_tree']
+    """
+    from vinefab.growth.options import GrowthChoice
+    from vinefab.prediction.comparison import compare_designs, comparison_page, measure_named
+    from vinefab.prediction.family_deployments import PredictionPlan
+    from vinefab.prediction.provenance import origin_of
+
+    flags_given(force=force)
+    path = _file_to_write("out", out, (".html",), force=force)
+    named = several_given(designs, Design)
+    robots = [design_given(one, "designs") for one in named]
+    main = measure_named(name_given("measure", measure))
+    given = growth_given(
+        growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
+    )
+    choice = GrowthChoice.of(robots, given)
+    plan = PredictionPlan(
+        poses=whole("poses", poses, 1, _MOST_POSES),
+        seed=whole("seed", seed, 0, _MOST_SEED),
+        options=choice.options,
+    )
+    families, places = _families(maps, environment, count, seed, options)
+    with progress_given("compare", progress) as tell:
+        found = compare_designs(
+            robots, families, plan, tell, measure=main, growth_notes=choice.notes
+        )
+    if path is not None:
+        call = f"vf.compare([{', '.join(map(call_text, named))}], {places}, "
+        call += f"measure={main.key!r}, {poses=}, {seed=}, growth={choice.options.content}, "
+        call += f"out={str(path)!r})"
+        page = comparison_page(found, origin_of(call, robots, None, families))
+        write_text(path, page, force=force)
     return found
+
+
+def _families(
+    maps: MapLike | Iterable[MapLike],
+    environment: str | None,
+    count: int,
+    seed: int,
+    options: Mapping[str, object] | None,
+) -> tuple[tuple[MapFamily, ...], str]:
+    """Return the maps given and unseen ones as families, and the parameters that name them."""
+    from vinefab.prediction.family_deployments import map_families, unseen_maps
+
+    given = several_given(maps, Map)
+    words = f"maps=[{', '.join(map(call_text, given))}]"
+    with python_words():
+        chosen, unseen = mapping_given("options", options), None
+        if environment is not None:
+            unseen = unseen_maps(name_given("environment", environment), count, seed, chosen)
+            words += f", {environment=}, {count=}, options={dict(chosen)}"
+        return map_families([map_given(one, "maps") for one in given], unseen), words
 
 
 def optimize(
@@ -442,6 +721,7 @@ def optimize(
     *,
     out: str | PathLike[str] | None = None,
     workers: int = 1,
+    seed: int | None = None,
     task: str | Task | None = None,
     resume: bool = False,
     generations: int | None = None,
@@ -456,12 +736,14 @@ def optimize(
     Parameters
     ----------
     run
-        The path of a run file (TOML, ``vinefab/run-1``), or settings.
+        The path of a run file (TOML, ``vinefab/run-1``), the name of a shipped one, or settings.
     out
         A folder for the record (``run.sqlite``), ``best.toml``, the page ``index.html`` with its
         pictures and, for several objectives, the front; None keeps the result in memory.
     workers
         Threads; no result depends on it.
+    seed
+        Seed of the search in place of the run's.
     task
         A task in place of the run's: its name, or a task of your own.
     resume
@@ -515,6 +797,9 @@ def optimize(
     own_task = None if task is None or isinstance(task, str) else task_given(task, {})
     if isinstance(task, str):
         settings = replace(settings, task=PartSettings(name=task))
+    if seed is not None:
+        search = replace(settings.search, seed=whole("seed", seed, 0, _MOST_SEED))
+        settings = replace(settings, search=search)
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     if not resume and limits.given:
         name, value = next(iter(limits.given.items()))
@@ -578,6 +863,35 @@ def _write_result(
         write_front(result, settings, folder, force=force)
 
 
+def runs(*folders: str | PathLike[str]) -> RunListing:
+    """List the records of runs in folders and below, with mean and deviation over seeds.
+
+    Parameters
+    ----------
+    *folders
+        Folders of runs, or folders above them.
+
+    Returns
+    -------
+    RunListing
+        ``rows`` as plain values, and ``lines``; `RunResult.read` reads one of them.
+
+    Raises
+    ------
+    BadInputError
+        If a folder has no run in it or below.
+
+    Examples
+    --------
+    >>> runs("night")  # doctest: +SKIP
+    """
+    from vinefab.search.run_pages import list_runs
+
+    if not folders:
+        raise BadInputError("folders", None, "folders of runs, or folders above them")
+    return list_runs([path_given("folders", folder) for folder in folders])
+
+
 def check(
     design: DesignLike,
     recipe: RecipeLike = DEFAULT_RECIPE,
@@ -586,6 +900,8 @@ def check(
     rig: str | PathLike[str] | None = None,
     limits: Mapping[str, Mapping[str, float]] | None = None,
     growth: Mapping[str, object] | None = None,
+    out: str | PathLike[str] | None = None,
+    force: bool = False,
 ) -> CheckReport:
     """Check a design against the rules of making and deploying it.
 
@@ -603,6 +919,11 @@ def check(
         Limits in place of the rules' own: ``{"VF-C01": {"warning": 6.0}}``.
     growth
         Growth options by name for the maps, as in ``Design.grow``; there no pressure stops it.
+    out
+        The robot with the findings in place, to write: ``.svg`` or ``.png``, or ``.dxf`` on layers
+        that are not cut.
+    force
+        Overwrite a file that vinefab did not write.
 
     Returns
     -------
@@ -623,8 +944,10 @@ def check(
     >>> check("plain_vine").blocking
     ()
     """
-    from vinefab.fabrication.checking import check_design
+    from vinefab.fabrication.checking import check_design, findings_file
 
+    flags_given(force=force)
+    picture = _file_to_write("out", out, (".svg", ".png", ".dxf"), force=force)
     robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
     changed = limits_given(limits)
     facts, deployed = None, tuple[tuple[str, Deployment], ...]()
@@ -638,7 +961,11 @@ def check(
 
         with python_words():
             deployed = deploy_from_starts(robot, worlds, options)
-    return check_design(robot, profile, changed, deployed, worlds, facts)
+    with python_words():
+        report = check_design(robot, profile, changed, deployed, worlds, facts)
+    if picture is not None:
+        write_bytes(picture, findings_file(robot, profile, report, picture), force=force)
+    return report
 
 
 def fix(
@@ -721,9 +1048,9 @@ def rules() -> Mapping[str, Rule]:
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 3.0, 'warning': 5.0})
     """
-    from vinefab.fabrication.rule_listing import all_rules
+    from vinefab.fabrication.rule_listing import RuleBook, all_rules
 
-    return {rule.id: rule for rule in all_rules()}
+    return RuleBook((rule.id, rule) for rule in all_rules())
 
 
 def fabricate(
@@ -818,6 +1145,126 @@ def fabricate(
     return WrittenFolder(path=folder, files=tuple(files), report=prepared.report)
 
 
+def _forbidding(report: CheckReport) -> str:
+    """Return which rules forbid what was checked."""
+    return f"{', '.join(sorted({finding.rule for finding in report.blocking}))} forbid it"
+
+
+def coupon(
+    recipe: RecipeLike = DEFAULT_RECIPE, *, out: str | PathLike[str], force: bool = False
+) -> WrittenFolder:
+    """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
+
+    Parameters
+    ----------
+    recipe
+        A recipe's name or path, or a laser profile.
+    out
+        The folder to write; ``README.txt`` in it says what to do, ``results.csv`` is the table.
+    force
+        Overwrite what vinefab did not write, and a table that was filled in.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the check.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or a coupon is larger than the machine's bed.
+    ExportRefusedError
+        If a rule forbids the coupons; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else, or its table was filled in.
+    UnknownNameError
+        If there is no such recipe.
+
+    Examples
+    --------
+    >>> coupon("co2_60w__stretchlon_200", out="coupons")  # doctest: +SKIP
+    """
+    from vinefab.fabrication.calibration.coupon_package import (
+        COUPON_MARK,
+        coupon_files,
+        ensure_coupon_folder,
+        make_coupons,
+    )
+
+    flags_given(force=force)
+    folder = path_given("out", out)
+    ensure_coupon_folder(folder, force=force)
+    made = make_coupons(recipe_given(recipe))
+    if made.report.blocking:
+        raise ExportRefusedError("coupons", _forbidding(made.report), made.report)
+    files = coupon_files(made)
+    write_folder(folder, files, COUPON_MARK, force=force)
+    return WrittenFolder(path=folder, files=tuple(files), report=made.report)
+
+
+def calibrate(
+    results: str | PathLike[str],
+    recipe: str | PathLike[str] = DEFAULT_RECIPE,
+    *,
+    out: str | PathLike[str],
+    force: bool = False,
+) -> WrittenReport:
+    """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
+
+    Parameters
+    ----------
+    results
+        The table that `coupon` wrote, filled in.
+    recipe
+        The recipe that the coupons were cut with, its name or path.
+    out
+        The recipe to write, ``NAME.toml``: what is returned can be passed as ``recipe``.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    WrittenReport
+        The recipe's ``path``, the fitted numbers (measured) as ``summary`` and as ``numbers``.
+
+    Raises
+    ------
+    BadInputError
+        If a reading cannot be used, or readings cannot tell the unknowns apart.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
+    >>> fabricate("grid_explorer", mine, out="package")  # doctest: +SKIP
+    """
+    from vinefab.fabrication.calibration.calibrated_recipe import (
+        calibrated_recipe,
+        calibration_json,
+        calibration_lines,
+    )
+    from vinefab.fabrication.calibration.coupon_results import read_results
+    from vinefab.fabrication.calibration.fit_recipe import calibrate as fitted
+
+    flags_given(force=force)
+    path, table = path_given("out", out), path_given("results", results)
+    ensure_writable(path, force=force)
+    before = name_or_path("recipe", recipe, "a recipe's path or name")
+    profile = read_profile(before)
+    with located(table):
+        found = fitted(read_results(table), profile)
+    with python_words():
+        write_text(path, calibrated_recipe(found, before, path, table), force=force)
+    return WrittenReport(
+        path=path,
+        summary=tuple(calibration_lines(found)),
+        numbers=json.loads(calibration_json(found)),
+    )
+
+
 def rig(
     world: MapLike,
     printer: Printer | str | PathLike[str] = DEFAULT_PRINTER,
@@ -904,8 +1351,7 @@ def rig(
             options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
         made = make_rig(place, machine, options, request, progress=tell)
     if made.report.blocking:
-        rules = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
-        raise ExportRefusedError(f"rig of {place.name}", f"{rules} forbid it", made.report)
+        raise ExportRefusedError(f"rig of {place.name}", _forbidding(made.report), made.report)
     write_folder(folder, made.files, RIG_MARK, force=force)
     return WrittenFolder(path=folder, files=tuple(made.files), report=made.report)
 
@@ -983,16 +1429,20 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     flags_given(force=force)
-    page = None if out is None else path_given("out", out)
-    if page is not None:
-        ensure_writable(page, force=force)
+    page = _file_to_write("out", out, (".html", ".json"), force=force)
     world, robot = map_given(map), design_given(design)
+    corners = "columns and rows of four corners, eight numbers"
+    colour = "red, green and blue, 0 to 255"
     with python_words():
         setup = PhotoSetup.of(
             rig=None if rig is None else path_given("rig", rig),
-            corners_px=None if corners_px is None else tuple(corners_px),
+            corners_px=None
+            if corners_px is None
+            else listed_given("corners_px", corners_px, corners),
             obstacle_mm=obstacle_height_mm,
-            film_colour=None if film_colour is None else tuple(film_colour),
+            film_colour=None
+            if film_colour is None
+            else listed_given("film_colour", film_colour, colour),
             outline=None if outline is None else path_given("outline", outline),
         )
         start = first_start(world) if pose is None else Pose.of(pose)
@@ -1143,19 +1593,14 @@ def report(
     >>> print(page.summary[0])  # doctest: +SKIP
     """
     from vinefab.growth.options import GrowthChoice
-    from vinefab.prediction.family_deployments import (
-        PredictionPlan,
-        map_families,
-        unseen_maps,
-    )
+    from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import part_of, predict
     from vinefab.prediction.prediction_json import prediction_text, summary_lines
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
-    path = path_given("out", out)
-    ensure_writable(path, force=force)
-    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    path = _file_to_write("out", path_given("out", out), (".html",), force=force) or Path()
+    robot, profile = design_given(design), recipe_given(recipe)
     given = growth_given(
         growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
     )
@@ -1165,16 +1610,9 @@ def report(
         seed=whole("seed", seed, 0, _MOST_SEED),
         options=grown,
     )
-    with python_words():
-        chosen, unseen = mapping_given("options", options), None
-        if environment is not None:
-            unseen = unseen_maps(name_given("environment", environment), count, seed, chosen)
-        families = map_families(worlds, unseen)
-    places = ", ".join(call_text(place) for place in several_given(maps, Map))
-    call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, maps=[{places}]"
-    if environment is not None:
-        call += f", {environment=}, {count=}, options={dict(chosen)}"
-    call += f", {poses=}, {seed=}, growth={grown.content})"
+    families, places = _families(maps, environment, count, seed, options)
+    call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, {places}, "
+    call += f"{poses=}, {seed=}, growth={grown.content})"
     origin = origin_of(call, [robot], profile, families)
     with progress_given("report", progress) as tell:
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))

@@ -6,7 +6,6 @@ A design, map, recipe or printer may be an object, a path or a name.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
@@ -19,7 +18,7 @@ from vinefab.core.progress_lines import progress_shown
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import names, path_given, user_names
+from vinefab.model.files.shipped import locate, names, path_given, user_names
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 
@@ -65,7 +64,18 @@ def map_given(given: MapLike, key: str = "map") -> Map:
     """Return a map, given as such or by the path of its file."""
     if isinstance(given, Map):
         return given
-    return Map.read(path_given(key, given, "a Map, or the path of a map file (GeoJSON)"))
+    path = path_given(key, given, "a Map, or the path of a map file (GeoJSON)")
+    if str(given) in maps_made_here() and not path.exists():
+        allowed = f"a Map such as vf.maps.{given}(seed=1), or the path of a map file (GeoJSON)"
+        raise BadInputError(key, given, allowed)
+    return Map.read(path)
+
+
+def maps_made_here() -> tuple[str, ...]:
+    """Return the names of the functions that make maps."""
+    from vinefab import maps
+
+    return tuple(name for name in maps.__all__ if name not in ("read", "import_"))
 
 
 def maps_given(given: MapLike | Iterable[MapLike]) -> list[Map]:
@@ -75,6 +85,8 @@ def maps_given(given: MapLike | Iterable[MapLike]) -> list[Map]:
 
 def several_given(given: Any, kind: type) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one thing, or an iterable of them, as a sequence."""
+    if isinstance(given, Mapping):
+        given = given.values()
     alone = isinstance(given, kind | str | PathLike) or not isinstance(given, Iterable)
     return (given,) if alone else tuple(given)
 
@@ -133,6 +145,13 @@ def flags_given(**given: object) -> None:
             raise BadInputError(key, value, "True or False")
 
 
+def listed_given(key: str, given: object, allowed: str) -> tuple[Any, ...]:
+    """Return several values, or raise BadInputError for what is one thing."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise BadInputError(key, given, allowed)
+    return tuple(given)
+
+
 def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:
     """Return a task by its name, or the one given."""
     from vinefab.tasks.shipped_tasks import TASKS, make_task
@@ -154,7 +173,8 @@ def run_given(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Pa
 
     if isinstance(given, RunSettings):
         return given, None
-    path = path_given("run", given, "RunSettings, or the path of a run file (TOML)")
+    allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
+    path = locate("run file", name_or_path("run", given, allowed))
     return read_run(path), path
 
 
@@ -175,20 +195,3 @@ def call_text(given: object) -> str:
     if isinstance(given, Design | Map):
         return f"<{type(given).__name__} {given.name}>"
     return repr(str(given))
-
-
-@contextmanager
-def python_words() -> Iterator[None]:
-    """Name parameters as they are called here, where a room names the options of its command."""
-    try:
-        yield
-    except BadInputError as error:
-        key, allowed = as_parameters(error.key), as_parameters(error.allowed)
-        if (key, allowed) == (error.key, error.allowed):
-            raise
-        raise BadInputError(key, error.value, allowed, error.source) from error
-
-
-def as_parameters(words: str) -> str:
-    """Return a text in which ``--allow-empty`` is called ``allow_empty``."""
-    return re.sub(r"--([a-z][a-z0-9-]*)", lambda option: option[1].replace("-", "_"), words)

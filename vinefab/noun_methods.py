@@ -6,27 +6,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from base64 import b64encode
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import python_words
 from vinefab.core.plain_text import counted, visible
 from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
-from vinefab.model.finding import CheckReport
+from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.model.score import Score
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.rule_listing import RuleBook
+    from vinefab.fabrication.rules.rule import Rule
+    from vinefab.prediction.aiming import AimResult
+    from vinefab.prediction.comparison import DesignComparison
+    from vinefab.prediction.deploy import DeployedDesign
+    from vinefab.prediction.map_info import MapInfo
     from vinefab.search.record.result import RunResult
+    from vinefab.search.run_pages import RunListing
 
 MOST_ROWS = 50
 """Evaluations of a score that a notebook shows."""
@@ -57,31 +66,50 @@ def grow_design(
     return replace(grown.deployment, design=design, world=place, growth=choices)
 
 
-def write_deployment(
-    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
-) -> Path:
-    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+def _deployed(deployment: Deployment) -> DeployedDesign:
+    """Return a deployment with what its numbers and files need."""
     from vinefab.growth.options import GrowthOptions
     from vinefab.growth.terrain import Terrain
     from vinefab.prediction.deploy import DeployedDesign
 
-    target, design, world = path_given("path", path), deployment.design, deployment.world
-    suffix = target.suffix.lower()
-    if suffix not in (".json", ".svg", ".png", ".gif"):
-        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    design, world = deployment.design, deployment.world
     if design is None or world is None:
         raise BadInputError("deployment", deployment, "one that Design.grow returned")
-    whole_deployment = DeployedDesign(
+    return DeployedDesign(
         design=design,
         world=world,
         terrain=Terrain.of(world),
         options=GrowthOptions.of(deployment.growth),
         deployment=deployment,
     )
+
+
+def deployment_summary(deployment: Deployment) -> tuple[str, ...]:
+    """Return what became of the branches, a line each, as ``vinefab grow`` prints it."""
+    return tuple(_deployed(deployment).summary())
+
+
+def write_deployment(
+    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
+) -> Path:
+    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+    target = path_given("path", path)
+    suffix = target.suffix.lower()
+    if suffix not in (".json", ".svg", ".png", ".gif"):
+        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
+    whole_deployment = _deployed(deployment)
     if suffix == ".json":
         return write_text(target, whole_deployment.text(), force=force)
     drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
     return write_bytes(target, drawn(suffix), force=force)
+
+
+def info_of(world: Map, *, width_mm: float | None, passages: int) -> MapInfo:
+    """Return figures of a map; see `vinefab.model.map.Map.info`."""
+    from vinefab.prediction.map_info import map_info
+
+    with python_words():
+        return map_info(world, width_mm=width_mm, passages=passages)
 
 
 def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
@@ -96,7 +124,7 @@ def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
 
 
 def _map_document(world: Map) -> str:
-    from vinefab.pages.plan_document import START, plan_document
+    from vinefab.pages.plan_document import START_ENTRY, plan_document
     from vinefab.pages.plan_svg import ground_svg, pose_svg
 
     size_mm = START_SIZE * max(world.size_mm)
@@ -106,7 +134,7 @@ def _map_document(world: Map) -> str:
         [ground_svg(world, box_mm=world.bounds.bounds), *starts],
         world.bounds.bounds,
         title=f"{world.name}: {size} mm",
-        legend=[*([START] if starts else []), *_range_entry(world)],
+        legend=[*([START_ENTRY] if starts else []), *_range_entry(world)],
     )
 
 
@@ -141,7 +169,7 @@ def _design_document(design: Design) -> str | None:
 
 def _deployment_document(deployment: Deployment) -> str:
     from vinefab.pages.map_view import longer_mm, robot_box, robot_view
-    from vinefab.pages.plan_document import START, plan_document, robot_legend
+    from vinefab.pages.plan_document import START_ENTRY, plan_document, robot_legend
     from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg
 
     world, design = deployment.world, deployment.design
@@ -156,7 +184,7 @@ def _deployment_document(deployment: Deployment) -> str:
     if world and box_mm != world.bounds.bounds:
         names[1] = f"on a part of {world.name}, {world.size_mm[0]:g} x {world.size_mm[1]:g} mm"
     title = " ".join(filter(None, names))
-    legend = [*robot_legend(deployment), START, *(_range_entry(world) if world else ())]
+    legend = [*robot_legend(deployment), START_ENTRY, *(_range_entry(world) if world else ())]
     return plan_document(parts, box_mm, title=title, legend=legend)
 
 
@@ -171,15 +199,20 @@ def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]
     return f"{above}<table><tr>{cells}</tr>{lines}</table>" if rows else above
 
 
-def html_of(noun: CheckReport | Score | RunResult) -> str:
-    """Return findings, a score or a run as HTML for notebooks."""
-    if isinstance(noun, CheckReport):
-        return _report_html(noun)
-    return _score_html(noun) if isinstance(noun, Score) else _run_html(noun)
+def html_of(noun: object) -> str:
+    """Return a result as HTML for notebooks."""
+    # By name: a report of a check must not wait for the rooms of the others.
+    return _HTML_FORMS[type(noun).__name__](noun)
 
 
 def _report_html(report: CheckReport) -> str:
-    from vinefab.fabrication.checking import rule_title, verdict
+    from vinefab.fabrication.checking import verdict
+
+    return _findings_html(verdict(report), report.findings)
+
+
+def _findings_html(title: str, findings: Sequence[Finding]) -> str:
+    from vinefab.fabrication.checking import rule_title
 
     rows = [
         (
@@ -191,13 +224,29 @@ def _report_html(report: CheckReport) -> str:
             "" if found.measured is None else f"{found.measured:.4g} {found.unit}",
             "" if found.limit is None else f"{found.limit:.4g} {found.unit}",
         )
-        for found in report.findings
+        for found in findings
     ]
     head = ("", "rule", "what must hold", "branches", "finding", "is", "limit")
-    return html_table(verdict(report), head, rows)
+    return html_table(title, head, rows)
+
+
+def _rule_html(rule: Rule) -> str:
+    from vinefab.fabrication.rule_listing import rule_lines
+
+    return lines_html(rule_lines(rule))
+
+
+def _rules_html(book: RuleBook) -> str:
+    from vinefab.fabrication.rule_listing import limits_text
+
+    rows = [(rule.id, rule.title, limits_text(rule, "{}")) for rule in book.values()]
+    return html_table(counted(len(rows), "rule"), ("rule", "what must hold", "limits"), rows)
 
 
 def _score_html(score: Score) -> str:
+    from vinefab.growth.options import GrowthOptions
+    from vinefab.prediction.scoring import parts_line
+
     composite = ", ".join(f"{name} {value:.4g}" for name, value in score.composite.items())
     rows = [
         (one.map_name, *_pose_cells(one.pose), f"{one.score:.4f}")
@@ -206,7 +255,13 @@ def _score_html(score: Score) -> str:
     if len(score.evaluations) > MOST_ROWS:
         rows.append((f"and {len(score.evaluations) - MOST_ROWS} more", "", "", ""))
     head = ("map", "start (mm)", "heading (deg)", "score")
-    return html_table(f"{score.task}: {composite} (simulated)", head, rows)
+    title = f"{score.task}: {composite} (simulated)"
+    below = [*parts_line(score), *score.notes]
+    if score.growth:  # scores of a search do not say
+        grown = GrowthOptions.of(score.growth)
+        title += f"; {grown.body} body, head-on half-angle {grown.half_angle_text} "
+        title += f"({grown.half_angle_standing})"
+    return html_table(title, head, rows) + "".join(f"<p>{escape(line)}</p>" for line in below)
 
 
 def _pose_cells(pose: Pose) -> tuple[str, str]:
@@ -214,18 +269,74 @@ def _pose_cells(pose: Pose) -> tuple[str, str]:
 
 
 def _run_html(result: RunResult) -> str:
-    title = (
-        f"{result.best.name}: best of {counted(result.evaluations, 'design')} in "
-        f"{counted(len(result.history), 'generation')}, stopped by {result.stopped}"
-    )
+    from vinefab.prediction.run_winner import prediction_lines
+
     rows = [
         (
             place,
             counted(one.design.branch_count, "branch"),
+            f"{one.fitness:.4f}",
             f"{one.score.composite['mean']:.4f}",
             "yes" if one.penalty == 0.0 else "no",
         )
         for place, one in enumerate(result.finalists, 1)
     ]
-    head = ("finalist", "design", f"mean {result.score.task} (simulated)", "keeps what was checked")
-    return html_table(title, head, rows) + (svg_of(result.best) or "")
+    head = (
+        "finalist", "design", "fitness, which orders them (simulated)",
+        f"mean {result.score.task} on the training maps (simulated)", "keeps what was checked",
+    )  # fmt: skip
+    told = [*result.notes, *(prediction_lines(result.prediction) if result.prediction else ())]
+    below = "".join(f"<p>{escape(line)}</p>" for line in told)
+    return html_table(result.headline, head, rows) + below + (svg_of(result.best) or "")
+
+
+def lines_html(lines: Sequence[str]) -> str:
+    """Return lines for the user, the first as the title, for notebooks."""
+    return html_table(lines[0], ("",), [(line,) for line in lines[1:]])
+
+
+def _picture_html(data: bytes, kind: str) -> str:
+    """Return a picture in a frame of its own: names in one do not touch those in another."""
+    return f'<img alt="" src="data:image/{kind};base64,{b64encode(data).decode()}">'
+
+
+def _info_html(info: MapInfo) -> str:
+    return lines_html(info.summary) + _picture_html(info.picture(".svg"), "svg+xml")
+
+
+def _comparison_html(found: DesignComparison) -> str:
+    from vinefab.prediction.comparison import (
+        paired_difference_table,
+        ranking_lines,
+        side_by_side_table,
+        told_differences,
+    )
+
+    tables = side_by_side_table(found.outcomes()), paired_difference_table(told_differences(found))
+    return lines_html(ranking_lines(found)) + "".join(
+        html_table(table.caption, table.headings, table.rows) for table in tables
+    )
+
+
+def _aim_html(found: AimResult) -> str:
+    robot = found.first
+    shown = replace(robot.shown[0], design=robot.design, world=found.world)
+    return lines_html(found.summary) + _deployment_document(shown)
+
+
+def _runs_html(listing: RunListing) -> str:
+    return lines_html([counted(len(listing.rows), "run"), *listing.lines])
+
+
+_HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
+    "AimResult": _aim_html,
+    "CheckReport": _report_html,
+    "DesignComparison": _comparison_html,
+    "Finding": lambda found: _findings_html(found.rule, [found]),
+    "MapInfo": _info_html,
+    "Rule": _rule_html,
+    "RuleBook": _rules_html,
+    "RunResult": _run_html,
+    "RunListing": _runs_html,
+    "Score": _score_html,
+}

@@ -1,4 +1,4 @@
-"""A little of ``make fuzz`` in every run of the tests."""
+"""A little of ``make fuzz``; that failures are seen, in every run of the tests."""
 
 import importlib.util
 import sys

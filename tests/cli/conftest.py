@@ -34,7 +34,7 @@ def no_lines_of_progress(monkeypatch):
 @pytest.fixture(autouse=True)
 def few_unseen_maps(monkeypatch):
     """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
-    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", 3)
     monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
 
 

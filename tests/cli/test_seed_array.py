@@ -13,7 +13,7 @@ import pytest
 
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.map_geojson import map_text
-from vinefab.prediction.run_winner import UNSEEN
+from vinefab.prediction.run_winner import UNSEEN_DEPLOYMENTS
 
 RECIPE = Path(__file__).parents[2] / "examples" / "seeds.sbatch"
 RUN = """schema = "vinefab/run-1"
@@ -88,7 +88,7 @@ def test_tasks_of_an_array_are_merged_and_a_killed_one_goes_on(
 
     assert task(2, RUNS="later", SLURM_CPUS_PER_TASK="2").wait(60) == 0
     # The undisturbed one is run here, and tried from as many poses as those in their processes.
-    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", UNSEEN)
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", UNSEEN_DEPLOYMENTS)
     other = tmp_path / "other"
     code, _, complaint = vinefab(
         "optimize", tmp_path / "run.toml", "--seed", 2, "--out", other, "--no-page", "-q"

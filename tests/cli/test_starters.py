@@ -4,15 +4,17 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
-from vinefab.cli.new import NEXT_STEPS, starter_map
+from vinefab.cli.new import NEXT_STEPS
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.starters import starter_map
 from vinefab.search.run_file import read_run
 
 
@@ -61,7 +63,7 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [(["thing", "a.toml"], "KIND"), (["design", "a.json"], "FILE"), (["map", "a.toml"], "FILE")],
+    [(["thing", "a.toml"], "kind"), (["design", "a.json"], "file"), (["map", "a.toml"], "file")],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     assert main(["new", *arguments]) == 2
@@ -99,6 +101,8 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     explained = capsys.readouterr().out
     for words in ("VF-C01: clearance", "remedy: ", "limit error: 3 mm", "VF-C01.error=", "waive"):
         assert words in explained
+    page = Path(__file__).parents[2] / explained.partition("picture: ")[2].split()[0]
+    assert "### VF-C01" in page.read_text(encoding="utf-8")
     assert main(["rules", "VF-C99"]) == 2
 
 

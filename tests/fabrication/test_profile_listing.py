@@ -4,7 +4,13 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import UnknownNameError
-from vinefab.fabrication.profile_listing import KINDS, explain, kind_of, profile_json, profile_list
+from vinefab.fabrication.profile_listing import (
+    PROFILE_KINDS,
+    explain,
+    kind_of,
+    profile_json,
+    profile_list,
+)
 from vinefab.model.files.profile_toml import read_material, read_profile
 from vinefab.model.files.shipped import USER_VARIABLE, names, shipped_root
 
@@ -29,13 +35,13 @@ def own_folder(tmp_path, monkeypatch):
 def test_everything_that_is_shipped_is_listed(tmp_path, monkeypatch):
     monkeypatch.setenv(USER_VARIABLE, str(tmp_path))
     text = "\n".join(profile_list())
-    for kind in KINDS:
+    for kind in PROFILE_KINDS:
         assert all(f"  {name}: " in text for name in names(kind))
     assert "[unverified]" in text
     assert str(tmp_path) in text
 
 
-@pytest.mark.parametrize("name", [name for kind in KINDS for name in names(kind)])
+@pytest.mark.parametrize("name", [name for kind in PROFILE_KINDS for name in names(kind)])
 def test_every_number_of_every_profile_is_explained_with_its_standing(name):
     lines = explain(name)
     numbers = json.loads(profile_json(name))["numbers"]

@@ -133,3 +133,100 @@ def test_narrowest_passage_against_eroding_until_it_closes():
     assert rings[0] == 36
     assert parts[0] == 1
     assert rings[1] < 36 or parts[1] > 1
+
+
+# --- Notches and dead ends ------------------------------------------------------------------------
+
+BODY_MM = 10.0
+"""Of 78.5 mm2: dead ends with less are notches."""
+
+
+def wall(*cut):
+    """The free space of a room with a thick wall from below, with pieces cut out of the wall."""
+    return shapely.union_all([ROOM - shapely.box(30, 0, 70, 40), *cut])
+
+
+def corridors_of(free, body_mm=BODY_MM, **more):
+    """Widths below the body's, of what is a corridor for it."""
+    found = narrow_passages(free, 5, [body_mm], **more)
+    return [passage.width_mm for passage in found if passage.width_mm < body_mm]
+
+
+def test_a_notch_is_no_corridor():
+    notched = wall(shapely.box(49.75, 36, 50.25, 40))
+    first = narrow_passages(notched, 1)[0]
+    assert first.width_mm == pytest.approx(0.5)
+    # It is closed halfway along: what is cut off is 0.5 x 2 mm.
+    assert first.dead_end_mm == pytest.approx(math.sqrt(4 / math.pi))
+    assert corridors_of(notched) == []
+    assert corridors_of(notched, 0.6) == pytest.approx([0.5])
+
+
+def test_a_narrow_gap_through_one_wall_is_a_corridor():
+    divided = wall(shapely.box(30, 20, 70, 20.5)) - shapely.box(30, 40, 70, 60)
+    assert corridors_of(divided) == pytest.approx([0.5])
+    assert narrow_passages(divided, 1)[0].dead_end_mm == math.inf
+
+
+def test_a_gap_between_two_walls_is_a_corridor_however_little_is_behind_it():
+    free = ROOM - shapely.box(20, 20, 40, 40) - shapely.box(40.5, 20, 60, 40)
+    assert corridors_of(free) == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    ("side_mm", "depth_mm", "widths"),
+    [(12.0, 12.0, [4.0]), (8.0, 8.0, []), (4.0, 16.0, []), (4.0, 32.0, [4.0]), (12.0, 5.5, [])],
+)
+def test_a_dead_end_with_room_for_the_body_is_a_corridor(side_mm, depth_mm, widths):
+    """A chamber behind a mouth of 4 mm width and 2 mm depth: its area decides."""
+    chamber = shapely.box(50 - side_mm / 2, 38 - depth_mm, 50 + side_mm / 2, 38)
+    assert corridors_of(wall(shapely.box(48, 37, 52, 40), chamber)) == pytest.approx(widths)
+
+
+@pytest.mark.parametrize(("inner_mm", "widths"), [(12.0, [4.0]), (7.0, [])])
+@pytest.mark.parametrize("turn_deg", [0, 90, 180, 270])
+def test_a_u_shaped_wall_is_one_wall_with_a_dead_end(inner_mm, widths, turn_deg):
+    top_mm = 24 + inner_mm
+    u = shapely.box(38, 18, 62, top_mm + 3) - shapely.box(48, top_mm, 52, top_mm + 3)
+    u -= shapely.box(50 - inner_mm / 2, 24, 50 + inner_mm / 2, top_mm)
+    free = ROOM - shapely.affinity.rotate(u, turn_deg)
+    assert corridors_of(free) == pytest.approx(widths)
+
+
+def test_a_dead_end_with_a_start_is_a_corridor():
+    alcove = wall(shapely.box(48, 34, 52, 40))
+    assert corridors_of(alcove, starts_mm=[(10, 10)]) == []
+    assert corridors_of(alcove, starts_mm=[(10, 10), (50, 35)]) == pytest.approx([4.0])
+
+
+def test_notches_hide_no_corridor():
+    """Neither the one in whose wall they are, nor by being many and narrower."""
+    notches = [shapely.box(x, 19, x + 0.1, 21.1) for x in range(36, 66, 3)]
+    door = wall(shapely.box(30, 20, 70, 21)) - shapely.box(30, 40, 70, 60)
+    free = shapely.union_all([door, *notches])
+    assert widths_of(free) == pytest.approx([0.1] * 5)
+    assert corridors_of(free) == pytest.approx([1.0])
+
+
+def test_a_room_that_is_too_narrow_everywhere_has_corridors():
+    assert corridors_of(shapely.box(0, 0, 40, 9), 20.0) == pytest.approx([9.0])
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), turn=st.floats(0.0, 360.0))
+def test_dead_ends_are_what_closing_a_passage_cuts_off(seed, turn):
+    rng = np.random.default_rng(seed)
+    boxes = [
+        shapely.box(x, y, x + w, y + h) for x, y, w, h in rng.uniform(2, 30, (9, 4)) * (3, 2, 1, 1)
+    ]
+    room = shapely.box(-5, -5, 130, 95) - shapely.union_all(boxes)
+    free = shapely.affinity.rotate(room, turn, origin=(0, 0))
+    for passage in narrow_passages(free, 6):
+        slit = shapely.affinity.scale(shapely.LineString(passage.ends_mm), 1.0001, 1.0001)
+        (part,) = [one for one in shapely.get_parts(free) if one.distance(slit.centroid) == 0.0]
+        pieces = shapely.get_parts(part - slit.buffer(1e-6, cap_style="flat"))
+        filled = sorted(shapely.Polygon(one.exterior).area for one in pieces)  # islands count in
+        outside = shapely.Polygon(part.exterior).area
+        cut_off = min(filled[0], outside - filled[0]) if len(filled) > 1 else math.inf
+        expected = math.sqrt(4 * cut_off / math.pi) if cut_off < 0.1 * outside else math.inf
+        assert passage.dead_end_mm == pytest.approx(expected, rel=1e-3, abs=1e-2)

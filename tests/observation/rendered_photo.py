@@ -42,6 +42,7 @@ class Look:
     jpeg: int = 88
     seed: int = 1
     markers: bool = True
+    marker_gap_mm: float = 12.0  # from the box of the bounds
 
 
 @dataclass
@@ -237,7 +238,8 @@ def _floor(scene, rng):
 
 def _markers(scene, at, colour):
     x, y = at.T
-    for marker, rows in zip(corner_markers(scene.world), MARKER_CELLS, strict=True):
+    placed = corner_markers(scene.world, gap_mm=scene.look.marker_gap_mm)
+    for marker, rows in zip(placed, MARKER_CELLS, strict=True):
         a, b = marker.corners_mm[0], marker.corners_mm[2]
         side = b[0] - a[0]
         col = np.floor((x - a[0]) / side * MARKER_SIDE_CELLS).astype(int)

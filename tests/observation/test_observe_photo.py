@@ -19,6 +19,7 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
+from vinefab.model.corner_marker import corner_markers
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.contacts_toml import read_contacts
@@ -28,6 +29,8 @@ from vinefab.observation.observation_json import observation_text
 from vinefab.observation.observe_photo import observe_photo
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.photo import read_photo
+from vinefab.rig.corner_tiles import marker_gap_mm
+from vinefab.rig.rig_options import RigOptions
 
 POSE = Pose(x_mm=60.0, y_mm=12.0, heading_rad=np.pi / 2)
 WORLD = Map(
@@ -233,3 +236,57 @@ def test_a_rig_says_where_its_markers_are_and_how_high_it_is(tmp_path):
     path.write_text(json.dumps({"options": {"height_mm": 24.0}}))
     with pytest.raises(BadInputError, match="markers is missing"):
         PhotoSetup.of(rig=path)
+
+
+# --- Markers that lie elsewhere -------------------------------------------------------------------
+
+
+def rig_file(folder, gap_mm):
+    """Write what a rig with markers at a distance from the bounds says of them."""
+    markers = [
+        {"number": one.number, "corners_mm": one.corners_mm.tolist(), "z_mm": 0.0}
+        for one in corner_markers(WORLD, gap_mm=gap_mm)
+    ]
+    path = folder / f"rig_{gap_mm:g}.json"
+    path.write_text(json.dumps({"options": {"height_mm": 12.0}, "markers": markers}))
+    return path
+
+
+@pytest.fixture(scope="module")
+def rig_photo(truth, tmp_path_factory):
+    """A photo of a rig of the default sizes, whose markers lie 19 mm out."""
+    gap_mm = marker_gap_mm(RigOptions())
+    assert gap_mm == 19.0
+    path = tmp_path_factory.mktemp("rig") / "rig.jpg"
+    look = replace(LOOK, marker_gap_mm=gap_mm)
+    path.write_bytes(render(Scene(WORLD, truth, DESIGN.build, look))[2])
+    return path
+
+
+def test_a_rig_without_its_rig_json_is_refused_in_one_line(rig_photo, files, tmp_path, capsys):
+    given = ["--map", str(files["map"]), "--design", str(files["design"]), "--pose", "60,12,90"]
+    assert main(["observe", str(rig_photo), *given]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    out_mm = float(error.split("markers is '")[1].split(" mm")[0])
+    assert out_mm == pytest.approx(7.0, abs=0.3)
+    assert "farther out" in error
+    assert "12 mm outside the bounds' box" in error
+    assert "--rig" in error
+    # Nor does the file of another rig do.
+    assert main(["observe", str(rig_photo), *given, "--rig", str(rig_file(tmp_path, 12.0))]) == 2
+    assert "is it the file of this rig?" in capsys.readouterr().err
+
+
+def test_a_rig_with_its_rig_json_is_read_to_scale(rig_photo, tmp_path):
+    setup = PhotoSetup.of(rig=rig_file(tmp_path, 19.0))
+    found = observe_photo(read_photo(rig_photo), WORLD, DESIGN, POSE, setup)
+    assert found.error_mm < 0.15
+    assert not any("markers look" in caution for caution in found.cautions)
+    assert found.trunk_width_mm["measured"] == pytest.approx(14.0 * 2 / np.pi, rel=0.06)
+
+
+def test_the_photo_of_another_map_is_refused(photo_file):
+    wider = replace(WORLD, bounds=shapely.box(0, 0, 175, 140))
+    with pytest.raises(BadInputError, match=r"x -7\.\d, y [+-]0\.\d mm farther out"):
+        observe_photo(read_photo(photo_file), wider, DESIGN, POSE, SETUP)

@@ -14,7 +14,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
 from vinefab.pages.drawing import RANGE_LABEL, deployment_plan, legend_entries, map_plan
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
+from vinefab.pages.map_view import UNSEEN_DETAIL, longer_mm, robot_view, rock_in
 from vinefab.pages.plan_document import plan_css
 from vinefab.prediction.deploy import deploy
 
@@ -52,7 +52,7 @@ def test_walls_are_drawn_where_they_are():
     shown = shapely.union_all(rock_in(world, box)) & shapely.box(*box)
     real = shapely.union_all(world.obstacles) & shapely.box(*box)
     assert real.area > 1000
-    assert shown.hausdorff_distance(real) <= UNSEEN * 120.0
+    assert shown.hausdorff_distance(real) <= UNSEEN_DETAIL * 120.0
     assert all(part.distance(shapely.box(*box)) < 40.0 for part in rock_in(world, box))
 
 

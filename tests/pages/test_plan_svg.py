@@ -25,10 +25,10 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.pages import plan_svg
-from vinefab.pages.map_view import STOP_WORDS, UNSEEN
-from vinefab.pages.plan_document import START, plan_document, robot_legend
+from vinefab.pages.map_view import STOP_WORDS, UNSEEN_DETAIL
+from vinefab.pages.plan_document import START_ENTRY, plan_document, robot_legend
 from vinefab.pages.plan_svg import (
-    MARKS,
+    STOP_SIGNS,
     contour_path,
     ground_svg,
     outline_svg,
@@ -160,12 +160,12 @@ def test_a_map_of_a_thousand_walls_stays_small_and_an_endless_one_is_simplified(
     text = ground_svg(Map(name="fine", bounds=shapely.box(0, 0, 100, 100), obstacles=stones))
     assert len(text) < 12_000
     for path, stone in zip(parsed(text)[1:-1], stones, strict=True):
-        assert polygon(path.get("d")).hausdorff_distance(stone) <= 100 * UNSEEN + 0.011
+        assert polygon(path.get("d")).hausdorff_distance(stone) <= 100 * UNSEEN_DETAIL + 0.011
     small = parsed(ground_svg(Map(name="s", bounds=shapely.box(0, 0, 100, 100),
                                   obstacles=stones), detail=False))[1].get("d")  # fmt: skip
     assert len(small) < 1_500
     shown = polygon(small)
-    assert shown.hausdorff_distance(shapely.union_all(stones)) <= 5 * 100 * UNSEEN + 0.011
+    assert shown.hausdorff_distance(shapely.union_all(stones)) <= 5 * 100 * UNSEEN_DETAIL + 0.011
 
 
 def test_a_map_of_endless_obstacles_is_one_path(monkeypatch):
@@ -247,14 +247,14 @@ def test_the_shape_at_a_tip_says_why_it_stopped(grown):
         branch = names.index(mark.get("data-branch"))
         stop = Stop(final.stop[branch])
         assert mark.get("class") == f"mark {stop_class(stop)}"
-        assert ET.tostring(mark[0]) == ET.tostring(parsed(MARKS[stop]))
+        assert ET.tostring(mark[0]) == ET.tostring(parsed(STOP_SIGNS[stop]))
         assert float(mark.get("data-front")) == pytest.approx(fronts_mm[branch], abs=6e-4)
         assert place_of(mark) == pytest.approx(final.chain_mm(branch)[-1], abs=6e-4)
         said = mark.find("title").text
         assert said.startswith(f"{names[branch]}: {STOP_WORDS[stop]}, ")
         grown_mm, planned_mm = final.grown_mm[branch], final.tree.length_mm[branch]
         assert said.endswith(f" {grown_mm:.1f} of {planned_mm:.1f} mm (simulated)")
-    assert len(set(MARKS.values())) == len(MARKS)
+    assert len(set(STOP_SIGNS.values())) == len(STOP_SIGNS)
 
 
 def place_of(group):
@@ -289,7 +289,7 @@ def test_without_detail_a_level_is_one_path(grown, monkeypatch):
         assert len(paths) == min(1, len(chains))
         if chains:
             assert corners(paths[0].get("d")) == pytest.approx(np.concatenate(chains), abs=6e-4)
-    monkeypatch.setattr(plan_svg, "MOST_BRANCHES", len(final.tree) - 1)
+    monkeypatch.setattr(plan_svg, "_MOST_BRANCHES", len(final.tree) - 1)
     assert robot_svg(final, widths_mm) == plain
 
 
@@ -385,7 +385,7 @@ def test_a_document_stands_alone(grown, tmp_path):
     box_mm = world.bounds.bounds
     parts = [ground_svg(world), robot_svg(final, grown.design.build.widths_mm)]
     title = 'a <b> & "c"\x00\x1b' + "\udc80"
-    legend = [*robot_legend(final), START]
+    legend = [*robot_legend(final), START_ENTRY]
     text = plan_document(parts, box_mm, title=title, legend=legend)
     root = parsed(text)
     svg = "{http://www.w3.org/2000/svg}"

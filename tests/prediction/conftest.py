@@ -29,7 +29,7 @@ def few_unseen():
 def on_few_maps(few_unseen):
     """The winners of runs are chosen and tried on few maps, not on seventy."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vinefab.prediction.run_winner.UNSEEN", few_unseen)
+        patch.setattr("vinefab.prediction.run_winner.UNSEEN_DEPLOYMENTS", few_unseen)
         patch.setattr("vinefab.search.run.FRESH_MAPS", few_unseen)
         patch.setattr("vinefab.prediction.run_page.FRESH_MAPS", few_unseen)
         yield

@@ -105,11 +105,13 @@ def test_one_map_is_compared_pose_by_pose_and_gaps_are_left_out():
 
 
 def test_words_json_and_page_say_the_same(found):
-    comparison, family = found
+    default, family = found
+    comparison = replace(default, measure=REACH, growth_notes=("one thing to know",))
     origin = origin_of("vinefab compare", comparison.designs, None, [family])
-    document = json.loads(comparison_text(comparison, REACH, origin))
-    page = comparison_page(comparison, REACH, origin, ("one thing to know",))
-    lines = comparison_lines(comparison, REACH)
+    document = json.loads(comparison_text(comparison, origin))
+    page = comparison_page(comparison, origin)
+    lines = comparison_lines(comparison)
+    assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
     assert len(document["duels"]) == 3 * len(MEASURES)
     assert document["designs"]["short"][REACH.key]["count"] == 12
@@ -122,7 +124,7 @@ def test_words_json_and_page_say_the_same(found):
     assert 'src="http' not in page
     assert document["growth"] == GrowthOptions().content
     assert comparison.growth in page
-    assert any(line.endswith(comparison.growth) for line in lines)
+    assert lines[0].endswith(comparison.growth)
     assert "One thing to know." in page
 
 

@@ -30,8 +30,8 @@ def two_rooms(door_mm):
 def test_largest_body_in_a_corridor_of_known_width():
     corridor = Map(name="c", bounds=shapely.box(0, 0, 300, 12), starts=(start_at(20.0, 6.0),))
     info = map_info(corridor)
-    assert [gate.passage.width_mm for gate in info.gates] == pytest.approx([12.0])
-    assert info.gates[0].between == ("bounds", "bounds")
+    assert [gate.passage.width_mm for gate in info.passages] == pytest.approx([12.0])
+    assert info.passages[0].between == ("bounds", "bounds")
     assert info.starts[0].clearance_mm == pytest.approx(6.0)
     assert info.starts[0].body_mm == pytest.approx(math.pi * 6.0)
     # Only the corners of the corridor are out of reach of a body that just fits.
@@ -44,9 +44,9 @@ def test_largest_body_in_a_corridor_of_known_width():
 
 def test_a_door_decides_how_wide_a_body_has_room_in_both_rooms():
     info = map_info(two_rooms(8.0))
-    assert info.gates[0].passage.width_mm == pytest.approx(8.0)
-    assert set(info.gates[0].between) == {"obstacle 1", "obstacle 2"}
-    assert info.gates[0].body_mm == pytest.approx(math.pi * 4.0)
+    assert info.passages[0].passage.width_mm == pytest.approx(8.0)
+    assert set(info.passages[0].between) == {"obstacle 1", "obstacle 2"}
+    assert info.passages[0].body_mm == pytest.approx(math.pi * 4.0)
     # 90 % takes both rooms, so the body has to go through the door; 45 % is one room.
     assert info.widest_mm[0.9] == pytest.approx(math.pi * 4.0, rel=0.07)
     assert info.widest_mm[0.9] < math.pi * 4.05
@@ -90,7 +90,7 @@ def test_a_map_without_free_space_is_a_result_too():
     info = map_info(
         Map(name="f", bounds=full, obstacles=(full,), starts=(start_at(5.0, 5.0),)), width_mm=1.0
     )
-    assert (info.gates, info.regions_mm2, info.body.share) == ((), (), 0.0)
+    assert (info.passages, info.regions_mm2, info.body.share) == ((), (), 0.0)
     assert json.loads(info_text(info))["free_share"] == 0.0
 
 

@@ -110,15 +110,16 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
 def test_one_sample_has_no_interval_and_no_p_value() -> None:
     other = replace(TREE, name="other", trunk_length_mm=120.0)
     family = MapFamily(label="the map given", worlds=(ROOM,))
-    found = compare_designs([TREE, other], [family], PredictionPlan(poses=5))
+    plan = PredictionPlan(poses=5)
+    found = compare_designs([TREE, other], [family], plan, measure=REACH)
     assert not any(difference.is_clear for difference in found.differences)
-    lines = "\n".join(comparison_lines(found, REACH))
+    lines = "\n".join(comparison_lines(found))
     assert "1 deployment of each design" in lines
     assert "this start has no spread" in lines
     assert "tree minus other" in lines
     assert "one pair: no interval, no p value" in lines
     assert "p = " not in lines
-    text = comparison_text(found, REACH, origin_of("again", [TREE, other], None, [family]))
+    text = comparison_text(found, origin_of("again", [TREE, other], None, [family]))
     assert '"p": null' in text
     assert '"low": null' in text
 

@@ -11,7 +11,7 @@ from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, REACH, SEEN, STUC
 from vinefab.prediction.prediction_json import effect_content, tolerance_content
 from vinefab.prediction.sensitivity import (
     ANGLE_TOLERANCE_DEG,
-    QUICK,
+    QUICK_MEASURES,
     ROBOTS,
     Effect,
     MeanDifference,
@@ -36,12 +36,12 @@ def test_sensitivity_without_a_wall_in_reach_is_none(straight):
         )
     )
     for effect in effects:
-        changes = [effect.changes[measure.key].mean for measure in QUICK]
+        changes = [effect.changes[measure.key].mean for measure in QUICK_MEASURES]
         if effect.knob == "lengths":
             scale = 25.0 / (2.0 * 20.0 / np.pi)
             assert changes[-1] == pytest.approx(scale * 0.771 * 0.1 * effect.step / 100.0)
         else:
-            assert changes == pytest.approx([0.0] * len(QUICK), abs=0.05)
+            assert changes == pytest.approx([0.0] * len(QUICK_MEASURES), abs=0.05)
 
 
 PLAN = PredictionPlan(poses=2, seed=3)

@@ -35,7 +35,8 @@ from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import JERK_MM_S, print_estimate, printing_of
 from vinefab.rig.rig_options import Printer, RigOptions, read_printer
-from vinefab.rig.solid import manifold_of, outlines_at
+from vinefab.rig.rig_plan import polygon_parts
+from vinefab.rig.solid import Course, built_of, manifold_of, outlines_at, plan_volume_mm3
 from vinefab.rig.stl_format import STL
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
@@ -136,6 +137,30 @@ def test_corners_that_single_precision_melts_into_one_leave_no_flat_triangle():
     assert {
         name: mesh.form_problems() for name, mesh in meshes.items() if mesh.form_problems()
     } == {}
+
+
+def mesh_of_courses(*courses):
+    vertices, faces = built_of(courses)
+    return Mesh.of_corners(vertices[faces])
+
+
+@pytest.mark.parametrize(("low_mm", "high_mm", "over_mm"), [(0.0, 9.0, 0.0), (5.0, 8.0, 1e-6)])
+def test_what_reaches_out_and_meets_a_wall_in_a_point_is_joined_to_it(low_mm, high_mm, over_mm):
+    """Two tips, one from either wall, would share an edge of four triangles."""
+    above = Polygon([(10, 17), (12, 19.5), (8, 19.5)])
+    frame = shapely.union_all([box(0, 0, 20, 20) - box(1, 1, 19, 19), above])
+    ring = Course(pieces=polygon_parts(frame), low_mm=0.0, high_mm=9.0)
+    tip = Polygon([(10, 17 + over_mm), (12, 15), (12, 0.5), (8, 0.5), (8, 15)])
+    tongue = Course(pieces=polygon_parts(tip), low_mm=low_mm, high_mm=high_mm)
+    mesh = mesh_of_courses(ring, tongue)
+    assert mesh.form_problems() == []
+    extra_mm3 = mesh.volume_mm3 - plan_volume_mm3([ring, tongue])
+    assert 0.01 < extra_mm3 < 0.3
+    # What does not touch is left as it is.
+    apart = replace(tongue, pieces=polygon_parts(shapely.affinity.translate(tip, 0.0, -0.5)))
+    assert mesh_of_courses(ring, apart).volume_mm3 == pytest.approx(
+        plan_volume_mm3([ring, apart]), rel=1e-6
+    )
 
 
 def test_narrow_obstacles_stay_solid():

@@ -1,4 +1,4 @@
-"""A little of `kill.py` in every run of the tests."""
+"""A little of `kill.py`, as a test."""
 
 import importlib.util
 import random

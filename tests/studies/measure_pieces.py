@@ -32,7 +32,7 @@ from vinefab.search.loop import Search
 from vinefab.search.run import fresh_maps, generated_maps, penalty_of
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import PartSettings, RunSettings
-from vinefab.studies.optimizer_contest import FIRST_UNSEEN
+from vinefab.studies.optimizer_contest import FIRST_CONTEST_SEED
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -84,7 +84,7 @@ class PieceRun:
         began_s, settings = time.process_time(), self.settings()
         maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
         result = Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh).run()
-        tests = replace(settings.maps, seed=FIRST_UNSEEN, count=UNSEEN)
+        tests = replace(settings.maps, seed=FIRST_CONTEST_SEED, count=UNSEEN)
         sites = tuple(PreparedMap.of(world) for world in generated_maps(tests))
         poses = poses_on(sites, POSES, range(UNSEEN))
         task = make_task(settings.task.name, settings.task.parameters)

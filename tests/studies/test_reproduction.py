@@ -24,7 +24,7 @@ from vinefab.studies.redeployment import BEYOND, RedeploymentJob, shape_count, t
 from vinefab.studies.reproduction import EXPERIMENTS
 from vinefab.studies.study_jobs import (
     PAPER_GROWTH,
-    QUICK,
+    QUICK_SIZE,
     JobStore,
     Training,
     design_from,
@@ -75,7 +75,7 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
 def test_fabricable_winners_pass_the_check(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     for found in document["experiments"]["price"]["data"].values():
-        assert found["passes"]["fabricable"] == found["passes"]["pieces"] == QUICK.making_seeds
+        assert found["passes"]["fabricable"] == found["passes"]["pieces"] == QUICK_SIZE.making_seeds
         assert np.shape(found["free"]) == np.shape(found["fabricable"]) == np.shape(found["pieces"])
 
 
@@ -144,33 +144,33 @@ def test_an_unknown_experiment_is_named(tmp_path, capsys):
 def test_a_damaged_part_is_named(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
-    job = Training(settings=coverage_run(QUICK, "grid", 0))
+    job = Training(settings=coverage_run(QUICK_SIZE, "grid", 0))
     part = copy / "parts" / f"{job.key}.json"
     part.write_text(part.read_text()[:40])
     with pytest.raises(UnreadableFileError, match="is not JSON"):
-        JobStore(copy, QUICK, 1, lambda _, __: None).train([job])
+        JobStore(copy, QUICK_SIZE, 1, lambda _, __: None).train([job])
 
 
 @pytest.mark.thorough
 def test_processes_find_what_one_finds(folder, tmp_path):
     """Two processes, another folder: the same parts, byte for byte."""
-    jobs = [Training(settings=coverage_run(QUICK, "grid", number)) for number in range(2)]
-    with JobStore(tmp_path / "lab", QUICK, 2, lambda _, __: None) as store:
-        store.train([*jobs, Training(settings=coverage_run(QUICK, "cave", 0))])
+    jobs = [Training(settings=coverage_run(QUICK_SIZE, "grid", number)) for number in range(2)]
+    with JobStore(tmp_path / "lab", QUICK_SIZE, 2, lambda _, __: None) as store:
+        store.train([*jobs, Training(settings=coverage_run(QUICK_SIZE, "cave", 0))])
     for job in jobs:
         path = f"parts/{job.key}.json"
         assert (tmp_path / "lab" / path).read_bytes() == (folder / path).read_bytes()
 
 
 def test_a_lab_of_another_version_is_refused(tmp_path):
-    JobStore(tmp_path / "lab", QUICK, 1, lambda _, __: None)
+    JobStore(tmp_path / "lab", QUICK_SIZE, 1, lambda _, __: None)
     with pytest.raises(BadInputError, match="poses"):
-        JobStore(tmp_path / "lab", replace(QUICK, poses=7), 1, lambda _, __: None)
+        JobStore(tmp_path / "lab", replace(QUICK_SIZE, poses=7), 1, lambda _, __: None)
 
 
 def test_runs_that_differ_have_other_keys():
-    run = coverage_run(QUICK, "grid", 0)
-    others = [coverage_run(QUICK, "grid", 1), coverage_run(QUICK, "cave", 0)]
+    run = coverage_run(QUICK_SIZE, "grid", 0)
+    others = [coverage_run(QUICK_SIZE, "grid", 1), coverage_run(QUICK_SIZE, "cave", 0)]
     assert len({Training(settings=r).key for r in (run, *others)}) == 3
 
 
@@ -256,7 +256,7 @@ def test_the_contest_s_free_problems_ask_for_the_published_model(name):
 
 
 def test_every_run_trains_on_maps_of_its_own():
-    size = replace(QUICK, single_seeds=3)
+    size = replace(QUICK_SIZE, single_seeds=3)
     runs = [coverage_run(size, "grid", number) for number in range(size.single_seeds)]
     taken = [set(range(r.maps.seed, r.maps.seed + r.maps.count)) for r in runs]
     assert all(len(maps) == size.training_maps for maps in taken)
@@ -268,7 +268,7 @@ def test_every_run_trains_on_maps_of_its_own():
 
 def test_trade_offs_of_small_deviation_cost_what_they_are_called():
     """Fitness per unit of deviation, by fitness per unit of the mean."""
-    base = coverage_run(QUICK, "grid", 0)
+    base = coverage_run(QUICK_SIZE, "grid", 0)
     for name, cost in {
         "min deviation 6": 6.0,
         "min deviation 3": 3.0,
@@ -312,10 +312,10 @@ def test_a_run_that_was_killed_as_it_began_goes_on(tmp_path):
     folder = tmp_path / "study"
     folder.mkdir()
     (folder / ".settings.json.k1ll3d").write_text("{")
-    with JobStore(folder, QUICK, 1, lambda _, __: None) as store:
+    with JobStore(folder, QUICK_SIZE, 1, lambda _, __: None) as store:
         assert store.finished() == []
     other = tmp_path / "other"
     other.mkdir()
     (other / "notes.txt").write_text("mine")
     with pytest.raises(ForeignFileError, match="holds other files"):
-        JobStore(other, QUICK, 1, lambda _, __: None)
+        JobStore(other, QUICK_SIZE, 1, lambda _, __: None)

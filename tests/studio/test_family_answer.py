@@ -84,7 +84,7 @@ def test_interpreted_answers_come_first_and_are_the_same(answer, monkeypatch):
 
 def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
-    monkeypatch.setattr(panel, "MOST_INTERPRETED", 0)
+    monkeypatch.setattr(panel, "MOST_FAMILY_INTERPRETED", 0)
     family = {"environment": "pegs", "count": 6, "seed": 1}
     told, announced, compile_task = [], Event(), panel._compile
 

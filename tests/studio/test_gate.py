@@ -338,7 +338,7 @@ def test_interpreted_growth_is_bounded(tmp_path):
     found = live_answer.live_answer(content, {}, lambda *_: None)
     assert found["robot_svg"] == ""
     assert "compiled" in found["problems"][0]
-    assert found["facts"]["branches"] > live_answer.MOST_INTERPRETED
+    assert found["facts"]["branches"] > live_answer.MOST_LIVE_INTERPRETED
 
 
 def test_fifty_tabs_at_once(studio):

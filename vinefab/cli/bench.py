@@ -1,4 +1,4 @@
-"""``vinefab bench``: how fast growth and search are on this computer."""
+"""``vinefab study bench``: how fast growth and search are on this computer."""
 
 from typing import Annotated
 

@@ -7,6 +7,7 @@ import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.errors import located
 from vinefab.fabrication.calibration.calibrated_recipe import (
     calibrated_recipe,
     calibration_json,
@@ -29,11 +30,14 @@ def calibrate_command(
 ) -> int:
     """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
 
-    Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
+    Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200
+    --out my_recipe.toml
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
-    calibration = calibrate(read_results(results), read_profile(recipe))
+    profile = read_profile(recipe)
+    with located(results):
+        calibration = calibrate(read_results(results), profile)
     text = calibrated_recipe(calibration, recipe, out, results)
     write_text(out, text, force=force)
     output.give_json(calibration_json(calibration))

@@ -103,9 +103,9 @@ def check_command(
     that the design has no errors or a fixed design was written. With --map, it also says what the
     fix costs in score (simulated).
 
-    Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
+    Example: vinefab check three_level_tree --map grid.geojson --limit VF-C01.warning=6
 
-    Example: vinefab check mine.toml --fix fixed.toml --keep branches,length --map cave.geojson
+    Example: vinefab check mine.toml --fix fixed.toml --keep branches,length --map grid.geojson
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])

@@ -89,7 +89,9 @@ def compare_command(
         families = map_families(given, unseen)
         choice = growth_choice(designs, robots, given_growth)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
-        found = compare_designs(robots, families, plan, show)
+        found = compare_designs(
+            robots, families, plan, show, measure=main, growth_notes=choice.notes
+        )
         arguments = [
             "vinefab",
             "compare",
@@ -107,10 +109,10 @@ def compare_command(
             *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)
-        page = comparison_page(found, main, origin, choice.notes) if out else ""
+        page = comparison_page(found, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)
         output.say(f"wrote {out}")
-    output.give_json(comparison_text(found, main, origin))
-    for line in [*choice.notes, *comparison_lines(found, main)]:
+    output.give_json(comparison_text(found, origin))
+    for line in comparison_lines(found):
         output.say(line)

@@ -1,4 +1,4 @@
-"""``vinefab contest``: optimizers against each other."""
+"""``vinefab study contest``: optimizers against each other."""
 
 from pathlib import Path
 from typing import Annotated
@@ -39,7 +39,8 @@ def contest_command(
 ) -> None:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
-    Example: vinefab study contest examples/contest/*.toml --optimizer cmaes --optimizer pso --out c
+    Example: vinefab study contest examples/contest/grid.toml --optimizer cmaes --optimizer random
+    --seeds 2 --unseen 5 --out contest
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(

@@ -6,16 +6,18 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
-from vinefab.core.atomic import ensure_unchanged, new_folder, write_bytes
+from vinefab.core.atomic import write_folder
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
+from vinefab.fabrication.calibration.coupon_package import (
+    COUPON_MARK,
+    coupon_files,
+    ensure_coupon_folder,
+    make_coupons,
+)
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-
-MARK = "coupon.json"
-"""The file by which a folder of this command is recognized."""
 
 
 def coupon_command(
@@ -30,8 +32,8 @@ def coupon_command(
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
     output = CommandOutput(quiet=quiet, force=force)
-    output.ensure_folder(out, MARK)
-    ensure_unchanged(out / RESULTS_NAME, force=force)
+    output.ensure_folder(out, COUPON_MARK)
+    ensure_coupon_folder(out, force=force)
     coupons = make_coupons(read_profile(recipe))
     for line in (*check_lines(coupons.report), *broken_formats()):
         output.say(line)
@@ -39,8 +41,6 @@ def coupon_command(
         typer.echo("nothing written: a rule forbids these coupons", err=True)
         return EXIT_FINDINGS
     files = coupon_files(coupons)
-    with new_folder(out, MARK, force=force) as folder:
-        for name, data in files.items():
-            write_bytes(folder / name, data)
+    write_folder(out, files, COUPON_MARK, force=force)
     output.say(f"wrote {out}/ ({counted(len(files), 'file')}; begin with README.txt)")
     return 0

@@ -10,7 +10,7 @@ from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quie
 from vinefab.core.atomic import new_folder
 from vinefab.demonstration import DemoSettings, run_demo
 
-MARK = "results.json"
+_MARK = "results.json"
 """The file by which a folder of this command is known again."""
 
 
@@ -28,10 +28,10 @@ def demo_command(
     Example: vinefab demo --out demo
     """
     output = CommandOutput(quiet=quiet, force=force)
-    output.ensure_folder(out, MARK)
+    output.ensure_folder(out, _MARK)
     output.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
-    with output.progress("demo") as show, new_folder(out, MARK, force=force) as folder:
+    with output.progress("demo") as show, new_folder(out, _MARK, force=force) as folder:
         demo = run_demo(folder, settings, show, output.say)
     table = Table("result", "value", title=f"{demo.result.best.name}, run {demo.result.run_id}")
     for name, value in demo.table():

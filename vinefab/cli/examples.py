@@ -6,12 +6,9 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, Quiet
-from vinefab.core.atomic import ensure_writable, write_bytes
-from vinefab.core.errors import UnknownNameError
-from vinefab.model.files.shipped import read_text, shipped_root
+from vinefab.model.files.shipped import read_text
+from vinefab.model.files.starters import copy_examples, examples_named
 
-FOLDER = "examples"
-KINDS_SHOWN = (".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".geojson")
 TEXTS = (".toml", ".py", ".sbatch", ".md")
 
 
@@ -31,31 +28,19 @@ def examples_command(
     Example: vinefab examples --out examples
     """
     output = CommandOutput(quiet=quiet, force=force)
-    known = shipped_examples()
-    chosen = _chosen(names or [], known)
+    chosen = examples_named(names or [])
     if out is None:
-        for name in chosen:
-            output.say(f"  {name}{about(known[name])}")
+        for name, path in chosen.items():
+            output.say(f"  {name}{about(path)}")
         output.say("vinefab examples --out examples copies them")
         return 0
-    missing = [name for name in chosen if not _is_there(out / name, known[name])]
-    for name in missing:
-        ensure_writable(out / name, force=force)
-    for name in missing:
-        write_bytes(out / name, known[name].read_bytes(), force=force)
+    missing = copy_examples(chosen, out, force=force)
     there = len(chosen) - len(missing)
     output.say(
         f"wrote {len(missing)} {'file' if len(missing) == 1 else 'files'} to {out}/"
         + (f", {there} unchanged" if there else "")
     )
     return 0
-
-
-def shipped_examples() -> dict[str, Path]:
-    """Return the shipped examples by their path below the folder of examples."""
-    root = shipped_root() / FOLDER
-    found = sorted(path for path in root.rglob("*") if path.suffix in KINDS_SHOWN)
-    return {path.relative_to(root).as_posix(): path for path in found}
 
 
 def about(path: Path) -> str:
@@ -65,18 +50,3 @@ def about(path: Path) -> str:
     lines = read_text(path).splitlines()
     words = (line.strip("#\" '-") for line in lines if not line.startswith("#!"))
     return f": {next((line for line in words if line), '')}"
-
-
-def _is_there(path: Path, shipped: Path) -> bool:
-    """Tell whether a copy lies there that nobody has changed."""
-    return path.is_file() and path.read_bytes() == shipped.read_bytes()
-
-
-def _chosen(names: list[str], known: dict[str, Path]) -> list[str]:
-    chosen = []
-    for name in names:
-        fits = [place for place in known if name in (place, Path(place).stem, Path(place).name)]
-        if not fits:
-            raise UnknownNameError("example", name, known)
-        chosen += fits
-    return chosen or list(known)

@@ -134,7 +134,7 @@ UNDER_STUDY = ("contest", "reproduce", "bench")
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
 
-MOST_LETTERS = 2_000  # of a line that names an error
+_MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 INTERRUPTED = "interrupted; what was being written was left as it was"
@@ -317,7 +317,7 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    line = shortened(visible(" ".join(message.split())), MOST_LETTERS)
+    line = shortened(visible(" ".join(message.split())), _MOST_LETTERS)
     with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
         typer.echo(f"error: {line}", err=True)
     return code

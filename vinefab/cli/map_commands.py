@@ -169,7 +169,10 @@ def import_command(
     Everything that was repaired or left out is counted and printed. Without --start, robots start
     at the roomiest place.
 
-    Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
+    Example: vinefab map import examples/imports/cave.dxf --drawn free --out plan.geojson
+
+    Example: vinefab map import examples/arena/table.jpg --marker-mm 30 --height-mm 30
+    --obstacles 50,84,176,75 --crop 42,42,642,442 --out arena.geojson
     """
     ensure_apart("--out", out, source, "the one to import")
     ensure_text_kind("--out", out, MAP_ENDINGS, force=force)

@@ -1,27 +1,12 @@
 """``vinefab new``: a file of your own to begin with."""
 
-import re
 from pathlib import Path
 from typing import Annotated
 
-import shapely
 import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, Quiet
-from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.errors import BadInputError, ForeignFileError
-from vinefab.core.plain_text import one_line
-from vinefab.core.units import rad
-from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text
-from vinefab.model.map import Map, Pose, Start
-
-STARTERS = {
-    "design": ("design", "three_level_tree"),
-    "run": ("run file", "grid_coverage"),
-    "recipe": ("recipe", DEFAULT_RECIPE),
-}
-"""Kind and name of the shipped file that a new one is a copy of; a map is made here."""
+from vinefab.model.files.starters import write_starter
 
 NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
@@ -41,56 +26,12 @@ def new_command(
     """Write a commented design, run file, map or recipe to begin with; its name is the file's.
 
     Example: vinefab new design mine.toml
+
+    Example: vinefab new map table.geojson
     """
     output = CommandOutput(quiet=quiet, force=force)
-    if kind not in NEXT_STEPS:
-        raise BadInputError("KIND", kind, f"one of {', '.join(NEXT_STEPS)}")
-    suffix = ".geojson" if kind == "map" else ".toml"
-    if out.suffix.lower() != suffix:
-        raise BadInputError("FILE", str(out), f"a file name ending in {suffix}")
-    if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
-        raise ForeignFileError(out, "exists")
-    if kind == "recipe" and _plain(out.stem) != out.stem:  # a recipe is called as its file
-        allowed = "for a recipe a file name of letters, digits, '_', '-' and '.'"
-        raise BadInputError("FILE", str(out), allowed)
-    ensure_writable(out, force=force)
-    name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
-    text = map_text(starter_map(name)) if kind == "map" else _named_copy(kind, name)
-    write_text(out, text, force=force)
+    name = write_starter(kind, out, force=force)
     said = "" if name == out.stem else f", named {name}"
     output.say(f"wrote {out}{said}")
     output.say(f"next: {NEXT_STEPS[kind].format(out)}")
     return 0
-
-
-def starter_map(name: str) -> Map:
-    """Return a table of 600 x 400 mm with three blocks and a start that is placed by hand."""
-    blocks = (
-        (150.0, 120.0, 230.0, 190.0),
-        (300.0, 60.0, 360.0, 160.0),
-        (380.0, 240.0, 470.0, 300.0),
-    )
-    pose = Pose(x_mm=30.0, y_mm=100.0, heading_rad=rad(20.0))
-    start = Start(pose=pose, spread_x_mm=5.0, spread_y_mm=5.0, spread_heading_rad=rad(5.0))
-    return Map(
-        name=name,
-        bounds=shapely.box(0.0, 0.0, 600.0, 400.0),
-        obstacles=tuple(shapely.box(*block) for block in blocks),
-        starts=(start,),
-        environment="table",
-    )
-
-
-def _plain(stem: str) -> str:
-    """Return the stem of a file as the name of a design, run or recipe may be."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")
-
-
-def _named_copy(kind: str, name: str) -> str:
-    """Return the text of a shipped file under another name."""
-    shipped_kind, original = STARTERS[kind]
-    text = read_text(locate(shipped_kind, original))
-    named, count = re.subn(r'(?m)^name = "[^"]*"', f'name = "{name}"', text, count=1)
-    if not count:
-        raise BadInputError(kind, original, "a shipped file with a name")
-    return f"# A copy of {original} to change as you like.\n{named}"

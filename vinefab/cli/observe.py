@@ -82,8 +82,10 @@ def observe_command(
 ) -> None:
     """Trace a grown robot on a photo beside its prediction, or fit several observations.
 
-    Example: vinefab observe photo.jpg --map grid.geojson --design grid_explorer --rig rig/rig.json
-    --out seen.html --json seen.json, later: vinefab observe seen.json seen_2.json --fit mine.toml
+    Example: vinefab observe examples/arena/grown_1.jpg --map arena.geojson
+    --design examples/arena/sprig.toml --pose 152,132,2 --obstacle-height 30 --json seen.json
+
+    Example: vinefab observe seen.json --fit contacts.toml
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     if fit is not None:

@@ -1,4 +1,4 @@
-"""``vinefab reproduce``: the paper's experiments."""
+"""``vinefab study reproduce``: the paper's experiments."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ from rich.table import Table
 
 from vinefab.cli.common_options import CommandOutput, Quiet
 from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
-from vinefab.studies.study_jobs import PAPER, QUICK
+from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
 
 def reproduce_command(
@@ -28,14 +28,14 @@ def reproduce_command(
 ) -> int:
     """Do the paper's experiments again and put our numbers beside the paper's.
 
-    Example: vinefab study reproduce all --out reproduction
+    Example: vinefab study reproduce all --quick --out reproduction
 
     Finished parts are kept in the folder and not done again; no number depends on how many
     processes work or on how often the run was stopped. The exit code is 0 whether the paper's
     claims hold or not.
     """
     output = CommandOutput(quiet=quiet)
-    size = QUICK if quick else PAPER
+    size = QUICK_SIZE if quick else PAPER_SIZE
     with output.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=output.say)
     table = Table("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")

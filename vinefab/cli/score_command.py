@@ -48,7 +48,7 @@ def score_command(
 ) -> None:
     """Score a design on a task over maps and poses (simulated).
 
-    Example: vinefab score three_level_tree --task coverage --maps a.geojson --maps b.geojson
+    Example: vinefab score three_level_tree --task coverage --maps grid.geojson pegs.geojson
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)

@@ -46,7 +46,7 @@ def studio_command(
 
     Example: vinefab studio grid_explorer --environment cave
 
-    Example: vinefab studio mine.toml --map lab.geojson --snapshot state.html
+    Example: vinefab studio mine.toml --map table.geojson --snapshot state.html
     """
     _ensure_packages()
     from vinefab.studio.serve import serve  # noqa: PLC0415  its packages are an extra

@@ -58,7 +58,7 @@ def watch_command(
     Each time it says what changed, and replaces the pictures grown.svg and sheet.svg. A file that
     cannot be read costs one line; Ctrl-C ends the command.
 
-    Example: vinefab watch mine.toml --map cave.geojson --out pictures
+    Example: vinefab watch mine.toml --map table.geojson --out pictures
     """
     output = CommandOutput(quiet=quiet, force=force)
     watched = _Watched(

@@ -53,7 +53,7 @@ class UnreadableFileError(VinefabError, OSError):
         super().__init__(source, problem)
 
     def __str__(self) -> str:
-        return f"{self.source}: {shortened(self.problem, MOST_LETTERS)}"
+        return f"{self.source}: {shortened(self.problem, _MOST_LETTERS)}"
 
 
 class UnknownNameError(VinefabError, KeyError):
@@ -99,7 +99,7 @@ class ForeignFileError(VinefabError, FileExistsError):
         super().__init__(path, problem)
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}; --force overwrites it"
+        return f"{self.path}: {self.problem}; --force overwrites it (force=True in Python)"
 
 
 class CannotWriteError(VinefabError, OSError):
@@ -221,7 +221,7 @@ _DIGITS_PER_BIT = 0.30103
 _BEGINNING = _Beginning()
 
 
-MOST_LETTERS = 1_000
+_MOST_LETTERS = 1_000
 """Of the words of other programs in one line."""
 
 

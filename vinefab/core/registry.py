@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from typing import Generic, TypeVar
 
 from vinefab.core.errors import BadInputError, UnknownNameError, nearest
+from vinefab.core.validation import plain_number
 
 T = TypeVar("T")
 
@@ -92,7 +93,7 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
         if name not in known:
             allowed = f"one of {', '.join(known)}{nearest(name, known)}"
             raise BadInputError(f"{key}.{name}", value, allowed)
-        values[name] = _like(f"{key}.{name}", value, known[name])
+        values[name] = _like(f"{key}.{name}", plain_number(value), known[name])
     return part(**values)
 
 

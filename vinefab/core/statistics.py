@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 
-RESAMPLES = 4000
+_RESAMPLES = 4000
 MOST_EXACT = 14
 """Up to so many differences all patterns of signs are enumerated: 2^14."""
 
@@ -53,7 +53,7 @@ def mean_interval(means: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple
         return math.nan, math.nan
     if np.ptp(values) == 0.0:
         return float(values[0]), float(values[0])
-    picks = child(seed, _BOOTSTRAP).integers(0, len(values), (RESAMPLES, len(values)))
+    picks = child(seed, _BOOTSTRAP).integers(0, len(values), (_RESAMPLES, len(values)))
     tail = 50.0 * (1.0 - level)
     low, high = np.percentile(values[picks].mean(axis=1), [tail, 100.0 - tail])
     return float(low), float(high)
@@ -79,10 +79,10 @@ def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
         bits = np.arange(2**count)[:, None] >> np.arange(count) & 1
         means = (2.0 * bits - 1.0) @ values
         return float(np.mean(_at_least(means, values.sum())))
-    signs = child(seed, _FLIPS).choice([-1.0, 1.0], (5 * RESAMPLES, count))
+    signs = child(seed, _FLIPS).choice([-1.0, 1.0], (5 * _RESAMPLES, count))
     hits = int(np.count_nonzero(_at_least(signs @ values, values.sum())))
     # The observed pattern is one of them: a p-value is never 0.
-    return (hits + 1) / (5 * RESAMPLES + 1)
+    return (hits + 1) / (5 * _RESAMPLES + 1)
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,11 @@ def number(key: str, value: float, low: float, high: float, unit: str = "") -> f
     if not allowed:
         raise BadInputError(key, value, f"{low:g} to {high:g}{f' {unit}' if unit else ''}")
     return float(value)
+
+
+def plain_number(value: Any) -> Any:  # noqa: ANN401  whatever else is given is returned
+    """Return a number of numpy as Python's, which every file form takes; anything else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def positive(key: str, value: float, high: float = LARGEST_MM, unit: str = "mm") -> float:

@@ -22,30 +22,46 @@ from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.physics.tube import inflated_diameter_mm
 
 MANY_BRANCHES = 1500
 """The paths of larger designs take long: they are made only where nothing else forbids cutting."""
 
 MOST_CORRIDORS = 50
-"""Most corridors of a map that are checked, narrowest first."""
+"""Most corridors of a map that are checked for the widest branch, narrowest first."""
 
 
-def map_corridors(world: Map) -> MapCorridors:
-    """Return the narrowest corridors of a map."""
-    return corridors_in(world.name, world.free_space)
+def map_corridors(world: Map, design: Design) -> MapCorridors:
+    """Return the narrowest corridors of a map for a design."""
+    return corridors_in(world, world.free_space, design)
 
 
-def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorridors:
-    """Return the narrowest corridors of a free space."""
+def corridors_in(
+    world: Map, free: BaseGeometry, design: Design, scale: float = 1.0, name: str = ""
+) -> MapCorridors:
+    """Return the narrowest corridors of a map's free space, or of its rig's, for a design.
+
+    Parameters
+    ----------
+    free
+        In map coordinates.
+    scale
+        Millimetres of the rig per millimetre of the map.
+    name
+        What it is called; the map's name if empty.
+    """
+    bodies_mm = [inflated_diameter_mm(width) / scale for width in design.build.widths_mm]
+    starts_mm = [(start.pose.x_mm, start.pose.y_mm) for start in world.starts]
     return MapCorridors(
-        name=name,
+        name=name or world.name,
         corridors=tuple(
             Corridor(
                 width_mm=scale * passage.width_mm,
                 x_mm=passage.middle_mm[0],
                 y_mm=passage.middle_mm[1],
+                dead_end_mm=scale * passage.dead_end_mm,
             )
-            for passage in narrow_passages(free, MOST_CORRIDORS)
+            for passage in narrow_passages(free, MOST_CORRIDORS, bodies_mm, starts_mm)
         ),
     )
 
@@ -77,7 +93,7 @@ def check_design(
     rig
         A test rig, for the rules about its parts.
     """
-    corridors = tuple(map_corridors(world) for world in maps)
+    corridors = tuple(map_corridors(world, design) for world in maps)
     return checked_design(design, profile, limits, deployed, corridors, rig)[1]
 
 

@@ -22,14 +22,14 @@ from vinefab.model.laser import (
     Quantity,
 )
 
-SCHEMA = "vinefab/profiles-1"
-KINDS = ("machine", "material", "recipe")
+_SCHEMA = "vinefab/profiles-1"
+PROFILE_KINDS = ("machine", "material", "recipe")
 
 
 def profile_list() -> list[str]:
     """Return one line for every machine, material and recipe, the user's own marked."""
     lines = []
-    for kind in KINDS:
+    for kind in PROFILE_KINDS:
         own = user_names(kind)
         lines.append(f"{kind}s")
         for name in sorted({*names(kind), *own}):
@@ -44,8 +44,8 @@ def kind_of(name: str) -> str:
     path = Path(name)
     if path.suffix or path.parent != Path():
         parent = path.resolve().parent.name.removesuffix("s")
-        return parent if parent in KINDS else "recipe"
-    known = {kind: {*names(kind), *user_names(kind)} for kind in KINDS}
+        return parent if parent in PROFILE_KINDS else "recipe"
+    known = {kind: {*names(kind), *user_names(kind)} for kind in PROFILE_KINDS}
     found = [kind for kind, known_names in known.items() if name in known_names]
     if not found:
         raise UnknownNameError("profile", name, set().union(*known.values()))
@@ -79,11 +79,11 @@ def explain(name: str) -> list[str]:
 def profile_json(name: str | None) -> str:
     """Return one profile, or the names of all, as JSON."""
     if name is None:
-        known = {kind: sorted({*names(kind), *user_names(kind)}) for kind in KINDS}
-        return json_text(SCHEMA, {**known, "user_folder": str(user_root())})
+        known = {kind: sorted({*names(kind), *user_names(kind)}) for kind in PROFILE_KINDS}
+        return json_text(_SCHEMA, {**known, "user_folder": str(user_root())})
     kind = kind_of(name)
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "kind": kind,
             "name": name,

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 
 from vinefab.core.errors import UnknownNameError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Rule
 
-SCHEMA = "vinefab/rules-1"
+_SCHEMA = "vinefab/rules-1"
+
+PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
+"""Where every rule stands with its picture."""
 
 RULE_GROUPS: Mapping[str, str] = {
     "T": "tree and outline",
@@ -30,21 +34,25 @@ def rule_list() -> list[str]:
     lines = list[str]()
     for title, rules in grouped_rules().items():
         lines.append(title)
-        lines += [f"  {rule.id}  {rule.title}{_limits_text(rule, ' ({})')}" for rule in rules]
+        lines += [f"  {rule.id}  {rule.title}{limits_text(rule, ' ({})')}" for rule in rules]
     lines += [f"  {name}  does not load ({why})" for name, why in RULES.broken.items()]
     lines.append("vinefab rules VF-C01 explains one of them")
     return lines
 
 
 def explain_rule(rule_id: str) -> list[str]:
-    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it.
+    """Return a rule as lines: what must hold, limits, reason, remedy, change, picture.
 
     Raises
     ------
     UnknownNameError
         If there is no such rule.
     """
-    rule = known_rule(rule_id)
+    return rule_lines(known_rule(rule_id))
+
+
+def rule_lines(rule: Rule) -> list[str]:
+    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it."""
     lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
     if rule.remedy:
         lines.append(f"  remedy: {rule.remedy}")
@@ -54,6 +62,8 @@ def explain_rule(rule_id: str) -> list[str]:
         change = f"[limits.{rule.id}] {first} = ..., or check --limit {rule.id}.{first}=..."
         lines.append(f"  to change a limit for one design: {change}")
     lines.append("  to accept one finding: [[waive]] with its fingerprint and a reason")
+    if _is_own(rule):
+        lines.append(f"  picture: {PICTURES_PAGE}")
     return lines
 
 
@@ -75,10 +85,25 @@ def grouped_rules() -> dict[str, list[Rule]]:
     """Return all rules by what they are about, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
     for rule in all_rules():
-        own = rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
-        title = RULE_GROUPS[rule.id[3]] if own else "of other packages"
+        title = RULE_GROUPS[rule.id[3]] if _is_own(rule) else "of other packages"
         groups.setdefault(title, []).append(rule)
     return {title: rules for title, rules in groups.items() if rules}
+
+
+def _is_own(rule: Rule) -> bool:
+    return rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
+
+
+class RuleBook(dict[str, Rule]):
+    """Rules by id; an unknown one is an error that names the nearest."""
+
+    def __missing__(self, rule_id: str) -> Rule:
+        raise UnknownNameError("rule", str(rule_id), self)
+
+    def _repr_html_(self) -> str:
+        """Show the list in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
 
 def rules_json(rule_id: str | None = None) -> str:
@@ -95,7 +120,7 @@ def rules_json(rule_id: str | None = None) -> str:
         }
         for rule in rules
     ]
-    return json_text(SCHEMA, {"rules": content})
+    return json_text(_SCHEMA, {"rules": content})
 
 
 def limit_text(rule: Rule, name: str) -> str:
@@ -104,7 +129,7 @@ def limit_text(rule: Rule, name: str) -> str:
     return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
 
 
-def _limits_text(rule: Rule, form: str) -> str:
+def limits_text(rule: Rule, form: str) -> str:
     """Return error and warning limits in a form with one place; nothing where there are none."""
     parts = [
         f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits

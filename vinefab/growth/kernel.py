@@ -37,7 +37,7 @@ NOT_DEPLOYED = 3
 PRESSURE = 4
 GROWING = -1
 
-HALVINGS = 60
+_HALVINGS = 60
 """Bisections of a slide until the place where the pressure is used up is known to the last bit."""
 
 STEEP_COSINE = 0.5
@@ -578,7 +578,7 @@ def _slid_to_limit(growth, rules, film, tip, x, y):
     pivot, and rises after that: it passes the limit once.
     """
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         share = 0.5 * (low + high)
         at_x, at_y = tip.x + share * (x - tip.x), tip.y + share * (y - tip.y)
         ux, uy = _heading(rules, growth, tip, at_x, at_y)

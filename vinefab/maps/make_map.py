@@ -5,6 +5,7 @@ from os import PathLike
 from typing import Any
 
 from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.front_door import python_words
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -12,7 +13,8 @@ from vinefab.maps.importers.importers import import_map, import_suffixes
 from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.shipped import path_given
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.start_place import start_given, with_starts
 
 _MOST_SEED = 2**62
 
@@ -195,7 +197,7 @@ def import_(
     path: str | PathLike[str],
     *,
     scale_mm_per_unit: float | None = None,
-    start: Pose | tuple[float, float, float] | None = None,
+    start: Start | Pose | tuple[float, float, float] | str | None = None,
     layers: Sequence[str] = (),
     **options: Any,  # noqa: ANN401  each has its own type, see `ImportOptions`
 ) -> Map:
@@ -209,13 +211,15 @@ def import_(
         Millimetres of the map per unit of the source (ROS: per metre), instead of the unit that
         the file names.
     start
-        Where robots start, ``(x_mm, y_mm, heading_deg)`` in the map; the roomiest place if None.
+        Where robots start, as in `Map.with_start`: ``(x_mm, y_mm, heading_deg)`` in the map, or
+        words such as ``"left side"``; the roomiest place if None.
     layers
         Read only these layers (DXF, GeoPackage) or groups (SVG).
     **options
         ``simplify_mm``, ``join_mm``, ``drawn``, ``bounds``, ``margin_mm``, ``wall_mm``,
-        ``open_lines``, ``unknown``, ``photo``, as in
-        `vinefab.maps.importers.source_drawing.ImportOptions`; ``photo`` may be a dict of
+        ``open_lines``, ``unknown``, as in `vinefab.maps.importers.source_drawing.ImportOptions`;
+        of a photo also ``marker_mm``, ``height_mm``, ``points_px``, ``distance_mm``,
+        ``rectangle_mm``, ``obstacles``, ``threshold``, ``crop_mm``, as in
         `vinefab.maps.importers.photo_options.PhotoOptions`.
 
     Raises
@@ -237,24 +241,31 @@ def import_(
     (400.0, 300.0)
     """
     source = path_given("path", path, f"a file ending in {', '.join(import_suffixes())}")
-    known = ImportOptions.__dataclass_fields__
+    known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]
+    of_photos = PhotoOptions.__dataclass_fields__
     for name, value in options.items():
-        if name not in known:
-            allowed = f"one of {', '.join(known)}{nearest(name, known)}"
-            raise BadInputError(name, value, allowed)
+        if name not in (*known, *of_photos, "photo"):
+            allowed = f"one of {', '.join(known)}; of a photo one of {', '.join(of_photos)}"
+            raise BadInputError(name, value, f"{allowed}{nearest(name, [*known, *of_photos])}")
+    flat = {name: options.pop(name) for name in list(options) if name in of_photos}
+    if flat and "photo" in options:
+        raise BadInputError(next(iter(flat)), next(iter(flat.values())), "not beside photo")
     if isinstance(layers, str):
         layers = (layers,)
     if not isinstance(layers, Sequence) or not all(isinstance(name, str) for name in layers):
         raise BadInputError("layers", layers, "names of layers")
-    if "photo" in options:
-        options["photo"] = _photo_options(options["photo"])
+    if flat or "photo" in options:
+        options["photo"] = _photo_options(flat or options["photo"])
+    given = None if start is None else start_given(start)
     chosen = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
-        start=None if start is None else Pose.of(start),
+        start=given.pose if isinstance(given, Start) else None,
         layers=tuple(layers),
         **options,
     )
-    return import_map(source, chosen)
+    with python_words():
+        world = import_map(source, chosen)
+    return world if given is None else with_starts(world, [given])
 
 
 def _photo_options(given: object) -> PhotoOptions | None:

@@ -5,10 +5,14 @@ diameter has no wall inside. (These circles' centres are the
 saddles of the distance to the walls, see Lieutier, "Any open bounded subset of R^n has the same
 homotopy type as its medial axis", 2004.) So both ends lie at the nearest points of two walls, and
 at least one of them at a corner, unless the walls are parallel.
+
+A notch in a wall has such a place too, but no body could go anywhere behind it. What tells it is
+the free area that closing the passage would cut off: a passage between two walls cuts off
+nothing, a door cuts off a room, a notch next to nothing.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +35,9 @@ _WIDENING = 1.3
 _FEW_PIECES = 2.0
 """The search begins with circles over no more median pieces of wall: few pairs to look at."""
 
+_LEAST_SHARE = 0.1
+"""A dead end of at least this share of its free part is no notch, however wide the body is."""
+
 _PAIRS_AT_ONCE = 2_000_000
 _SAMPLES = 15
 _POLYGON = shapely.GeometryType.POLYGON
@@ -42,6 +49,9 @@ class Passage:
 
     width_mm: float  # distance between the walls
     ends_mm: tuple[tuple[float, float], tuple[float, float]]  # where it touches them
+    # diameter of the circle with the area of the dead end that it leads to, islands counted in;
+    # infinite where it leads to none, or to one with a start or a tenth of the free part in it
+    dead_end_mm: float = math.inf
 
     @property
     def middle_mm(self) -> tuple[float, float]:
@@ -50,8 +60,23 @@ class Passage:
         return 0.5 * (x_1 + x_2), 0.5 * (y_1 + y_2)
 
 
-def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
+def narrow_passages(
+    free: BaseGeometry,
+    most: int = 5,
+    bodies_mm: Collection[float] = (),
+    starts_mm: Collection[tuple[float, float]] = (),
+) -> tuple[Passage, ...]:
     """Return the narrowest passages, the narrowest first.
+
+    Parameters
+    ----------
+    most
+        How many; of bodies, how many that the widest could use.
+    bodies_mm
+        Diameters of bodies: what is a notch for all of them is left out, that is a dead end with
+        less free area than the narrowest body's cross-section.
+    starts_mm
+        Places that bodies come from, however small the dead end that they are in.
 
     Examples
     --------
@@ -61,21 +86,30 @@ def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
     """
     walls = _Walls(free)
     found: tuple[Passage, ...] = ()
-    shares, least_mm, most_mm = [np.zeros((0, 2, 2))], 0.0, walls.typical_mm
-    while len(found) < most and least_mm < walls.widest_mm:
-        shares += walls.gaps(least_mm, most_mm)
-        found = _apart(walls, _Gaps(np.concatenate(shares), _EXACT_SHARE * walls.size_mm), most)
+    narrow_mm, wide_mm = min(bodies_mm, default=0.0), max(bodies_mm, default=0.0)
+    places = np.array(list(starts_mm), dtype=np.float64).reshape(-1, 2)
+    shares, rooms = [np.zeros((0, 2, 2))], [np.zeros(0)]
+    least_mm, most_mm, count = 0.0, walls.typical_mm, 0
+    while count < most and least_mm < walls.widest_mm:
+        for ends in walls.gaps(least_mm, most_mm):
+            room_mm = walls.dead_ends_mm(ends, places)
+            shares.append(ends[room_mm >= narrow_mm])
+            rooms.append(room_mm[room_mm >= narrow_mm])
+        gaps = _Gaps(np.concatenate(shares), np.concatenate(rooms), _EXACT_SHARE * walls.size_mm)
+        found = _apart(walls, gaps, most, wide_mm)
+        count = sum(passage.dead_end_mm >= wide_mm for passage in found)
         least_mm, most_mm = most_mm, 2.0 * most_mm
     return found
 
 
 class _Gaps:
-    """Candidates: ends (n, 2, 2), widths (n,), the narrowest first."""
+    """Candidates: ends (n, 2, 2), widths (n,), dead ends (n,), the narrowest first."""
 
-    def __init__(self, ends: Floats, same_mm: float) -> None:
+    def __init__(self, ends: Floats, dead_end_mm: Floats, same_mm: float) -> None:
         width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         order = np.argsort(np.round(width / same_mm), kind="stable")
         self.ends, self.width = ends[order], width[order]
+        self.dead_end_mm = dead_end_mm[order]
         self.middle = self.ends.mean(axis=1)
 
 
@@ -86,11 +120,18 @@ class _Walls:
         parts = shapely.get_parts(free)
         self.parts = parts[(shapely.get_type_id(parts) == _POLYGON) & ~shapely.is_empty(parts)]
         shapely.prepare(self.parts)
-        rings = shapely.get_rings(shapely.orient_polygons(self.parts))
+        rings, part = shapely.get_rings(shapely.orient_polygons(self.parts), return_index=True)
         points, ring = shapely.get_coordinates(rings, return_index=True)
         real = (ring[1:] == ring[:-1]) & (points[1:] != points[:-1]).any(axis=1)
         self.start, self.end = points[:-1][real], points[1:][real]
-        self.before = _before(ring[:-1][real])
+        self.ring = ring[:-1][real]
+        self.before = _before(self.ring)
+        # Of loops along walls: twice the areas of the triangles that walls make with a point.
+        self.middle = points.mean(axis=0) if len(points) else np.zeros(2)
+        self.swept = np.append(0.0, np.cumsum(_doubled(self.start, self.end, self.middle)))
+        self.enclosed = np.bincount(self.ring, np.diff(self.swept), len(rings)) / 2.0
+        # of the outer ring around each ring: the first of its part
+        self.outside = self.enclosed[np.searchsorted(part, part)]
         self.lines = np.asarray(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
         self.tree, self.inside = STRtree(self.lines), STRtree(self.parts)
         self.size_mm = float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 0.0
@@ -117,6 +158,49 @@ class _Walls:
         empty = self.clearance(middle) >= half - _EXACT_SHARE * self.size_mm
         empty[empty] = self.is_free(middle[empty])
         return np.asarray(empty)
+
+    def dead_ends_mm(self, ends: Floats, starts: Floats) -> Floats:
+        """Return the diameters of circles with the areas that gaps would cut off, shape (n,).
+
+        Infinite where it cuts off nothing, a start, or a large part of the free space. A gap cuts
+        off what the loop along one ring encloses, from one end to the other and straight back.
+        """
+        wall = np.stack([self._wall_at(ends[:, end]) for end in (0, 1)], axis=1)
+        order = np.argsort(wall, axis=1)
+        first, last = np.take_along_axis(wall, order, axis=1).T
+        begin, end = np.moveaxis(np.take_along_axis(ends, order[..., None], axis=1), 1, 0)
+        doubled = self.swept[last] - self.swept[first + 1] + _doubled(end, begin, self.middle)
+        doubled += _doubled(begin, self.end[first], self.middle)
+        doubled += _doubled(self.start[last], end, self.middle)
+        ring = self.ring[first]
+        loops = np.stack([0.5 * doubled, self.enclosed[ring] - 0.5 * doubled])
+        # Of the loops along a hole, one goes around the hole: the other one's outside is meant.
+        sides = np.where(loops < 0.0, self.outside[ring] - loops.max(axis=0), loops)
+        room = np.where(ring == self.ring[last], sides.min(axis=0), np.inf)
+        room[room >= _LEAST_SHARE * self.outside[ring]] = np.inf
+        for number in np.flatnonzero(np.isfinite(room)) if len(starts) else ():
+            side = int(sides[:, number].argmin())
+            around = loops[side, number] < 0.0
+            two = begin[number], end[number]
+            loop = self._loop(two, (first[number], last[number]), 1 - side if around else side)
+            if (shapely.contains_xy(loop, starts) != around).any():
+                room[number] = np.inf
+        return np.asarray(np.sqrt(4.0 / math.pi * np.maximum(room, 0.0)))
+
+    def _loop(self, ends: tuple[Floats, Floats], walls: tuple[int, int], side: int) -> Polygon:
+        """Return what one of the loops along a ring encloses: 0 from the first wall to the last."""
+        first, last = walls
+        begin, end = ends
+        if side == 0:
+            return Polygon([begin, *self.end[first:last], end])
+        ring = self.ring[first]
+        low, high = np.searchsorted(self.ring, [ring, ring + 1])
+        return Polygon([end, *self.end[last:high], *self.end[low:first], begin])
+
+    def _wall_at(self, points: Floats) -> Ints:
+        """Return the wall that each point lies on."""
+        found = self.tree.query_nearest(shapely.points(points), all_matches=False)
+        return np.asarray(found[1][np.argsort(found[0], kind="stable")], dtype=np.int64)
 
     def clearance(self, points: Floats) -> Floats:
         """Return the distance of points to the nearest wall, shape (n,)."""
@@ -211,6 +295,12 @@ class _Walls:
         return np.asarray(start + np.clip(share, 0.0, 1.0)[:, None] * along)
 
 
+def _doubled(start: Floats, end: Floats, middle: Floats) -> Floats:
+    """Return twice the signed areas of triangles with a common corner."""
+    one, two = (start - middle).T, (end - middle).T
+    return np.asarray(one[0] * two[1] - one[1] * two[0])
+
+
 def _median(values: Floats) -> float:
     return float(np.median(values)) if len(values) else math.inf
 
@@ -234,15 +324,21 @@ def _widest_mm(part: Polygon, tolerance_mm: float) -> float:
     return 2.0 * (shapely.maximum_inscribed_circle(part, tolerance_mm).length + tolerance_mm)
 
 
-def _apart(walls: _Walls, gaps: _Gaps, most: int) -> tuple[Passage, ...]:
-    """Return the narrowest gaps that do not belong to the same passage."""
+def _apart(walls: _Walls, gaps: _Gaps, most: int, wide_mm: float) -> tuple[Passage, ...]:
+    """Return the narrowest gaps that do not belong to the same passage.
+
+    No gap belongs to one that fewer bodies could use: a notch in the wall of a door hides no door.
+    """
     kept: list[int] = []
+    count, use = 0, np.minimum(gaps.dead_end_mm, wide_mm)  # the widest body that could use each
     for number in range(len(gaps.width)):
-        if len(kept) == most:
+        if count == most:
             break
-        if not kept or not _belongs(walls, gaps, number, kept):
+        others = [other for other in kept if use[other] >= use[number]]
+        if not others or not _belongs(walls, gaps, number, others):
             kept.append(number)
-    return tuple(_passage(gaps.ends[number]) for number in kept)
+            count += use[number] >= wide_mm
+    return tuple(_passage(gaps.ends[number], float(gaps.dead_end_mm[number])) for number in kept)
 
 
 def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
@@ -269,6 +365,10 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
     return bool((is_open & keeps_narrow).any())
 
 
-def _passage(ends: Floats) -> Passage:
+def _passage(ends: Floats, dead_end_mm: float) -> Passage:
     (x_1, y_1), (x_2, y_2) = ends.tolist()
-    return Passage(width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)), ends_mm=((x_1, y_1), (x_2, y_2)))
+    return Passage(
+        width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)),
+        ends_mm=((x_1, y_1), (x_2, y_2)),
+        dead_end_mm=dead_end_mm,
+    )

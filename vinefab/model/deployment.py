@@ -142,6 +142,12 @@ class Deployment:
         counts = np.bincount(self.stop, minlength=len(Stop)).tolist()
         return {stop.label: counts[stop] for stop in Stop}
 
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """What became of the branches and why, a line each; of what `Design.grow` returned."""
+        lines: tuple[str, ...] = front_door().deployment_summary(self)
+        return lines
+
     def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
         """Write a deployment that `Design.grow` returned, in the form that the name ends in.
 

@@ -2,7 +2,7 @@
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -13,8 +13,8 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.units import rad
-from vinefab.core.validation import LARGEST_MM, number, positive, whole
+from vinefab.core.units import rad, warn_of_radians
+from vinefab.core.validation import LARGEST_MM, number, plain_number, positive, whole
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -32,6 +32,21 @@ DEFAULT_PRESSURE_KPA = 20.0
 
 ORIGIN_GROWTH = "growth"
 """Key of a design's origin under which the growth options stand that it was trained with."""
+
+
+def _make_plain(noun: object, *names: str) -> None:
+    """Turn the numbers of numpy in some fields into Python's, which every file form takes."""
+    for name in names:
+        given = getattr(noun, name)
+        plain = plain_number(given)
+        if plain is not given:
+            object.__setattr__(noun, name, plain)
+
+
+def _number_row(key: str, given: object) -> tuple[float, ...]:
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise BadInputError(key, given, "numbers, one for each level")
+    return tuple(plain_number(value) for value in given)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +72,7 @@ class Level:
     growth: float = 1.0
 
     def __post_init__(self) -> None:
+        _make_plain(self, "branches", "length_mm", "fan_rad", "growth")
         whole("branches", self.branches, 1, 1000)
         positive("length", self.length_mm)
         number("angle_deg", math.degrees(self.fan_rad), 0.0, 360.0, "deg")
@@ -94,6 +110,7 @@ class Level:
         1.0
         """
         fan_rad = rad(number("angle_deg", angle_deg, 0.0, 360.0, "deg"))
+        warn_of_radians("angle_deg", angle_deg)
         growth = number("growth_percent", growth_percent, 0.1, 10_000.0, "%") / 100.0
         return cls(branches=branches, length_mm=length_mm, fan_rad=fan_rad, growth=growth)
 
@@ -241,6 +258,9 @@ class Build:
     pieces: PieceSettings | None = None
 
     def __post_init__(self) -> None:
+        for name in ("widths_mm", "fillet_mm", "taper"):
+            object.__setattr__(self, name, _number_row(f"build.{name}", getattr(self, name)))
+        _make_plain(self, "tail_mm", "pressure_kpa")
         for ratio in self.taper:
             number("build.taper", ratio, 0.01, 1.0)
         if len(self.taper) not in (0, len(self.widths_mm)):
@@ -369,7 +389,15 @@ class Design:
             raise BadInputError("name", self.name, "letters, digits, '_', '-' and '.'")
         if self.name.startswith(".") or len(self.name) > 100:
             raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
+        _make_plain(self, "trunk_length_mm")
         positive("trunk.length", self.trunk_length_mm)
+        if not isinstance(self.levels, Sequence) or not all(
+            isinstance(level, Level) for level in self.levels
+        ):
+            raise BadInputError("levels", self.levels, "a Level for each level beyond the trunk")
+        if not isinstance(self.build, Build):
+            raise BadInputError("build", self.build, "a Build, such as Build.standard(levels=3)")
+        object.__setattr__(self, "levels", tuple(self.levels))
         if self.depth > MOST_LEVELS:
             raise BadInputError(
                 "level", counted(len(self.levels), "level"), f"at most {MOST_LEVELS - 1}"

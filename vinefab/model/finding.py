@@ -60,6 +60,16 @@ class Finding:
     waived: bool = False
     reason: str = ""
 
+    def __repr__(self) -> str:
+        severity = "waived" if self.waived else self.severity.value
+        where = f" at {', '.join(self.branches)}" if self.branches else ""
+        return f"<Finding {self.rule} {severity}{where}: {self.message}>"
+
+    def _repr_html_(self) -> str:
+        """Show the finding in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
     @property
     def blocks(self) -> bool:
         """Whether the finding stands in the way of an export."""

@@ -1,11 +1,12 @@
 """Maps: bounds, obstacles and starts of robots."""
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import shapely
@@ -16,7 +17,7 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg, rad
+from vinefab.core.units import deg, rad, warn_of_radians
 from vinefab.core.validation import LARGEST_MM, number
 
 _MANY_OBSTACLES = 1000
@@ -71,10 +72,12 @@ class Pose:
             x_mm, y_mm, heading_deg = given
         except (TypeError, ValueError) as error:
             raise BadInputError("pose", given, "(x_mm, y_mm, heading_deg)") from error
+        number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")
+        warn_of_radians("pose.heading_deg", heading_deg)
         return cls(
             x_mm=number("pose.x_mm", x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
             y_mm=number("pose.y_mm", y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
-            heading_rad=rad(number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")),
+            heading_rad=rad(float(heading_deg)),
         )
 
     @property
@@ -161,6 +164,11 @@ class Map:
     facts: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for key, kind in (("obstacles", Polygon), ("starts", Start)):
+            given = getattr(self, key)
+            if not isinstance(given, Sequence) or not all(isinstance(one, kind) for one in given):
+                raise BadInputError(key, given, f"a {kind.__name__} for each, in a tuple")
+            object.__setattr__(self, key, tuple(given))
         _check_polygon("bounds", self.bounds)
         for index in _unsound(self.obstacles):
             _check_polygon(f"obstacle {index}", self.obstacles[index])
@@ -265,14 +273,15 @@ class Map:
 
         return write_text(path_given("path", path), map_text(self), force=force)
 
-    def with_start(self, *starts: "Start | str") -> "Map":
+    def with_start(self, *starts: "Start | Pose | tuple[float, float, float] | str") -> "Map":
         """Return the map with other starts in place of its own.
 
         Parameters
         ----------
         *starts
-            A `Start`, or words as of ``--start``: ``"250,15,90+-10"``, ``"left side"``, ``"line
-            20,20 20,480, heading 0+-20"``, ``"area 0,0 50,480"`` (docs/maps.md has all of them).
+            A `Start`, a pose ``(x_mm, y_mm, heading_deg)``, or words as of ``--start``:
+            ``"250,15,90+-10"``, ``"left side"``, ``"line 20,20 20,480, heading 0+-20"``,
+            ``"area 0,0 50,480"`` (docs/maps.md has all of them).
 
         Raises
         ------
@@ -287,10 +296,38 @@ class Map:
         ('LineString', 0.0)
         """
         # Starts in words are built on this module.
-        from vinefab.model.start_place import start_from, with_starts  # noqa: PLC0415
+        from vinefab.model.start_place import start_given, with_starts  # noqa: PLC0415
 
-        given = [one if isinstance(one, Start) else start_from(one) for one in starts]
-        return with_starts(self, given)
+        return with_starts(self, [start_given(one) for one in starts])
+
+    def info(self, *, width_mm: float | None = None, passages: int = 5) -> Any:  # noqa: ANN401
+        """Return size, free area, narrowest passages and room for robots (computed).
+
+        Parameters
+        ----------
+        width_mm
+            Lay-flat width of a body: how much of the free area it has room in.
+        passages
+            How many of the narrowest passages to find.
+
+        Returns
+        -------
+        MapInfo
+            It shows itself in a notebook; ``summary`` in lines, ``numbers`` as plain values, and
+            ``passages``, ``starts``, ``widest_mm`` and ``body``.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
+        'pegs_1: 500 x 500 mm, 115 obstacles, 1384 walls, 1384 vertices'
+        """
+        return front_door().info_of(self, width_mm=width_mm, passages=passages)
 
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
@@ -320,6 +357,8 @@ def _check_start_area(area: BaseGeometry) -> None:
 
 
 def _check_polygon(key: str, polygon: Polygon) -> None:
+    if not isinstance(polygon, BaseGeometry):
+        raise BadInputError(key, polygon, "a Polygon: shapely.box(0, 0, 500, 400)")
     if polygon.is_empty or polygon.geom_type != "Polygon":
         raise BadInputError(key, polygon.geom_type, "one polygon with an area")
     _check_near(key, polygon)

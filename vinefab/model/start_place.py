@@ -172,6 +172,20 @@ class StartPlace:
         return ""
 
 
+def start_given(given: object, key: str = "start") -> Start | StartPlace:
+    """Return the start that a user means: a start, a pose, or words."""
+    if isinstance(given, Start | StartPlace):
+        return given
+    if isinstance(given, Pose):
+        return Start(pose=given)
+    if isinstance(given, Sequence | np.ndarray) and not isinstance(given, str) and len(given) == 3:
+        x_mm, y_mm, heading_deg = given
+        return Start(pose=Pose.of((x_mm, y_mm, heading_deg)))
+    if not isinstance(given, str):
+        raise BadInputError(key, given, f"(x_mm, y_mm, heading_deg), or in words {START_WAYS}")
+    return start_from(given, key)
+
+
 def start_from(text: str, key: str = "start") -> Start | StartPlace:
     """Return the start that words say, see above: a pose with its range, or a place on any map.
 

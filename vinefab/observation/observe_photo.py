@@ -1,5 +1,6 @@
 """A photo of a grown robot, from the file to what it says beside the prediction."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -8,7 +9,11 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.model.corner_marker import corner_markers
+from vinefab.model.corner_marker import (
+    DEFAULT_MARKER_GAP_MM,
+    DEFAULT_MARKER_MM,
+    corner_markers,
+)
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.beside_prediction import (
@@ -19,7 +24,7 @@ from vinefab.observation.beside_prediction import (
 from vinefab.observation.centre_lines import TracedTree, trace
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
-from vinefab.photos.found_markers import marker_points
+from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera
 from vinefab.photos.rectify import rectified
@@ -33,6 +38,10 @@ MOST_PLAN_PIXELS = 4_000_000
 
 AROUND_BOUNDS_MM = 10.0
 """Of the plan around the bounds."""
+
+MOST_OFF_SIDE = 0.05
+"""Root mean square distance of markers' corners from where they should be, over a marker's side, up
+to which a photo is read: a lens that bends straight lines by 5 % makes half of it."""
 
 LEAST_PARALLAX_MM = 0.5
 """Less is not worth a caution."""
@@ -208,7 +217,7 @@ def observe_photo(  # noqa: PLR0913
         If the photo cannot be rectified, or no film is found on it.
     """
     setup = setup or PhotoSetup()
-    camera, by = _camera(photo, world, setup)
+    camera, by, spread = _camera(photo, world, setup)
     widths = design.build.widths_mm
     plane = inflated_radius_mm(widths[0])
     left, low, right, top = world.bounds.bounds
@@ -254,19 +263,63 @@ def observe_photo(  # noqa: PLR0913
         cautions=(),
         settings=setup.content,
     )
-    cautions = (*film.cautions, *_cautions(seen, camera, setup))
+    cautions = (*_spread_cautions(spread), *film.cautions, *_cautions(seen, camera, setup))
     return replace(seen, cautions=cautions)
 
 
-def _camera(photo: Photo, world: Map, setup: PhotoSetup) -> tuple[PhotoCamera, str]:
+def _camera(
+    photo: Photo, world: Map, setup: PhotoSetup
+) -> tuple[PhotoCamera, str, MarkerSpread | None]:
+    """Return the camera, by what it is known, and how markers lie beside where they should."""
     if setup.corners_px is not None:
         left, low, right, top = world.bounds.bounds
         corners = np.array([(left, low), (right, low), (right, top), (left, top)])
         control = ControlPoints(points_px=setup.corners_px, points_mm=corners, noise_px=2.0)
-        return fit_camera(photo, control), "four corners given"
+        return fit_camera(photo, control), "four corners given", None
     markers = setup.markers if setup.markers is not None else corner_markers(world)
     control = marker_points(photo, markers)
-    return fit_camera(photo, control), f"{len(control.points_px) // 4} corner markers"
+    spread, camera = marker_spread(control), fit_camera(photo, control)
+    side_mm = float(np.hypot(*(control.points_mm[1] - control.points_mm[0])))
+    if spread.is_wrong_layout or camera.residual_mm > MOST_OFF_SIDE * side_mm:
+        raise BadInputError(
+            "markers", _place_words(spread, camera), _layout_words(setup, side_mm), photo.name
+        )
+    return camera, f"{len(control.points_px) // 4} corner markers", spread
+
+
+def _place_words(spread: MarkerSpread, camera: PhotoCamera) -> str:
+    if not spread.is_wrong_layout:
+        return f"{camera.residual_mm:.1f} mm off (measured)"
+    x_mm, y_mm = spread.out_mm
+    if abs(x_mm - y_mm) <= max(0.5, 0.1 * spread.most_mm):
+        where = f"{spread.most_mm:.1f} mm farther {'out' if x_mm > 0.0 else 'in'}"
+    else:
+        axes = zip("xy", spread.out_mm, strict=True)
+        known = [f"{axis} {off_mm:+.1f}" for axis, off_mm in axes if math.isfinite(off_mm)]
+        where = f"{', '.join(known)} mm farther out"
+    return f"{where}, by how large they look (measured)"
+
+
+def _layout_words(setup: PhotoSetup, side_mm: float) -> str:
+    """Return where markers are expected, and what to do if they are elsewhere."""
+    other = "--corners goes without markers"
+    if setup.markers is not None:
+        return f"where --rig says, {side_mm:g} mm wide: is it the file of this rig? {other}"
+    return (
+        f"{DEFAULT_MARKER_MM:g} mm wide, {DEFAULT_MARKER_GAP_MM:g} mm outside the bounds' box; "
+        f"a rig's own places: --rig RIG/rig.json; {other}"
+    )
+
+
+def _spread_cautions(spread: MarkerSpread | None) -> list[str]:
+    """Return what to say of markers that are seen a little larger or smaller than they should."""
+    if spread is None or not spread.is_clear:
+        return []
+    return [
+        f"markers look {100.0 * spread.size:.1f} % as large as their distances say (measured), as "
+        "through a lens that bends straight lines: places may be off by about "
+        f"{spread.most_mm:.1f} mm"
+    ]
 
 
 def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list[str]:

@@ -20,7 +20,7 @@ Box = tuple[float, float, float, float]
 SMALL = 0.4
 """A robot that takes up less than this share of the map's longer side is drawn enlarged."""
 
-UNSEEN = 4e-4
+UNSEEN_DETAIL = 4e-4
 """Detail below this share of a picture's longer side is left out: a fifth of a point on paper."""
 
 FAN = 0.1
@@ -118,7 +118,7 @@ def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
     window = shapely.buffer(shapely.box(*box), 0.2 * longest_mm, join_style="mitre")
     near = [polygon for polygon in polygons if window.intersects(polygon)]
     inside = [p if window.covers(p) else shapely.intersection(p, window) for p in near]
-    return list(shapely.simplify(inside, UNSEEN * longest_mm))
+    return list(shapely.simplify(inside, UNSEEN_DETAIL * longest_mm))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

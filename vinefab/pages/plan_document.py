@@ -16,9 +16,12 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.pages.animation import round_length_mm
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import STOP_WORDS, Box, longer_mm
-from vinefab.pages.plan_svg import CONTACT, MARKS, stop_class, view_box
+from vinefab.pages.plan_svg import CONTACT, STOP_SIGNS, stop_class, view_box
 
-_LONGEST_PX, _LEAST_WIDTH_PX = 600.0, 340.0
+LONGEST_PX = 600.0
+"""Of a plan's longer side; the documentation draws smaller ones, whose words a phone shows."""
+
+_LEAST_WIDTH_PX = 340.0
 _TOP_PX, _ROW_PX = 26.0, 18.0
 _LETTER_PX, _TITLE_PX = 6.0, 6.8  # of a letter in the legend and in the title
 _RIM = 0.02  # around the box, as a share of its longer side
@@ -27,7 +30,7 @@ _MOST_LETTERS = 90
 LegendEntry = tuple[str, str]
 """A symbol, in pixels around the origin, and what it means."""
 
-START: LegendEntry = (
+START_ENTRY: LegendEntry = (
     '<g class="pose"><circle class="handle base" r="3"/></g>',
     "start",
 )
@@ -53,7 +56,7 @@ def plan_document(
     """
     rim_mm = _RIM * longer_mm(box_mm)
     width_mm, height_mm = (box_mm[i + 2] - box_mm[i] + 2.0 * rim_mm for i in (0, 1))
-    mm_per_px = max(width_mm, height_mm) / _LONGEST_PX
+    mm_per_px = max(width_mm, height_mm) / LONGEST_PX
     plan_px = (width_mm / mm_per_px, height_mm / mm_per_px)
     name = escape(shortened(one_line(title), _MOST_LETTERS))
     width_px = max(plan_px[0], _LEAST_WIDTH_PX, 16.0 + _TITLE_PX * len(name))
@@ -100,7 +103,7 @@ def robot_legend(deployment: Deployment) -> list[LegendEntry]:
     for stop in Stop:
         count_stopped = deployment.stops[stop.label]
         if count_stopped:
-            mark = f'<g class="mark {stop_class(stop)}">{MARKS[stop]}</g>'
+            mark = f'<g class="mark {stop_class(stop)}">{STOP_SIGNS[stop]}</g>'
             entries.append((mark, f"{STOP_WORDS[stop]} ({count_stopped})"))
     return entries
 

@@ -32,7 +32,7 @@ from vinefab.model.outline import Contour
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import (
     STOP_WORDS,
-    UNSEEN,
+    UNSEEN_DETAIL,
     Box,
     StartMark,
     bounds_in,
@@ -43,7 +43,7 @@ from vinefab.pages.map_view import (
 )
 from vinefab.physics.tube import inflated_diameter_mm
 
-MOST_BRANCHES = 3000
+_MOST_BRANCHES = 3000
 """A robot of more branches is drawn without detail: one path per level, no marks."""
 
 MOST_OBSTACLES = 10_000
@@ -55,7 +55,7 @@ _MOST_CORNERS = 10_000
 _COARSE = 5.0
 """How much more is too fine to be seen on a drawing without detail."""
 
-MARKS = {
+STOP_SIGNS = {
     Stop.FULL_LENGTH: '<circle r="2.7"/>',
     Stop.HEAD_ON: '<path d="M-3.8-2.3-2.3-3.8 0-1.5 2.3-3.8 3.8-2.3 1.5 0 3.8 2.3 2.3 3.8 0 1.5'
     '-2.3 3.8-3.8 2.3-1.5 0Z"/>',
@@ -113,7 +113,7 @@ def robot_svg(
         (``data-branch``, ``data-base``, ``data-grown``), and mark contacts and tips. Without it
         a level is one path.
     """
-    detail = detail and len(deployment.tree) <= MOST_BRANCHES
+    detail = detail and len(deployment.tree) <= _MOST_BRANCHES
     points = _placed(deployment.points_mm)
     first = deployment.first_point.tolist()
     paths = [_chain_path(points[a:b]) for a, b in pairwise(first)]
@@ -201,7 +201,7 @@ def _all_of(world: Map) -> tuple[list[Polygon], list[Polygon], list[Polygon]]:
     outside = _outside(world)
     shapes = [world.bounds, *outside, *world.obstacles]
     if shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
-        shapes = shapely.simplify(shapes, UNSEEN * longer_mm(world.bounds.bounds)).tolist()
+        shapes = shapely.simplify(shapes, UNSEEN_DETAIL * longer_mm(world.bounds.bounds)).tolist()
     return shapes[:1], shapes[1 : 1 + len(outside)], shapes[1 + len(outside) :]
 
 
@@ -211,7 +211,7 @@ def _seen_of(world: Map, box_mm: Box | None, coarse: float) -> tuple[list[Polygo
         bounds, solid = [world.bounds], [*_outside(world), *world.obstacles]
     else:
         bounds, solid = _polygons([bounds_in(world, box_mm)]), _polygons(rock_in(world, box_mm))
-    tolerance_mm = coarse * UNSEEN * longer_mm(box_mm or world.bounds.bounds)
+    tolerance_mm = coarse * UNSEEN_DETAIL * longer_mm(box_mm or world.bounds.bounds)
     plain: list[Polygon] = shapely.simplify([*bounds, *solid], tolerance_mm).tolist()
     return plain[: len(bounds)], plain[len(bounds) :]
 
@@ -315,7 +315,7 @@ def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_])
         marks.append(
             f'<g class="mark {stop_class(stop)}" data-branch="{name}" '
             f'data-front="{front}" transform="translate({place})">'
-            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
+            f"{STOP_SIGNS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
         )
     return "".join(marks)
 
@@ -325,7 +325,7 @@ def _lost(deployment: Deployment) -> str:
     words = STOP_WORDS[Stop.NOT_DEPLOYED]
     return "".join(
         f'<g class="mark {stop_class(Stop.NOT_DEPLOYED)}" data-front="{_text(place.front_mm)}" '
-        f'transform="translate({_pair(*place.at_mm)})">{MARKS[Stop.NOT_DEPLOYED]}'
+        f'transform="translate({_pair(*place.at_mm)})">{STOP_SIGNS[Stop.NOT_DEPLOYED]}'
         f"<title>{counted(place.count, 'branch')} {words} (simulated)</title></g>"
         for place in lost_places(deployment)
     )

@@ -1,6 +1,8 @@
 """Corner markers found in a photo, with OpenCV (extra ``vision``)."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -161,6 +163,82 @@ def marker_points(
         points_px=np.concatenate([found[marker.number] for marker in seen]),
         points_mm=np.concatenate([marker.corners_mm for marker in seen]),
         z_mm=heights.pop(),
+    )
+
+
+_LEAST_SPREAD_MM, _CLEAR = 0.5, 2.5
+_LENS_EXPLAINED = 0.65
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerSpread:
+    """How much farther apart markers lie than they are said to, by how large they are seen.
+
+    A homography fits four squares to the middles of any four others that lie as a rectangle: only
+    the size in which each is seen says how far apart they are.
+    """
+
+    # how much farther from the middle of all each marker lies along x and y; less than 0: nearer
+    out_mm: tuple[float, float]
+    noise_mm: float  # of these, one standard deviation
+    explained: (
+        float  # share of the squared distances between seen and said places that they explain
+    )
+    size: float  # how large the markers are seen, over the size that they are said to have
+
+    @property
+    def most_mm(self) -> float:
+        """The larger of the two distances, its sign dropped."""
+        return float(np.nanmax(np.abs(self.out_mm)))
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether they lie elsewhere, beyond what noise explains."""
+        return self.most_mm > max(_LEAST_SPREAD_MM, _CLEAR * self.noise_mm)
+
+    @property
+    def is_wrong_layout(self) -> bool:
+        """Whether they clearly lie elsewhere, and it is not a lens that bends straight lines.
+
+        A lens moves corners along rays from the middle, but hardly makes squares wider across
+        them: about half of what it does looks like another distance.
+        """
+        return self.is_clear and self.explained > _LENS_EXPLAINED
+
+
+def marker_spread(control: ControlPoints) -> MarkerSpread:
+    """Return how much farther apart the markers of control points lie, from `marker_points`."""
+    corners = control.points_mm.reshape(-1, 4, 2)
+    middles = corners.mean(axis=1)
+    middle = 0.5 * (middles.min(axis=0) + middles.max(axis=0))
+    outwards = np.repeat(np.sign(np.round(middles - middle, 6)), 4, axis=0)
+    apart = np.ptp(middles, axis=0)
+    is_seen = apart > 0.0
+    axes = np.eye(2)[is_seen]
+    begin = fitted_homography(control)
+    begin = (begin / begin[2, 2]).ravel()[:8]
+
+    def off(values: Floats) -> Floats:
+        moved = control.points_mm + outwards * (values[8:] @ axes)
+        seen = projected(np.append(values[:8], 1.0).reshape(3, 3), moved)
+        return np.asarray((seen - control.points_px).ravel())
+
+    still = np.append(begin, np.zeros(len(axes)))
+    fit = least_squares(off, still, x_scale="jac", method="lm", max_nfev=2000)
+    before, after = float((off(still) ** 2).sum()), float((fit.fun**2).sum())
+    freedom = max(1, len(fit.fun) - len(fit.x))
+    noise_px = max(control.noise_px, math.sqrt(after / freedom))
+    slopes = np.asarray(fit.jac)
+    unit = np.linalg.norm(slopes, axis=0)
+    spread = np.linalg.pinv(slopes / unit, rcond=1e-14)[8:] / unit[8:, None]
+    out_mm = np.full(2, np.nan)
+    out_mm[is_seen] = fit.x[8:]
+    narrower = np.abs(apart / (apart + 2.0 * out_mm))[is_seen]
+    return MarkerSpread(
+        out_mm=(float(out_mm[0]), float(out_mm[1])),
+        noise_mm=noise_px * float(np.linalg.norm(spread, axis=1).max()),
+        explained=1.0 - after / before if before > 0.0 else 0.0,
+        size=float(np.exp(np.log(narrower).mean())),
     )
 
 

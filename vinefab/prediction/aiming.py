@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
@@ -38,6 +39,7 @@ from vinefab.prediction.pose_search import (
     PoseSearch,
     PoseTrial,
     nearest_places,
+    printed_pose,
     search_poses,
 )
 from vinefab.prediction.provenance import Origin
@@ -254,6 +256,11 @@ class AimResult:
     def __repr__(self) -> str:
         return f"<AimResult {self.first.name} on {self.world.name}: {pose_text(self.pose)}>"
 
+    def _repr_html_(self) -> str:
+        """Show what was found, and a robot grown from the best pose, in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
     @property
     def first(self) -> AimedRobot:
         """The design that was asked about."""
@@ -287,10 +294,9 @@ class AimResult:
 
 
 def pose_of(row: Floats) -> Pose:
-    """Return a pose as `pose_text` would have it: what is printed is what was tried."""
+    """Return the pose of a row of `printed_pose`: what is printed is what was tried."""
     x_mm, y_mm, heading_rad = (float(value) for value in row)
-    heading_deg = round(deg(heading_rad) % 360.0, 2) % 360.0
-    return Pose(x_mm=round(x_mm, 2), y_mm=round(y_mm, 2), heading_rad=rad(heading_deg))
+    return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=heading_rad)
 
 
 def aim_robots(
@@ -356,7 +362,7 @@ def _aimed(
     region = BaseRegion.of(trial, plan.where)
     found = search_poses(trial, search_form(task), region, plan.errors, plan.deployments, tell)
     fresh = plan.errors.drawn(FRESH_DRAWS, child(plan.seed, _FRESH))
-    best = pose_of(found.pose)
+    best = pose_of(printed_pose(trial, found.pose))
     starts = [start.pose for start in trial.prepared.world.starts[:1]]
     rows = np.array([(p.x_mm, p.y_mm, p.heading_rad) for p in (best, *starts)])
     # What is reported is scored as `vinefab score` does, not by the search's approximation.

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
@@ -48,7 +49,7 @@ from vinefab.prediction.prediction_width import (
 )
 from vinefab.prediction.provenance import Origin, repeat_section
 
-LEVEL = 0.05
+_LEVEL = 0.05
 """A difference is called clear when its adjusted p-value is below this."""
 
 
@@ -84,7 +85,7 @@ class PairedDifference:
     @property
     def is_clear(self) -> bool:
         """Whether the difference is significant; that of one pair never is."""
-        return self.p_adjusted < LEVEL
+        return self.p_adjusted < _LEVEL
 
     @property
     def winner(self) -> str:
@@ -112,14 +113,56 @@ MOST_DESIGNS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignComparison:
-    """Designs on the same maps from the same poses."""
+    """Designs on the same maps from the same poses (simulated).
 
-    names: tuple[str, ...]  # what each design is called, all different
-    designs: tuple[Design, ...]  # the designs
-    results: tuple[FamilyDeployments, ...]  # deployments of each
-    differences: tuple[PairedDifference, ...]  # every pair in every measure that both have
-    contacts: tuple[ContactRange, ...]  # of each design, over the range of half-angles
-    plan: PredictionPlan  # how they were deployed
+    Parameters
+    ----------
+    names
+        What each design is called, all different.
+    designs
+        The designs.
+    results
+        Deployments of each.
+    differences
+        Every pair in every measure that both have: ``mean``, ``low``, ``high``, ``p_adjusted``,
+        ``is_clear``, ``winner`` and ``words``.
+    contacts
+        Of each design, over the range of half-angles.
+    plan
+        How they were deployed.
+    measure
+        What counts most.
+    growth_notes
+        Why they were grown by these rules, a sentence each.
+    """
+
+    names: tuple[str, ...]
+    designs: tuple[Design, ...]
+    results: tuple[FamilyDeployments, ...]
+    differences: tuple[PairedDifference, ...]
+    contacts: tuple[ContactRange, ...]
+    plan: PredictionPlan
+    measure: Measure = COVERAGE
+    growth_notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        means = ", ".join(f"{name} {self.measure.text(mean)}" for name, mean in self.means.items())
+        return f"<DesignComparison in {self.measure.title} (simulated): {means}>"
+
+    def _repr_html_(self) -> str:
+        """Show means and paired differences in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
+    @property
+    def means(self) -> dict[str, float]:
+        """The mean of what counts most by the designs' names, the best first."""
+        return dict(self.ranked(self.measure))
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The result, a line each."""
+        return tuple(comparison_lines(self))
 
     @property
     def growth(self) -> str:
@@ -173,10 +216,21 @@ def compare_designs(
     families: Sequence[MapFamily],
     plan: PredictionPlan,
     progress: ProgressCallback = no_progress,
+    *,
+    measure: Measure = COVERAGE,
+    growth_notes: tuple[str, ...] = (),
 ) -> DesignComparison:
-    """Deploy designs on the same maps from the same poses and compare them pair by pair."""
+    """Deploy designs on the same maps from the same poses and compare them pair by pair.
+
+    Parameters
+    ----------
+    measure
+        What counts most.
+    growth_notes
+        Why they are grown by these rules, a sentence each.
+    """
     if not 2 <= len(designs) <= MOST_DESIGNS:
-        raise BadInputError("DESIGN", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
+        raise BadInputError("designs", counted(len(designs), "design"), f"2 to {MOST_DESIGNS}")
     progress(0.0, "preparing maps")
     worlds = tuple(world for family in families for world in family.worlds)
     label = " and ".join(family.label for family in families)
@@ -200,6 +254,8 @@ def compare_designs(
         ),
         contacts=tuple(contact_range(design, prepared, plan.options) for design in designs),
         plan=plan,
+        measure=measure,
+        growth_notes=growth_notes,
     )
 
 
@@ -271,20 +327,28 @@ def paired_difference_chart(measure: Measure, differences: Sequence[PairedDiffer
     return figure
 
 
-def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
-    """Return every measure of every design, as numbers and charts."""
-    shown = [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
+def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
+    """Return the measures that any of the designs has."""
+    return [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
+
+
+def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
+    """Return every measure of every design, as numbers."""
     rows = tuple(
         (measure.label, *(_mean_cell(found, measure) for found in outcomes.values()))
-        for measure in shown
+        for measure in _shown_measures(outcomes)
     )
     some = next(iter(outcomes.values()))
-    table = Table(
+    return Table(
         caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
         rows=rows,
     )
+
+
+def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
+    """Return every measure of every design, as numbers and charts."""
     pictures = tuple(
         Picture(
             image=svg_bytes(
@@ -292,20 +356,13 @@ def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
             ),
             caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
         )
-        for m in shown
+        for m in _shown_measures(outcomes)
     )
-    return Section(title="Side by side", tables=(table,), pictures=pictures)
+    return Section(title="Side by side", tables=(side_by_side_table(outcomes),), pictures=pictures)
 
 
-def paired_difference_section(measure: Measure, differences: Sequence[PairedDifference]) -> Section:
-    """Return every pair in every measure, the main measure drawn."""
-    words = (
-        "Each design met the same maps from the same poses, so that differences are paired: "
-        "first minus second, averaged on each map. Intervals are bootstraps over maps. The p-value "
-        "is the share of the ways of flipping the signs of the maps' differences that give a mean "
-        "as far from 0; with more than two designs it is adjusted for the number of pairs (Holm), "
-        "within each measure. Clear means below 0.05."
-    )
+def paired_difference_table(differences: Sequence[PairedDifference]) -> Table:
+    """Return pairs in their measures, as numbers."""
     rows = tuple(
         (
             difference.measure.label,
@@ -320,13 +377,24 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
         )
         for difference in differences
     )
-    table = Table(
+    return Table(
         caption="Paired differences (simulated)",
         headings=(
             "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "better",
         ),
         rows=rows,
     )  # fmt: skip
+
+
+def paired_difference_section(measure: Measure, differences: Sequence[PairedDifference]) -> Section:
+    """Return every pair in every measure, the main measure drawn."""
+    words = (
+        "Each design met the same maps from the same poses, so that differences are paired: "
+        "first minus second, averaged on each map. Intervals are bootstraps over maps. The p-value "
+        "is the share of the ways of flipping the signs of the maps' differences that give a mean "
+        "as far from 0; with more than two designs it is adjusted for the number of pairs (Holm), "
+        "within each measure. Clear means below 0.05."
+    )
     picture = Picture(
         image=svg_bytes(
             paired_difference_chart(measure, [d for d in differences if d.measure is measure])
@@ -335,7 +403,10 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
         wide=True,
     )
     return Section(
-        title="Paired differences", paragraphs=(words,), pictures=(picture,), tables=(table,)
+        title="Paired differences",
+        paragraphs=(words,),
+        pictures=(picture,),
+        tables=(paired_difference_table(differences),),
     )
 
 
@@ -410,27 +481,34 @@ def measure_named(key: str) -> Measure:
     return known[meant[0]]
 
 
-def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
-    """Return a comparison as lines for the user, the main measure first."""
-    outcomes = found.results[0].outcomes
-    lines = [
-        f"{len(outcomes)} deployment{'' if len(outcomes) == 1 else 's'} of each design on "
-        f"{outcomes.label} (simulated); {found.growth}",
+def ranking_lines(found: DesignComparison) -> list[str]:
+    """Return what was deployed and how, and the designs with their means, the best first."""
+    outcomes, measure = found.results[0].outcomes, found.measure
+    return [
+        f"{counted(len(outcomes), 'deployment')} of each design on {outcomes.label} (simulated); "
+        f"{found.growth}",
+        *found.growth_notes,
         *found.notes,
         *(
             f"  {name:<24} {measure.text(mean)}{found.over_contacts(name, measure)}"
             for name, mean in found.ranked(measure)
         ),
     ]
-    others = [
-        difference.words
-        for difference in found.differences
-        if difference.measure is not measure and difference.is_clear
-    ]
-    return [*lines, *(difference.words for difference in found.in_measure(measure)), *others]
 
 
-def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -> str:
+def told_differences(found: DesignComparison) -> list[PairedDifference]:
+    """Return the differences in what counts most, and the clear ones in other measures."""
+    main = found.measure
+    others = [one for one in found.differences if one.measure is not main and one.is_clear]
+    return [*found.in_measure(main), *others]
+
+
+def comparison_lines(found: DesignComparison) -> list[str]:
+    """Return a comparison as lines for the user, the main measure first."""
+    return [*ranking_lines(found), *(difference.words for difference in told_differences(found))]
+
+
+def comparison_text(found: DesignComparison, origin: Origin) -> str:
     """Return a comparison as JSON."""
     outcomes = found.outcomes()
     some = found.results[0].outcomes
@@ -440,7 +518,7 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
             "standing": "simulated",
             "growth": found.plan.options.content,
             "notes": list(found.notes),
-            "measure": measure.key,
+            "measure": found.measure.key,
             "label": some.label,
             "maps": some.map_count,
             "deployments": len(some),
@@ -451,10 +529,9 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
     )
 
 
-def comparison_page(
-    found: DesignComparison, measure: Measure, origin: Origin, notes: Sequence[str] = ()
-) -> str:
+def comparison_page(found: DesignComparison, origin: Origin) -> str:
     """Return a comparison as a page."""
+    measure, notes = found.measure, (*found.growth_notes, *found.notes)
     index = found.median_deployment(measure)
     robots = [
         (name, design, result.deployments[index])
@@ -471,7 +548,7 @@ def comparison_page(
             title=f"Comparison of {', '.join(found.names)}",
             verdict=f"{best}, {rest} (simulated).",
             tone="good" if clear else "caution",
-            cautions=tuple(f"{note[:1].upper()}{note[1:]}." for note in (*notes, *found.notes)),
+            cautions=tuple(f"{note[:1].upper()}{note[1:]}." for note in notes),
             facts=(
                 *(
                     (

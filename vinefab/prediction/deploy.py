@@ -133,7 +133,7 @@ def _branches_at(frame: DeploymentFrame) -> list[dict[str, object]]:
     return [branch for branch in branches if branch["stop"] != Stop.NOT_DEPLOYED.label]
 
 
-MOST_NAMED = 8
+_MOST_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,9 +206,9 @@ def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
     if not places:
         return []
     named = [f"{place.branch} at ({place.x_mm:.1f}, {place.y_mm:.1f})" for place in places]
-    hidden = len(named) - MOST_NAMED
+    hidden = len(named) - _MOST_NAMED
     more = f" and {hidden} more" if hidden > 0 else ""
-    return [f"{title}: {', '.join(named[:MOST_NAMED])}{more} mm"]
+    return [f"{title}: {', '.join(named[:_MOST_NAMED])}{more} mm"]
 
 
 def _place(
@@ -292,8 +292,8 @@ class DeployedDesign:
         tight = np.flatnonzero(self.deployment.tight_exit)
         if len(tight) == 0:
             return []
-        names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
-        more = ", ..." if len(tight) > MOST_NAMED else ""
+        names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:_MOST_NAMED])
+        more = ", ..." if len(tight) > _MOST_NAMED else ""
         return [
             f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
             f"tip, where a real one may bow: {names}{more}"

@@ -57,7 +57,7 @@ class DesignVersion:
         options = GrowthChoice.of([design], given).options
         on_map = deploy_from_starts(design, [world], given)
         subject, report = checked_design(
-            design, profile, deployed=on_map, corridors=(map_corridors(world),)
+            design, profile, deployed=on_map, corridors=(map_corridors(world, design),)
         )
         changed = by_rule(changed_limits(design, profile)).get(WINDOW.id, {})
         return cls(

@@ -8,7 +8,7 @@ from functools import partial
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.fabrication.checking import Deployed, subject_of
-from vinefab.fabrication.job.laser_job import MOST_BRANCHES
+from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.fix import (
     BRANCHES,
     FixedDesign,
@@ -29,11 +29,11 @@ from vinefab.model.score import Score
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
 
-MOST_ROUNDS = 6
+_MOST_ROUNDS = 6
 LARGE_CHANGE = 1.0
 """Weighted size of a change from which on removing branches is worth a thought."""
 
-TASKS = ("coverage", "reach", "anchoring")
+FIX_TASKS = ("coverage", "reach", "anchoring")
 _WINDOW_RULE = "VF-P03"
 
 
@@ -124,7 +124,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     grown = partial(_deployed, maps=maps, growth=growth)
 
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
-    if not before.blocking or design.branch_count > MOST_BRANCHES:
+    if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
         return FixProposal(before=before, design=None, after=None)
     after: CheckReport | None = None
     for stage in fix_stages(keep):
@@ -173,7 +173,7 @@ def _rounds(
     """Yield designs without trouble and their full checks, the search stricter every time."""
     margins, window_share = iter(MARGINS), 1.0
     margin = next(margins)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(_MOST_ROUNDS):
         targets = FixTargets.of(design, profile, limits, margin=margin, window_share=window_share)
         found = fix_in_stage(design, targets, stage, progress)
         if found is None:
@@ -229,7 +229,7 @@ def score_change_lines(
 
     options = GrowthChoice.of([before], growth).options
     lines = [f"  scores of {growth_text(options, [before])}:"]
-    for task in TASKS:
+    for task in FIX_TASKS:
         old, new = (
             score_design_on_task(design, maps, ScorePlan(task=task), options)
             for design in (before, after)

@@ -71,7 +71,7 @@ class HeatMap:
 
 POSES = 200
 
-CELLS = 320
+_CELLS = 320
 """Cells along the longer side of the map."""
 
 LEAST_SPREAD_MM, LEAST_SPREAD_DEG = 10.0, 15.0
@@ -160,7 +160,7 @@ def _varied(start: Start) -> Start:
 
 def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
     x_min, y_min, x_max, y_max = world.bounds.bounds
-    cell_mm = max(world.size_mm) / CELLS
+    cell_mm = max(world.size_mm) / _CELLS
     rows, columns = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
     return (x_min, y_min), cell_mm, (rows, columns)
 

@@ -1,22 +1,29 @@
 """Size, passages and room of a map, as lines for the user and JSON, ``vinefab/map-info-1``."""
 
+import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import shapely
 from shapely import Point, STRtree
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.atomic import write_bytes
+from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.results_json import pose_content
+from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
@@ -24,19 +31,19 @@ from vinefab.prediction.deploy import pose_text
 SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
 
-HALVINGS = 7
+_HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
 
-ARC_SEGMENTS_PER_QUARTER = 8
+_ARC_SEGMENTS_PER_QUARTER = 8
 """Rounded corners of swept areas: within 0.5 % of a radius."""
 
 
 LEAST_OUTSIDE_SHARE = 1e-6
 """Of an obstacle's area: less is rounding of what ends at the bounds."""
 
-MOST_NAMED = 5
+_MOST_NAMED = 5
 """Obstacles that reach over the bounds, by number in one line."""
 
 
@@ -100,7 +107,7 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     The middle of the body stays a radius away from all walls, in one piece with the start; the
     body fills a radius around that. The area falls as the radius grows.
     """
-    arcs = ARC_SEGMENTS_PER_QUARTER
+    arcs = _ARC_SEGMENTS_PER_QUARTER
     point = Point(start.pose.x_mm, start.pose.y_mm)
     parts = shapely.get_parts(shapely.buffer(home, -radius_mm, quad_segs=arcs))
     away_mm = shapely.distance(parts, point)
@@ -123,7 +130,7 @@ def _widest_mm(
     low_mm, high_mm = 0.0, clearance_mm
     if share_of(high_mm) >= share:
         return math.pi * high_mm
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle_mm = 0.5 * (low_mm + high_mm)
         if share_of(middle_mm) >= share:
             low_mm = middle_mm
@@ -133,7 +140,7 @@ def _widest_mm(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
+class NarrowPassage:
     """A narrow passage of a map."""
 
     passage: Passage  # where it is and how wide
@@ -148,19 +155,53 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapInfo:
-    """Numbers about a map, all computed."""
+    """Numbers about a map, all computed.
 
-    world: Map  # the map
-    free: BaseGeometry  # its free space, as growth sees it
-    gates: tuple[Gate, ...]  # the narrowest passages, the narrowest first
-    starts: tuple[StartRoom, ...]  # its starts and the room there
-    # lay-flat width of the widest body that can sweep each share of the free area from the first
-    # start, to about 1 %; None where no body can
+    Parameters
+    ----------
+    world
+        The map.
+    free
+        Its free space, as growth sees it.
+    passages
+        The narrowest passages, the narrowest first.
+    starts
+        Its starts and the room there.
+    widest_mm
+        Lay-flat width of the widest body that can sweep each share of the free area from the first
+        start, to about 1 %; None where no body can.
+    body
+        How far a body of the width asked for could get; None when none was asked for.
+    outside
+        Share of the area outside the bounds, of obstacles that reach over them, by number from 1.
+    """
+
+    world: Map
+    free: BaseGeometry
+    passages: tuple[NarrowPassage, ...]
+    starts: tuple[StartRoom, ...]
     widest_mm: dict[float, float | None]
-    # how far a body of the width asked for could get; None when none was asked for
     body: Body | None
-    # share of the area outside the bounds, of obstacles that reach over them, by number from 1
     outside: dict[int, float]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<MapInfo {self.world.name}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the figures and the plan with the passages in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The figures, a line each."""
+        return tuple(info_lines(self))
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Every figure as plain values, schema ``vinefab/map-info-1``."""
+        plain: dict[str, Any] = json.loads(info_text(self))
+        return plain
 
     @property
     def regions_mm2(self) -> tuple[float, ...]:
@@ -173,6 +214,43 @@ class MapInfo:
         """Free area over that of the bounds."""
         return float(self.free.area / self.world.bounds.area)
 
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the plan with the passages (``.svg``, ``.png``) or the figures (``.json``).
+
+        Parameters
+        ----------
+        path
+            The file; missing folders are made.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If the name ends in something else.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from vinefab import maps
+        >>> with TemporaryDirectory() as folder:
+        ...     maps.pegs(seed=1).info().write(f"{folder}/pegs.json").name
+        'pegs.json'
+        """
+        target = path_given("path", path)
+        suffix = target.suffix.lower()
+        if suffix not in (".svg", ".png", ".json"):
+            raise BadInputError("path", str(target), "a name ending in .svg, .png or .json")
+        data = info_text(self).encode() if suffix == ".json" else self.picture(suffix)
+        return write_bytes(target, data, force=force)
+
     def picture(self, suffix: str) -> bytes:
         """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
         # matplotlib takes longer to load than all of this to compute.
@@ -181,7 +259,7 @@ class MapInfo:
 
         figure = passage_plan(
             self.world,
-            [gate.passage for gate in self.gates],
+            [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
@@ -190,15 +268,14 @@ class MapInfo:
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
     """Return numbers about a map."""
-    if width_mm is not None:
-        positive("--width-mm", width_mm)
+    width_mm = None if width_mm is None else positive("--width-mm", width_mm)
     whole("--passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
     return MapInfo(
         world=world,
         free=free,
-        gates=_gates(world, narrow_passages(free, passages)),
+        passages=_gates(world, narrow_passages(free, passages)),
         starts=starts,
         widest_mm=widest_bodies(free, starts),
         body=None if width_mm is None else body_room(free, starts, width_mm),
@@ -219,23 +296,23 @@ def _outside_shares(world: Map) -> dict[int, float]:
     }
 
 
-def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[Gate, ...]:
+def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ...]:
     walls = STRtree([world.bounds.boundary, *world.obstacles])
     names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
     gates = []
     for passage in passages:
         # Where obstacles touch, the one that stands first in the file is named.
         first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
-        gates.append(Gate(passage=passage, between=(names[first], names[last])))
+        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
     return tuple(gates)
 
 
-SCHEMA = "vinefab/map-info-1"
+_SCHEMA = "vinefab/map-info-1"
 
 
 def info_text(info: MapInfo) -> str:
     """Return everything as JSON."""
-    return json_text(SCHEMA, _content(info))
+    return json_text(_SCHEMA, _content(info))
 
 
 def _content(info: MapInfo) -> dict[str, object]:
@@ -256,7 +333,7 @@ def _content(info: MapInfo) -> dict[str, object]:
         "free_area_mm2": info.free.area,
         "free_share": info.free_share,
         "regions_mm2": list(info.regions_mm2),
-        "passages": [_gate_content(gate) for gate in info.gates],
+        "passages": [_gate_content(gate) for gate in info.passages],
         "starts": [_start_content(room) for room in info.starts],
         "widest_body": [
             {"free_share": share, "width_mm": width} for share, width in info.widest_mm.items()
@@ -272,7 +349,7 @@ def _vertices(world: Map) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _gate_content(gate: Gate) -> dict[str, object]:
+def _gate_content(gate: NarrowPassage) -> dict[str, object]:
     x_mm, y_mm = gate.passage.middle_mm
     return {
         "width_mm": gate.passage.width_mm,
@@ -331,19 +408,19 @@ def info_lines(info: MapInfo) -> Iterator[str]:
     if info.outside:
         named = [
             f"obstacle {number} ({100 * share:.3g} % of it)"
-            for number, share in list(info.outside.items())[:MOST_NAMED]
+            for number, share in list(info.outside.items())[:_MOST_NAMED]
         ]
         more = len(info.outside) - len(named)
         rest = f" and {more} more" if more else ""
         yield f"reach over the bounds, and do nothing there: {', '.join(named)}{rest} (computed)"
     yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
-    for number, gate in enumerate(info.gates, start=1):
+    for number, gate in enumerate(info.passages, start=1):
         x_mm, y_mm = gate.passage.middle_mm
         yield (
             f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
             f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm)"
         )
-    if not info.gates:
+    if not info.passages:
         yield "  none"
     yield from _start_lines(info)
 
@@ -362,10 +439,12 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
         found = "none" if width is None else f"about {width:.1f} mm"
         yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
     if info.body is not None:
-        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.gates)
+        narrow, among = (
+            sum(g.body_mm < info.body.width_mm for g in info.passages),
+            len(info.passages),
+        )
         yield (
             f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of {agreeing(len(info.gates), 'this', 'these')} "
-            f"{counted(len(info.gates), 'passage')} {agreeing(len(info.gates), 'is', 'are')} too "
-            "narrow (computed)"
+            f"free area; {narrow} of {agreeing(among, 'this', 'these')} "
+            f"{counted(among, 'passage')} {agreeing(among, 'is', 'are')} too narrow (computed)"
         )

@@ -15,7 +15,7 @@ from vinefab.pages.colours import ALERT, INK, level_colour
 from vinefab.pages.drawing import draw_legend, draw_map, draw_pose, fill_geometry
 from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.label_places import write_labels
-from vinefab.pages.map_view import UNSEEN
+from vinefab.pages.map_view import UNSEEN_DETAIL
 
 ROOM = level_colour(3)
 _MOST_NAMED = 30
@@ -31,7 +31,7 @@ def passage_plan(
     with house_style():
         figure, axes = plan_axes(world.bounds.bounds)
         if body is not None:
-            region = shapely.simplify(body[1], UNSEEN * max(world.size_mm))
+            region = shapely.simplify(body[1], UNSEEN_DETAIL * max(world.size_mm))
             fill_geometry(axes, [region], face=ROOM, edge="none", alpha=0.25, rank=0.5)
             label = f"room for a body of {body[0]:g} mm lay-flat width"
             axes.fill([], [], color=ROOM, alpha=0.25, label=label)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import rad
+from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Batch, Block, BlockMapper, Launches, TerrainSet, Workspace
 from vinefab.growth.free_space import beside_walls
@@ -233,6 +233,25 @@ def nearest_places(region: BaseGeometry, points_mm: Floats) -> Floats:
         return points_mm
     lines = shapely.shortest_line(region, shapely.points(points_mm))
     return np.asarray(shapely.get_coordinates(lines)[::2])
+
+
+PRINTED_DECIMALS = 2
+"""Of millimetres and degrees of a pose, as it is printed."""
+
+_PRINTED_STEPS = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)], dtype=np.float64)
+
+
+def printed_pose(trial: PoseTrial, row: Floats) -> Floats:
+    """Return a pose as it is printed, shape (3,), its place rounded to where the trunk has room.
+
+    Bases stand where the trunk just touches a wall; rounded to the nearest, half would stand in it.
+    """
+    places = np.round(np.round(row[:2], PRINTED_DECIMALS) + 0.01 * _PRINTED_STEPS, PRINTED_DECIMALS)
+    order = np.argsort(np.hypot(*(places - row[:2]).T), kind="stable")
+    has_room = trial.prepared.terrain.have_room(places[order], trial.radius_mm)
+    place = places[order[np.argmax(has_room)]]
+    heading_deg = round(deg(float(row[2])) % 360.0, PRINTED_DECIMALS) % 360.0
+    return np.array([*place, rad(heading_deg)])
 
 
 def _pose(row: Sequence[float]) -> Pose:

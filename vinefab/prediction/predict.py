@@ -68,7 +68,7 @@ from vinefab.prediction.pressure_window import (
 )
 from vinefab.prediction.provenance import Origin, model_assumptions, repeat_section
 from vinefab.prediction.sensitivity import (
-    QUICK,
+    QUICK_MEASURES,
     Effect,
     Tolerance,
     VariantEvaluator,
@@ -140,7 +140,7 @@ class Predicted:
             lambda: heat_section(self.heat),
             lambda: anchoring_section(self.anchoring),
             lambda: width_section(self.contacts, self.pressure),
-            lambda: sensitivity_section(effects, QUICK),
+            lambda: sensitivity_section(effects, QUICK_MEASURES),
             lambda: tolerance_section(self.tolerance),
         )
         drawn = []

@@ -16,16 +16,16 @@ from vinefab.prediction.predict import Predicted, headlines, verdict_on
 from vinefab.prediction.prediction_width import width_content
 from vinefab.prediction.pressure_window import Need, PressureWindow
 from vinefab.prediction.provenance import Origin
-from vinefab.prediction.sensitivity import QUICK, Effect, Tolerance
+from vinefab.prediction.sensitivity import QUICK_MEASURES, Effect, Tolerance
 
-SCHEMA = "vinefab/prediction-1"
+_SCHEMA = "vinefab/prediction-1"
 
 
 def prediction_text(found: Predicted, origin: Origin) -> str:
     """Return all predictions as JSON."""
     verdict, tone = _verdict(found)
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "design": found.prepared.design.name,
             "recipe": found.prepared.profile.recipe.name,
@@ -153,7 +153,7 @@ def heat_content(heat: HeatMap) -> dict[str, object]:
 def effect_content(effect: Effect) -> dict[str, object]:
     """Return a sensitivity as it stands in JSON."""
     changes: dict[str, Mapping[str, float | None]] = {}
-    for measure in QUICK:
+    for measure in QUICK_MEASURES:
         change = effect.changes.get(measure.key)
         if change is not None:
             numbers = {"mean": change.mean, "low": change.low, "high": change.high}

@@ -20,7 +20,7 @@ from vinefab.search.record.result import map_fingerprint, package_versions
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 
-MOST_NAMED = 12
+_MOST_NAMED = 12
 """Maps of a family are listed one by one up to so many."""
 
 
@@ -48,7 +48,7 @@ def origin_of(
             inputs[f"bond of recipe {profile.recipe.name}"] = sha256_of(bond.encode())[:12]
     for family in families:
         prints = [map_fingerprint(world) for world in family.worlds]
-        if len(prints) <= MOST_NAMED:
+        if len(prints) <= _MOST_NAMED:
             inputs |= {
                 f"map {index}: {world.name}": found
                 for index, (world, found) in enumerate(zip(family.worlds, prints, strict=True), 1)

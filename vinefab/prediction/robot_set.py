@@ -24,6 +24,7 @@ from vinefab.prediction.pose_search import (
     PoseErrors,
     PoseLandscape,
     PoseTrial,
+    printed_pose,
 )
 from vinefab.tasks.covered_cells import Cover
 
@@ -212,7 +213,7 @@ class TeamSearch:
             if len(rows):
                 bits[rows] = self._covered_bits(poses[rows], _shifted(draws, shift))
         choice = chosen_greedily(CoveredSets(bits=bits, weight=weight), count)
-        chosen = poses[list(choice.chosen)]
+        chosen = np.array([printed_pose(self.trial, poses[index]) for index in choice.chosen])
         fresh, covered, shown = self._fresh_shares(chosen, rng)
         return RobotSet(
             poses=chosen,

@@ -46,7 +46,7 @@ from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.task import Task
 
-UNSEEN = 50
+UNSEEN_DEPLOYMENTS = 50
 """Deployments that a winner is tried in elsewhere, each on a map of its own where maps are
 generated: the same maps for every run of an environment, so that runs can be compared."""
 
@@ -224,12 +224,12 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
     if not settings.maps.files and not note:
         environment, options = settings.maps.environment, settings.maps.options
         try:
-            family = _started(unseen_maps(environment, UNSEEN, 0, options), settings)
+            family = _started(unseen_maps(environment, UNSEEN_DEPLOYMENTS, 0, options), settings)
             return _prepared(family, settings, 1, 0), note
         except BadInputError as error:
             note = f"on no unseen maps, because one of them cannot be used: {error}"
     worlds = tuple(prepared.world for prepared in fresh.maps)
-    count = math.ceil(UNSEEN / len(worlds))
+    count = math.ceil(UNSEEN_DEPLOYMENTS / len(worlds))
     label = f"other poses on the {_maps_text(len(worlds), 'training map')}"
     family = MapFamily(label=label, worlds=worlds)
     # Poses by which the winner was not chosen.

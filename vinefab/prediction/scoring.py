@@ -91,13 +91,13 @@ def score_lines(result: Score, design: Design, most: int = 30) -> list[str]:
     return [
         f"task {result.task}, {count} evaluation{'' if count == 1 else 's'} (simulated); {grown}",
         *lines,
-        *_parts_line(result),
+        *parts_line(result),
         f"composite: {composites_text(result.composite)}",
         *result.notes,
     ]
 
 
-def _parts_line(result: Score) -> list[str]:
+def parts_line(result: Score) -> list[str]:
     """Return the parts of the mean as a sum; nothing where the task does not say."""
     if not result.parts:
         return []

@@ -106,7 +106,7 @@ class Tolerance:
     scatter: tuple[Scatter, ...]  # one per measure
 
 
-QUICK = (SEEN, REACH, GROWN, STUCK, LOOSE_PRESSURE)
+QUICK_MEASURES = (SEEN, REACH, GROWN, STUCK, LOOSE_PRESSURE)
 """The measures that are quick enough for thousands of deployments."""
 
 MOST_LAUNCHES = 60
@@ -177,18 +177,22 @@ class VariantEvaluator:
             quick_measures(deployment, self.design, self.prepared.maps[index], whole)
             for deployment, whole, index in zip(grown, unpressed, terrain, strict=True)
         ]
-        return np.array(rows).reshape(len(launches), len(plans), len(QUICK)).transpose(1, 0, 2)
+        return (
+            np.array(rows)
+            .reshape(len(launches), len(plans), len(QUICK_MEASURES))
+            .transpose(1, 0, 2)
+        )
 
     def effect(self, variant: PredictionVariant) -> Effect:
         """Return what a change does, over the poses that are free with it and without."""
         is_free = np.array([pose is not None for row in variant.poses for pose in row])
         poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
         growth_plan = Plan.of(variant.design, variant.options)
-        values = np.full((len(is_free), len(QUICK)), np.nan)
+        values = np.full((len(is_free), len(QUICK_MEASURES)), np.nan)
         values[is_free] = self.grow([growth_plan], variant.options, poses)[0]
         differences = values - self.exact
         changes = {}
-        for column, measure in enumerate(QUICK):
+        for column, measure in enumerate(QUICK_MEASURES):
             means = group_means(differences[:, column], self.groups)
             if len(means):
                 low, high = mean_interval(means)
@@ -251,7 +255,7 @@ def tolerance(
         launches=len(evaluator.launches),
         scatter=tuple(
             _scatter(measure, evaluator.exact[:, column], values[:, :, column])
-            for column, measure in enumerate(QUICK)
+            for column, measure in enumerate(QUICK_MEASURES)
             if np.isfinite(values[:, :, column]).any(axis=1).all()
         ),
     )

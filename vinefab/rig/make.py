@@ -128,7 +128,7 @@ def make_rig(
     files = part_files(rig, printing)
     facts = _facts(rig, part_problems(files, rig, printing))
     files |= cut.files
-    courses = (_course(rig, world),) if request.design else ()
+    courses = (_course(rig, world, request.design),) if request.design else ()
     report = run_rig_checks(RigSubject(design=request.design, rig=facts, corridors=courses))
     record = RigRecord(
         rig=rig,
@@ -240,8 +240,8 @@ def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
     )
 
 
-def _course(rig: Rig, world: Map) -> MapCorridors:
+def _course(rig: Rig, world: Map, design: Design) -> MapCorridors:
     """Return the corridors as they will be printed, thickened walls included."""
     inside = shapely.Polygon(world.bounds.exterior)
     free = shapely.difference(inside, rig.walls)
-    return corridors_in(f"the rig of {world.name}", free, rig.options.scale)
+    return corridors_in(world, free, design, rig.options.scale, f"the rig of {world.name}")

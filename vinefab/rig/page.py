@@ -23,7 +23,7 @@ from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.drawing import draw_legend, draw_start_range, fill_geometry
 from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.pages.map_view import UNSEEN, StartMark, start_marks
+from vinefab.pages.map_view import UNSEEN_DETAIL, StartMark, start_marks
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import Rig, RigPart
@@ -189,7 +189,7 @@ def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) ->
     with house_style():
         figure, axes = plan_axes((0.0, 0.0, wide_mm, deep_mm), 7.0)
         fill_geometry(axes, [plate], face="#fbfcfd", edge=SOFT)
-        walls = shapely.simplify(on_rig(rig.walls), UNSEEN * max(wide_mm, deep_mm))
+        walls = shapely.simplify(on_rig(rig.walls), UNSEEN_DETAIL * max(wide_mm, deep_mm))
         fill_geometry(axes, [walls], face=ROCK, edge=ROCK_EDGE)
         fill_geometry(axes, [on_rig(rig.thickened)], face=_THICKENED, edge=_THICKENED, rank=2)
         for number, outline in outlines.items():

@@ -19,7 +19,7 @@ from vinefab.core.validation import Floats, Ints
 
 Colour = tuple[int, int, int]
 
-PAPER: Colour = (255, 255, 255)
+RELIEF_PAPER: Colour = (255, 255, 255)
 RELIEF_INK: Colour = (29, 42, 48)
 _EDGE = 0.55
 _LIGHT = np.array([-0.45, -0.75])
@@ -83,7 +83,7 @@ def relief_png(
     camera = _camera(
         solids, width_px * _SUPERSAMPLING, math.radians(turn_deg), math.radians(rise_deg)
     )
-    picture = Image.new("RGB", camera.size_px, PAPER)
+    picture = Image.new("RGB", camera.size_px, RELIEF_PAPER)
     tops = [_tops(solid) for solid in solids]
     levels = sorted({level for found in tops for level in found})
     base_mm = min(float(solid.vertices_mm[:, 2].min()) for solid in solids)
@@ -149,7 +149,7 @@ def _standing(
     camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], levels: list[float]
 ) -> tuple[Image.Image, Image.Image]:
     """Return where anything reaches one of some heights, and the colours of its sides there."""
-    mask, side = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, PAPER)
+    mask, side = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, RELIEF_PAPER)
     on_mask, on_side = ImageDraw.Draw(mask), ImageDraw.Draw(side)
     cos, sin = math.cos(camera.turn_rad), math.sin(camera.turn_rad)
     for solid, found in zip(solids, tops, strict=True):
@@ -174,7 +174,7 @@ def _roof(
     camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], level: float
 ) -> tuple[Image.Image, Image.Image]:
     """Return the upward faces at one height and their colours, rims drawn darker."""
-    mask, top = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, PAPER)
+    mask, top = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, RELIEF_PAPER)
     on_mask, on_top = ImageDraw.Draw(mask), ImageDraw.Draw(top)
     for solid, found in zip(solids, tops, strict=True):
         colour = solid.colour
@@ -206,7 +206,7 @@ def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> Non
             font=font,
             anchor="mm",
             stroke_width=2,
-            stroke_fill=PAPER,
+            stroke_fill=RELIEF_PAPER,
         )
 
 

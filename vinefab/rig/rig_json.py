@@ -31,7 +31,7 @@ from vinefab.rig.printing import BASIS, PrintEstimate, Printing
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.stl_format import read_stl
 
-SCHEMA = "vinefab/rig-1"
+_SCHEMA = "vinefab/rig-1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +112,7 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "checks": checks_content(record.report),
         "notes": list(rig.notes),
     }
-    return json_text(SCHEMA, content)
+    return json_text(_SCHEMA, content)
 
 
 def _markers_content(record: RigRecord) -> list[dict[str, object]]:

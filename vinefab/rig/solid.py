@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.part import RigPart
 from vinefab.rig.rig_options import GRID_MM
-from vinefab.rig.rig_plan import Polygons, polygon_parts
+from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union, touching_points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,12 +62,46 @@ def built_of(
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of prisms joined into one solid, pockets taken out.
 
-    With ``weld_mm``, corners and edges nearer than that to each other are joined.
+    With ``weld_mm``, corners and edges nearer than that to each other are joined. Where prisms side
+    by side meet in one upright edge, which is no printable body, they are joined by a thin post.
     """
+    made = _joined(courses, pockets, weld_mm)
+    posts = _posts(courses) if _is_pinched(*made) else []
+    return _joined([*courses, *posts], pockets, weld_mm) if posts else made
+
+
+def _joined(
+    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold], weld_mm: float
+) -> tuple[Floats, Ints]:
     body = Manifold.batch_boolean([prism(course) for course in courses], OpType.Add)
     for pocket in pockets:
         body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
     return mesh_of(body.simplify(weld_mm) if weld_mm else body)
+
+
+def _is_pinched(vertices: Floats, faces: Ints) -> bool:
+    """Tell whether more than two triangles meet at an edge."""
+    _, index = np.unique(vertices, axis=0, return_inverse=True)
+    edges = np.sort(index.reshape(-1)[faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
+    return bool(np.unique(edges, axis=0, return_counts=True)[1].max(initial=0) > 2)
+
+
+_POST_MM = 0.1
+"""Radius of a post: more than a wall's error of rounding, less than a line of the printer."""
+
+
+def _posts(courses: Sequence[Course]) -> list[Course]:
+    """Return thin posts where the plans of courses at one height touch in a point."""
+    heights = sorted({height for one in courses for height in (one.low_mm, one.high_mm)})
+    posts = []
+    for low_mm, high_mm in pairwise(heights):
+        here = [one for one in courses if one.low_mm <= low_mm and one.high_mm >= high_mm]
+        points = touching_points(snapped_union(*(one.pieces for one in here)))
+        if len(points):
+            discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
+            ends_mm = max(heights[0], low_mm - _POST_MM), min(heights[-1], high_mm + _POST_MM)
+            posts.append(Course(pieces=polygon_parts(discs), low_mm=ends_mm[0], high_mm=ends_mm[1]))
+    return posts
 
 
 def mesh_of(body: Manifold) -> tuple[Floats, Ints]:

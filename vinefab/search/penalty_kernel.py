@@ -376,7 +376,7 @@ def _excess_of_span(limits, scratch):
 STUB, OUTER, SOCKET = 0, 1, 2
 """Places of the three."""
 
-PARTED = 1.0 - 1e-9
+_PARTED = 1.0 - 1e-9
 """A further cut must leave at most this share of what is left without it."""
 
 TOO_MANY = 1_000_000
@@ -579,7 +579,7 @@ def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
     # Further cuts, for pieces that are larger than the sheet.
     while searched and left > 0.0 and made < limits.most_cuts:
         chosen, least = _further_cut(designs, d, capsules, pairs, limits, scratch, cutting)
-        if least >= left * PARTED:
+        if least >= left * _PARTED:
             break
         cutting.cut[chosen] = 1
         left, made = least, made + 1
@@ -595,7 +595,7 @@ def _further_cut(designs, d, capsules, pairs, limits, scratch, cutting):
             cutting.cut[k] = 1
             left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
             cutting.cut[k] = 0
-            if left < least * PARTED:
+            if left < least * _PARTED:
                 chosen, least = k, left
     return chosen, least
 

@@ -332,7 +332,7 @@ def _build(form: RunBuildForm) -> BuildSettings:
     )
 
 
-MOST_LETTERS = 90
+_MOST_LETTERS = 90
 """Of a run's name: the best designs are called after it, some with a number behind."""
 
 
@@ -340,8 +340,8 @@ def _name(form: RunForm, path: Path) -> str:
     name = path.stem if form.name is None else form.name
     if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
         raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
-    if len(name) > MOST_LETTERS:
-        raise BadInputError("name", name, f"at most {MOST_LETTERS} characters")
+    if len(name) > _MOST_LETTERS:
+        raise BadInputError("name", name, f"at most {_MOST_LETTERS} characters")
     return name
 
 

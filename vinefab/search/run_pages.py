@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
@@ -32,10 +33,26 @@ from vinefab.search.settings import targets_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunListing:
-    """The records below a folder."""
+    """The records of runs below some folders.
 
-    rows: tuple[dict[str, Any], ...]  # the summary of each, in plain values
-    broken: tuple[str, ...]  # one line for each that is unreadable
+    Parameters
+    ----------
+    rows
+        The summary of each, in plain values: ``folder``, ``name``, ``seed``, ``winner_score``, ...
+    broken
+        One line for each that is unreadable.
+    """
+
+    rows: tuple[dict[str, Any], ...]
+    broken: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<RunListing of {counted(len(self.rows), 'run')}>", *self.lines])
+
+    def _repr_html_(self) -> str:
+        """Show the listing in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
     @property
     def seeds(self) -> tuple["SeedSummary", ...]:

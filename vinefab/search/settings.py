@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,11 @@ class MapSettings:
     def __post_init__(self) -> None:
         if isinstance(self.start, str):
             object.__setattr__(self, "start", start_from(self.start, "maps.start"))
+        listed = (self.files,) if isinstance(self.files, str | PathLike) else tuple(self.files)
+        for one in listed:
+            if not isinstance(one, str | PathLike):
+                raise BadInputError("maps.files", one, "paths of map files; Map.write makes one")
+        object.__setattr__(self, "files", tuple(Path(one) for one in listed))
         whole("maps.count", self.count, 1, 1000)
         whole("maps.seed", self.seed, 0, 2**62)
 
@@ -281,6 +287,45 @@ class RunSettings:
     )
     start_from: tuple[tuple[float, ...], ...] = field(default=(), metadata=LATER)
 
+    def __post_init__(self) -> None:
+        for name, kind in _PARTS.items():
+            given = getattr(self, name)
+            if kind is PartSettings and isinstance(given, str):
+                given = PartSettings(name=given)
+                object.__setattr__(self, name, given)
+            if not isinstance(given, kind):
+                words = "a name or " if kind is PartSettings else ""
+                raise BadInputError(name, given, f"{words}{kind.__name__}")
+
+    @classmethod
+    def read(cls, name_or_path: str | PathLike[str]) -> "RunSettings":
+        """Return the settings in a run file; `dataclasses.replace` changes them.
+
+        Parameters
+        ----------
+        name_or_path
+            A run file (TOML, ``vinefab/run-1``), or the name of a shipped one.
+
+        Raises
+        ------
+        BadInputError
+            If a value in the file cannot be used.
+        UnknownNameError
+            If there is no run file of that name.
+        UnreadableFileError
+            If there is no such file, or it is not TOML.
+
+        Examples
+        --------
+        >>> RunSettings.read("grid_coverage").task.name
+        'coverage'
+        """
+        # Run files are built on this module.
+        from vinefab.model.files.shipped import locate  # noqa: PLC0415
+        from vinefab.search.run_file import read_run  # noqa: PLC0415
+
+        return read_run(locate("run file", name_or_path))
+
     @property
     def further_objectives(self) -> tuple[str, ...]:
         """The objectives beside the task's score, in their order: other tasks and costs."""
@@ -302,6 +347,19 @@ class RunSettings:
         names = [name for name in self.further_objectives if name not in COSTS]
         given = self.other_parameters
         return tuple(PartSettings(name=name, parameters=given.get(name, {})) for name in names)
+
+
+_PARTS: Mapping[str, type] = {
+    "maps": MapSettings,
+    "task": PartSettings,
+    "space": SpaceSettings,
+    "build": BuildSettings,
+    "growth": GrowthOptions,
+    "optimizer": PartSettings,
+    "search": SearchSettings,
+    "evaluation": EvaluationSettings,
+}
+"""What the parts of a run are."""
 
 
 def targets_mm(settings: RunSettings) -> Floats:

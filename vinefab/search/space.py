@@ -37,7 +37,7 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """Largest ranges of the variables of a level."""
 
-WHOLE = ("levels", "branches")
+WHOLE_NUMBERS = ("levels", "branches")
 
 SYMMETRIC_PERCENT = 100.0
 """Growth of a fan whose children are all as long: its left half mirrors its right one."""
@@ -186,7 +186,7 @@ class BuildSettings:
 def _check_bounds(key: str, name: str, bounds: Bounds, limits: tuple[float, float]) -> None:
     for value in (bounds.low, bounds.high):
         number(key, value, *limits)
-        if name in WHOLE and value != int(value):
+        if name in WHOLE_NUMBERS and value != int(value):
             raise BadInputError(key, value, "whole numbers")
     if bounds.low > bounds.high:
         raise BadInputError(key, [bounds.low, bounds.high], "a lower and an upper bound, in order")
@@ -221,7 +221,7 @@ class SearchVariable:
     @property
     def choices(self) -> int:
         """Number of integers that it stands for; 0 if continuous."""
-        return int(self.bounds.high - self.bounds.low) + 1 if self.name in WHOLE else 0
+        return int(self.bounds.high - self.bounds.low) + 1 if self.name in WHOLE_NUMBERS else 0
 
     @property
     def is_fixed(self) -> bool:
@@ -231,7 +231,7 @@ class SearchVariable:
     def value(self, share: float) -> float:
         """Return the value at a share 0 to 1 of the range; integers have equal intervals."""
         low, high = self.bounds.low, self.bounds.high
-        if self.name in WHOLE:
+        if self.name in WHOLE_NUMBERS:
             return min(high, low + int(share * (high - low + 1)))
         return min(high, max(low, round(low + share * (high - low), SPACE_DECIMALS)))
 
@@ -239,7 +239,7 @@ class SearchVariable:
         """Return the share of the range for a value; the nearest end for one outside."""
         low, high = self.bounds.low, self.bounds.high
         offset, span = value - low, high - low
-        if self.name in WHOLE:
+        if self.name in WHOLE_NUMBERS:
             offset, span = offset + 0.5, span + 1.0
         return min(1.0, max(0.0, offset / span))
 

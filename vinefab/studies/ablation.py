@@ -27,8 +27,8 @@ from vinefab.studies.paper_charts import forest
 from vinefab.studies.redeployment import BUFFER_MM, reach_designs, reach_test, redeployments
 from vinefab.studies.study_jobs import PAPER_GROWTH, JobStore, StudySize
 from vinefab.studies.study_runs import (
-    ENVIRONMENTS,
     NAMES,
+    STUDIED_ENVIRONMENTS,
     Exchange,
     coverage_run,
     study_scores,
@@ -114,8 +114,8 @@ VARIANTS = (
 )
 
 
-LEADS = {home: f"{NAMES[home]} designs lead\nin the {NAMES[home]}" for home in ENVIRONMENTS}
-REACHES = {home: f"one branched above\nall plain, {NAMES[home]}" for home in ENVIRONMENTS}
+LEADS = {home: f"{NAMES[home]} designs lead\nin the {NAMES[home]}" for home in STUDIED_ENVIRONMENTS}
+REACHES = {home: f"one branched above\nall plain, {NAMES[home]}" for home in STUDIED_ENVIRONMENTS}
 CONCLUSIONS = (*LEADS.values(), *REACHES.values())
 
 
@@ -123,7 +123,7 @@ def ablation(store: JobStore) -> StudyResult:
     """Train and test under every variant."""
     size, designs = store.size, _reach_designs(store)
     ones = {
-        variant.name: {home: _one(store, variant, designs, home) for home in ENVIRONMENTS}
+        variant.name: {home: _one(store, variant, designs, home) for home in STUDIED_ENVIRONMENTS}
         for variant in VARIANTS
         if REACHABILITY in variant.asks
     }
@@ -197,7 +197,7 @@ def _leads(store: JobStore, variant: AblationVariant) -> dict[str, ConfidenceInt
     """Return by how much designs lead in the environment that they were trained in."""
     size = store.size
     found = Exchange.of(store, partial(variant.run, size), size.ablation_seeds, variant.seen)
-    return {LEADS[home]: found.native_claim(home).tested for home in ENVIRONMENTS}
+    return {LEADS[home]: found.native_claim(home).tested for home in STUDIED_ENVIRONMENTS}
 
 
 def _reaches(
@@ -205,7 +205,7 @@ def _reaches(
 ) -> dict[str, ConfidenceInterval]:
     """Return by how much one branched deployment reaches more than all of a plain vine."""
     found = {}
-    for home in ENVIRONMENTS:
+    for home in STUDIED_ENVIRONMENTS:
         jobs = [
             replace(
                 job,
@@ -235,7 +235,7 @@ def _one(
 def _reach_designs(store: JobStore) -> dict[str, dict[str, Any]]:
     """Return the kept designs of `reach`, as slim as all others here."""
     slimmed = {}
-    for environment in ENVIRONMENTS:
+    for environment in STUDIED_ENVIRONMENTS:
         designs, best = reach_designs(store, environment)
         slimmed[environment] = slim(designs[best])
     return slimmed

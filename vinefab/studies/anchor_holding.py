@@ -20,9 +20,9 @@ from vinefab.studies.claims import (
     interval,
     interval_text,
 )
-from vinefab.studies.paper_charts import Panel, reach_plan
+from vinefab.studies.paper_charts import PlanPanel, reach_plan
 from vinefab.studies.study_jobs import (
-    FIRST_UNSEEN,
+    FIRST_TEST_SEED,
     PAPER_GROWTH,
     JobStore,
     StudySize,
@@ -33,8 +33,8 @@ from vinefab.studies.study_jobs import (
     site,
 )
 from vinefab.studies.study_runs import (
-    ENVIRONMENTS,
     NAMES,
+    STUDIED_ENVIRONMENTS,
     Exchange,
     coverage_run,
     maps_of,
@@ -43,7 +43,7 @@ from vinefab.studies.study_runs import (
 )
 from vinefab.tasks.evaluate import poses_on
 
-ANCHORING = PartSettings(name="anchoring")
+ANCHORING_TASK = PartSettings(name="anchoring")
 SPACE = SpaceSettings(
     levels=Bounds(low=2, high=2), by_level={2: {"branches": Bounds(low=2, high=6)}}
 )
@@ -63,14 +63,16 @@ ALIKE = 0.8
 def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run on anchoring in the simplified space."""
     run = coverage_run(size, environment, number)
-    return replace(run, name=f"anchor_{environment}", task=ANCHORING, space=SPACE)
+    return replace(run, name=f"anchor_{environment}", task=ANCHORING_TASK, space=SPACE)
 
 
 def anchor(store: JobStore) -> StudyResult:
     """Train anchors in both environments, test them in both, and set them beside a plain vine."""
     size = store.size
     found = Exchange.of(store, lambda home, number: anchor_run(size, home, number), size.seeds)
-    single = {home: _plain_scores(store, found.kept_design(home), home) for home in ENVIRONMENTS}
+    single = {
+        home: _plain_scores(store, found.kept_design(home), home) for home in STUDIED_ENVIRONMENTS
+    }
     return StudyResult(
         name="anchor",
         title="Anchoring (Fig. 7)",
@@ -85,8 +87,13 @@ def anchor(store: JobStore) -> StudyResult:
             "Intervals of friction and idle branches: low is mu 0.2 with a third of the branches "
             "idle (as two of six were in the paper's test), high is mu 0.8 with all engaged.",
         ),
-        rows=(*(row for home in ENVIRONMENTS for row in _rows(store, found, home)), *_paper_rows()),
-        claims=tuple(claim for home in ENVIRONMENTS for claim in _claims(found, home, single)),
+        rows=(
+            *(row for home in STUDIED_ENVIRONMENTS for row in _rows(store, found, home)),
+            *_paper_rows(),
+        ),
+        claims=tuple(
+            claim for home in STUDIED_ENVIRONMENTS for claim in _claims(found, home, single)
+        ),
         remarks=(
             "The paper's 6.86 is 6 branches times 1.14, so its branches turned little (gamma 0.45 "
             "at mu 0.3). That ours comes near it says little: six branches that all deploy give 6 "
@@ -100,7 +107,7 @@ def anchor(store: JobStore) -> StudyResult:
             "unseen": {f"{a}_on_{b}": scores.tolist() for (a, b), scores in found.unseen.items()},
             "plain": {home: scores.tolist() for home, scores in single.items()},
             "kept": dict(found.best),
-            "designs": {home: found.kept_design(home) for home in ENVIRONMENTS},
+            "designs": {home: found.kept_design(home) for home in STUDIED_ENVIRONMENTS},
         },
     )
 
@@ -110,13 +117,13 @@ def _plain_scores(store: JobStore, design: dict[str, Any], home: str) -> Floats:
     level = design["levels"][0]
     longest_mm = level["length_mm"] * max(1.0, level["growth"])
     plain = plain_design(plain_vine(design["trunk_length_mm"] + longest_mm))
-    return study_scores(store, [unseen_test(store.size, plain, home, ANCHORING)])
+    return study_scores(store, [unseen_test(store.size, plain, home, ANCHORING_TASK)])
 
 
 def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
     name, design = NAMES[home], found.kept_design(home)
     native = found.kept_unseen(home, home)
-    test = unseen_test(store.size, design, home, ANCHORING)
+    test = unseen_test(store.size, design, home, ANCHORING_TASK)
     low, high, engaged = (
         float(store.terms([test], t)[0].mean()) for t in ("low", "high", "engaged")
     )
@@ -168,7 +175,7 @@ def _paper_row(found: NumberRange, words: str) -> PaperNumber:
 
 
 def _claims(found: Exchange, home: str, single: dict[str, Floats]) -> list[Claim]:
-    name, other = NAMES[home], ENVIRONMENTS[1 - ENVIRONMENTS.index(home)]
+    name, other = NAMES[home], STUDIED_ENVIRONMENTS[1 - STUDIED_ENVIRONMENTS.index(home)]
     native, foreign = found.unseen[home, home], found.unseen[other, home]
     kept_native, kept_foreign = found.kept_unseen(home, home), found.kept_unseen(other, home)
     return [
@@ -190,13 +197,13 @@ def _claims(found: Exchange, home: str, single: dict[str, Floats]) -> list[Claim
 
 def _picture(found: Exchange) -> Picture:
     panels = []
-    for home in ENVIRONMENTS:
-        place = site(maps_of(home, FIRST_UNSEEN, 1), 0)
-        ((pose,),) = poses_on([place], 1, [FIRST_UNSEEN])
+    for home in STUDIED_ENVIRONMENTS:
+        place = site(maps_of(home, FIRST_TEST_SEED, 1), 0)
+        ((pose,),) = poses_on([place], 1, [FIRST_TEST_SEED])
         robot = grow(design_from(found.kept_design(home)), place.terrain, pose, PAPER_GROWTH)
         score = float(found.kept_unseen(home, home)[0, 0, 0])
         panels.append(
-            Panel(
+            PlanPanel(
                 title=f"{NAMES[home]}: amplification {score:.2f}",
                 world=place.world,
                 deployments=(robot,),

@@ -184,7 +184,7 @@ def first_growth_s(world: Map, before: str) -> float:
     return float(done.stdout)
 
 
-SCHEMA = "vinefab/bench-1"
+_SCHEMA = "vinefab/bench-1"
 SIZES = (300, 3_000, 30_000, 300_000)
 MILLION = 1_010_000
 """Rounding and chance leave a little less."""
@@ -274,7 +274,7 @@ class BenchmarkResult:
         content["searches"] = {
             name: {**split.plain(), "shares": split.shares} for name, split in self.searches.items()
         }
-        return json_text(SCHEMA, content)
+        return json_text(_SCHEMA, content)
 
 
 def run_benchmark(

@@ -52,13 +52,13 @@ def least_each_s(
 
 _STREAM = 1901
 
-CELLS = 7
+_CELLS = 7
 """Cells along one side of the smallest map, which has about 300 walls."""
 
 WALLS_PER_CELL = 5.5
 """What the default Grid has; from its largest maps."""
 
-CELL_MM = 500.0 / CELLS
+_CELL_MM = 500.0 / _CELLS
 
 BENCH_GROWTH = GrowthOptions(
     head_on_half_angle_rad=math.radians(1.0),
@@ -86,7 +86,7 @@ def tree_of_40() -> Design:
 def square_map(walls: int) -> Map:
     """Return a Grid map of about so many walls, always with the same density."""
     cells = round(math.sqrt(walls / WALLS_PER_CELL))
-    options = GridOptions(columns=cells, rows=cells, size_mm=cells * CELL_MM)
+    options = GridOptions(columns=cells, rows=cells, size_mm=cells * _CELL_MM)
     return grid_map(1, options)
 
 

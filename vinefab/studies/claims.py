@@ -13,7 +13,7 @@ from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats
 from vinefab.pages.html import Picture
 
-RESAMPLES = 1000
+_RESAMPLES = 1000
 
 _STREAM = 1801
 
@@ -102,8 +102,8 @@ class CrossedSample:
         by_run = statistic(values.reshape(len(values), -1))
         if statistic is seed_mean:
             return cls(by_run=by_run, cells=values.mean(axis=2), maps=count, factor=1.0 / count)
-        draws = child(0, _STREAM).integers(0, count, (RESAMPLES, count))
-        cells = np.array([statistic(run[draws].reshape(RESAMPLES, -1)) for run in values])
+        draws = child(0, _STREAM).integers(0, count, (_RESAMPLES, count))
+        cells = np.array([statistic(run[draws].reshape(_RESAMPLES, -1)) for run in values])
         return cls(by_run=by_run, cells=cells, maps=count, factor=count / max(count - 1.0, 1.0))
 
     def minus(self, other: "CrossedSample") -> "CrossedSample":
@@ -235,7 +235,7 @@ def _student(
     )
 
 
-LEVEL = 0.05
+_LEVEL = 0.05
 
 ClaimKind = Literal["of the paper", "our threshold", "calibrated"]
 """Who says it: the paper; the paper, but with a limit that is ours; or nobody any more, because
@@ -343,7 +343,7 @@ def held_corrected(findings: Sequence[StudyResult]) -> int:
     """Return how many claims of the paper hold when p is corrected for their number (Holm)."""
     tested = [claim.tested for claim in counted_claims(findings)]
     corrected = holm([found.p for found in tested])
-    return sum(found.held and p < LEVEL for found, p in zip(tested, corrected, strict=True))
+    return sum(found.held and p < _LEVEL for found, p in zip(tested, corrected, strict=True))
 
 
 def interval_text(found: ConfidenceInterval, digits: int = 3) -> str:

@@ -30,7 +30,7 @@ from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
-FIRST_UNSEEN = 500_001
+FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""
 
 
@@ -100,8 +100,10 @@ class ContestRun:
     ) -> "ContestRun":
         """Return a contender's run on a problem."""
         maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
-        if maps.seed + maps.count > FIRST_UNSEEN:
-            raise BadInputError("maps.seed", maps.seed, f"less than {FIRST_UNSEEN - maps.count}")
+        if maps.seed + maps.count > FIRST_CONTEST_SEED:
+            raise BadInputError(
+                "maps.seed", maps.seed, f"less than {FIRST_CONTEST_SEED - maps.count}"
+            )
         search = replace(problem.search, seed=problem.search.seed + number)
         settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
         return cls(
@@ -172,7 +174,7 @@ def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedM
     settings = MapSettings(environment=environment, options=json.loads(options))
     made = environment_options(settings)
     make = ENVIRONMENTS[environment].make
-    return tuple(PreparedMap.of(make(FIRST_UNSEEN + index, made)) for index in range(count))
+    return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
 
 def contest_rows(
@@ -252,7 +254,7 @@ def _row(values: Mapping[str, float]) -> ContestRow:
     return ContestRow(**values)  # type: ignore[arg-type]
 
 
-RESAMPLES = 10_000
+_RESAMPLES = 10_000
 
 _STREAM = 1702
 
@@ -325,7 +327,7 @@ def _block(
 
 def _interval(values: Floats) -> dict[str, float]:
     """Return a mean with its 95 % percentile bootstrap interval."""
-    draws = child(0, _STREAM).integers(0, len(values), (RESAMPLES, len(values)))
+    draws = child(0, _STREAM).integers(0, len(values), (_RESAMPLES, len(values)))
     low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
     return {"mean": float(values.mean()), "low": float(low), "high": float(high)}
 

@@ -28,7 +28,7 @@ OPTIMIZER_NAMES = {
     "random": "random search",
 }
 SIMILAR = 0.95
-LEVEL = 0.9
+_LEVEL = 0.9
 SMOOTHED = 5
 
 
@@ -50,7 +50,7 @@ def optimizer_study(store: JobStore) -> StudyResult:
         for name, group in groups.items()
     }
     best = {name: np.array([run["best"] for run in group]) for name, group in groups.items()}
-    level = LEVEL * float(smoothed(best["particleswarm"])[:, -1].mean())
+    level = _LEVEL * float(smoothed(best["particleswarm"])[:, -1].mean())
     needed = {name: evaluations_to(best[name], level, size.population) for name in OPTIMIZER_NAMES}
     swarm, evolution = scores["particleswarm"], scores["evolution"]
     return StudyResult(
@@ -63,12 +63,12 @@ def optimizer_study(store: JobStore) -> StudyResult:
             f"{size.unseen_maps} unseen maps with {size.poses} poses. The paper's own evolutionary "
             "algorithm is not published; this one is vinefab's.",
             f"Speed is the number of designs evaluated until the best of a generation, averaged "
-            f"over {SMOOTHED} generations, reaches {100 * LEVEL:.0f} % of where the swarm of the "
+            f"over {SMOOTHED} generations, reaches {100 * _LEVEL:.0f} % of where the swarm of the "
             f"paper ends on average ({level:.3f}).",
         ),
         rows=tuple(
             PaperNumber(
-                what=f"{words}: winners on unseen maps; designs to {100 * LEVEL:.0f} %",
+                what=f"{words}: winners on unseen maps; designs to {100 * _LEVEL:.0f} %",
                 ours=f"{interval_text(interval(scores[name]))}; "
                 f"{interval_text(interval(needed[name]), 0)}",
                 paper="similar" if name in ("particleswarm", "evolution") else "-",

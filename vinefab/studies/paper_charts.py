@@ -184,7 +184,7 @@ def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Panel:
+class PlanPanel:
     """One plan."""
 
     title: str  # what it shows
@@ -193,7 +193,7 @@ class Panel:
     buffer_mm: float = 0.0  # distance from their bodies that is shaded; 0: none
 
 
-def reach_plan(panels: Sequence[Panel], columns: int = 2) -> Figure:
+def reach_plan(panels: Sequence[PlanPanel], columns: int = 2) -> Figure:
     """Return plans in rows."""
     rows = -(-len(panels) // columns)
     with house_style():
@@ -206,7 +206,7 @@ def reach_plan(panels: Sequence[Panel], columns: int = 2) -> Figure:
     return figure
 
 
-def _draw_panel(axes: Axes, panel: Panel) -> None:
+def _draw_panel(axes: Axes, panel: PlanPanel) -> None:
     if panel.buffer_mm > 0.0:
         lines = [chain for robot in panel.deployments for chain in _chains(robot)]
         near = shapely.union_all(

@@ -17,15 +17,15 @@ from vinefab.pages.html import Picture
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.settings import RunSettings, plain_settings
 from vinefab.search.space import BuildSettings
-from vinefab.studies.anchor_holding import ANCHORING, SPACE
+from vinefab.studies.anchor_holding import ANCHORING_TASK, SPACE
 from vinefab.studies.claims import PaperNumber, StudyResult, difference, interval, interval_text
 from vinefab.studies.paper_charts import Bar, grouped_bars
-from vinefab.studies.redeployment import REACH, reach_run
+from vinefab.studies.redeployment import REACH_TASK, reach_run
 from vinefab.studies.study_jobs import JobStore, StudySize, design_from
 from vinefab.studies.study_runs import (
-    COVERAGE,
-    ENVIRONMENTS,
+    COVERAGE_TASK,
     NAMES,
+    STUDIED_ENVIRONMENTS,
     coverage_run,
     measured_fast,
     study_scores,
@@ -55,17 +55,17 @@ class FullCheckJob:
         return {"passes": making(design) == 0.0 and making.passes(design)}
 
 
-TASKS = {"coverage": COVERAGE, "reach": REACH, "anchoring": ANCHORING}
+_TASKS = {"coverage": COVERAGE_TASK, "reach": REACH_TASK, "anchoring": ANCHORING_TASK}
 POUCHED = BuildSettings(pouch=Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0))
 
 
-WAYS = {"free": "free", "pieces": "pieces", "fabricable": "one outline"}
+_WAYS = {"free": "free", "pieces": "pieces", "fabricable": "one outline"}
 """What winners must be, as data and pages call it: nothing, or manufacturable, either in pieces or
 in one flat outline."""
 
-FREE, PIECES, OUTLINE = WAYS
+FREE, PIECES, OUTLINE = _WAYS
 
-MOST_PIECES = 6
+_MOST_PIECES = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +83,9 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
     run = coverage_run(size, environment, number)
     if task == "coverage":
         return run
-    return replace(run, name=f"{task}_{environment}", task=ANCHORING, space=SPACE, build=POUCHED)
+    return replace(
+        run, name=f"{task}_{environment}", task=ANCHORING_TASK, space=SPACE, build=POUCHED
+    )
 
 
 def run_of_way(free: RunSettings, way: str) -> RunSettings:
@@ -93,7 +95,7 @@ def run_of_way(free: RunSettings, way: str) -> RunSettings:
     run = with_evaluation(free, fabricable=True)
     if way == OUTLINE:
         return run
-    return replace(run, build=replace(run.build, pieces=PieceSettings(most=MOST_PIECES)))
+    return replace(run, build=replace(run.build, pieces=PieceSettings(most=_MOST_PIECES)))
 
 
 def price(store: JobStore) -> StudyResult:
@@ -105,8 +107,8 @@ def price(store: JobStore) -> StudyResult:
     designs = size.population * size.generations
     found = {
         f"{NAMES[home]}, {task}": _three_ways(store, home, task)
-        for task in TASKS
-        for home in ENVIRONMENTS
+        for task in _TASKS
+        for home in STUDIED_ENVIRONMENTS
     }
     return StudyResult(
         name="price",
@@ -115,7 +117,7 @@ def price(store: JobStore) -> StudyResult:
             f"The same search ({designs} designs in {size.generations} generations; "
             f"{size.making_seeds} seeds, each on training maps of its own) three times: free, and "
             "with `fabricable = true` either cut in pieces that sleeves join (at most "
-            f"{MOST_PIECES}) or as one flat outline: "
+            f"{_MOST_PIECES}) or as one flat outline: "
             "designs that break the rules of the shipped recipe rank below all others. Three runs "
             "have the same seed, training maps and poses; seeds and maps are drawn together. "
             f"{size.unseen_maps} unseen maps, {size.poses} poses. Widths, clearances, laps and "
@@ -139,7 +141,7 @@ def price(store: JobStore) -> StudyResult:
         ),
         data={
             name: {
-                **{way: ways.scores[way].tolist() for way in WAYS},
+                **{way: ways.scores[way].tolist() for way in _WAYS},
                 "passes": dict(ways.passes),
             }
             for name, ways in found.items()
@@ -150,16 +152,17 @@ def price(store: JobStore) -> StudyResult:
 def _three_ways(store: JobStore, home: str, task: str) -> ThreeWays:
     size = store.size
     free = [making_run(size, home, task, number) for number in range(size.making_seeds)]
-    found = trained(store, [run_of_way(run, way) for way in WAYS for run in free])
+    found = trained(store, [run_of_way(run, way) for way in _WAYS for run in free])
     scores = study_scores(
-        store, [unseen_test(size, run["design"], home, measured_fast(TASKS[task])) for run in found]
+        store,
+        [unseen_test(size, run["design"], home, measured_fast(_TASKS[task])) for run in found],
     )
     checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
-    passing = np.array([part["passes"] for part in checked]).reshape(len(WAYS), -1)
-    by_way = scores.reshape(len(WAYS), -1, *scores.shape[1:])
+    passing = np.array([part["passes"] for part in checked]).reshape(len(_WAYS), -1)
+    by_way = scores.reshape(len(_WAYS), -1, *scores.shape[1:])
     return ThreeWays(
-        scores=dict(zip(WAYS, by_way, strict=True)),
-        passes=dict(zip(WAYS, passing.sum(axis=1).tolist(), strict=True)),
+        scores=dict(zip(_WAYS, by_way, strict=True)),
+        passes=dict(zip(_WAYS, passing.sum(axis=1).tolist(), strict=True)),
     )
 
 
@@ -170,8 +173,8 @@ def _rows(name: str, ways: ThreeWays, size: StudySize) -> list[PaperNumber]:
     back = difference(scores[PIECES], scores[OUTLINE], same_runs=True)
     return [
         PaperNumber(
-            what=f"{name}: {'; '.join(WAYS.values())}",
-            ours="; ".join(interval_text(interval(scores[way]), digits) for way in WAYS),
+            what=f"{name}: {'; '.join(_WAYS.values())}",
+            ours="; ".join(interval_text(interval(scores[way]), digits) for way in _WAYS),
         ),
         PaperNumber(
             what=f"{name}: price of one outline, paired by seed and map",
@@ -182,8 +185,8 @@ def _rows(name: str, ways: ThreeWays, size: StudySize) -> list[PaperNumber]:
             ours=interval_text(back, digits),
         ),
         PaperNumber(
-            what=f"{name}: winners that pass the whole check, {'; '.join(WAYS.values())}",
-            ours="; ".join(f"{ways.passes[way]} of {size.making_seeds}" for way in WAYS),
+            what=f"{name}: winners that pass the whole check, {'; '.join(_WAYS.values())}",
+            ours="; ".join(f"{ways.passes[way]} of {size.making_seeds}" for way in _WAYS),
         ),
     ]
 
@@ -191,13 +194,13 @@ def _rows(name: str, ways: ThreeWays, size: StudySize) -> list[PaperNumber]:
 def _picture(found: dict[str, ThreeWays], label: str) -> Picture:
     groups = {
         name.replace(", ", ",\n"): [
-            Bar(label=label, found=interval(ways.scores[way])) for way, label in WAYS.items()
+            Bar(label=label, found=interval(ways.scores[way])) for way, label in _WAYS.items()
         ]
         for name, ways in found.items()
     }
     return Picture(
         image=svg_bytes(grouped_bars(groups, {}, f"{label} (simulated)")),
         caption="Winners on unseen maps (simulated), with 95 % intervals over seeds and maps. "
-        f"Pieces: at most {MOST_PIECES}.",
+        f"Pieces: at most {_MOST_PIECES}.",
         wide=True,
     )

@@ -32,9 +32,9 @@ from vinefab.studies.claims import (
     percent_text,
     share_interval,
 )
-from vinefab.studies.paper_charts import Panel, reach_plan
+from vinefab.studies.paper_charts import PlanPanel, reach_plan
 from vinefab.studies.study_jobs import (
-    FIRST_UNSEEN,
+    FIRST_TEST_SEED,
     PAPER_GROWTH,
     JobStore,
     StudySize,
@@ -46,8 +46,8 @@ from vinefab.studies.study_jobs import (
     site,
 )
 from vinefab.studies.study_runs import (
-    ENVIRONMENTS,
     NAMES,
+    STUDIED_ENVIRONMENTS,
     coverage_run,
     kept,
     maps_of,
@@ -182,14 +182,14 @@ PAPER_REACH = {
     "grid": {"one": "93.0 %", "many": "68.3 %", "shapes": "6", "more": "24.7"},
     "cave": {"one": "94.3 %", "many": "61.6 %", "shapes": "5", "more": "32.7"},
 }
-REACH = PartSettings(name="reach", parameters={"buffer_mm": BUFFER_MM})
+REACH_TASK = PartSettings(name="reach", parameters={"buffer_mm": BUFFER_MM})
 
 
 def reach_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run that is paid for what it reaches and for nothing else, as in the paper."""
     run = coverage_run(size, environment, number)
     run = with_evaluation(run, maps_per_generation=size.reach_maps_at_once)
-    return replace(run, name=f"reach_{environment}", task=REACH)
+    return replace(run, name=f"reach_{environment}", task=REACH_TASK)
 
 
 def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
@@ -197,7 +197,7 @@ def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
     return [
         RedeploymentJob(
             design=plain_design(plain_vine(LONG_MM)),
-            worlds=maps_of(environment, FIRST_UNSEEN + index, 1),
+            worlds=maps_of(environment, FIRST_TEST_SEED + index, 1),
             headings=size.headings,
             buffer_mm=BUFFER_MM,
         )
@@ -235,8 +235,8 @@ class OpenBounds:
 
 def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Testing:
     """Return the test of one deployment on the same maps, from the same places."""
-    worlds = maps_of(environment, FIRST_UNSEEN, size.reach_maps)
-    return replace(unseen_test(size, design, environment, REACH), worlds=worlds, poses=1)
+    worlds = maps_of(environment, FIRST_TEST_SEED, size.reach_maps)
+    return replace(unseen_test(size, design, environment, REACH_TASK), worlds=worlds, poses=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -260,7 +260,7 @@ class Redeployments:
 def redeployment_study(store: JobStore) -> StudyResult:
     """Compare branching and redeploying in both environments."""
     size = store.size
-    found = {environment: _measured(store, environment) for environment in ENVIRONMENTS}
+    found = {environment: _measured(store, environment) for environment in STUDIED_ENVIRONMENTS}
     return StudyResult(
         name="reach",
         title="Reachability (Fig. 4)",
@@ -277,9 +277,13 @@ def redeployment_study(store: JobStore) -> StudyResult:
             "one example of each environment and does not say whether its design had met that map "
             "in training; here no map was met.",
         ),
-        rows=tuple(row for environment in ENVIRONMENTS for row in _rows(environment, found, size)),
+        rows=tuple(
+            row for environment in STUDIED_ENVIRONMENTS for row in _rows(environment, found, size)
+        ),
         claims=tuple(
-            claim for environment in ENVIRONMENTS for claim in _claims(environment, found, size)
+            claim
+            for environment in STUDIED_ENVIRONMENTS
+            for claim in _claims(environment, found, size)
         ),
         remarks=(
             "The branching designs are as large as Table 1 allows, because nothing is charged for "
@@ -473,7 +477,7 @@ def _above(values: Floats, limit: float) -> ConfidenceInterval:
 
 def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
     panels = []
-    for environment in ENVIRONMENTS:
+    for environment in STUDIED_ENVIRONMENTS:
         job = redeployments(size, environment)[0]
         place = site(job.worlds, 0)
         ((pose,),) = poses_on([place], 1, [job.worlds.seed])
@@ -484,7 +488,7 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
             titles, shares, ([one], job.deployments(place)), strict=True
         ):
             panels.append(
-                Panel(
+                PlanPanel(
                     title=f"{NAMES[environment]}: {title}, {100 * share:.0f} %",
                     world=place.world,
                     deployments=tuple(grown),

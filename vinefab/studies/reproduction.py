@@ -15,7 +15,7 @@ from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corre
 from vinefab.studies.optimizers_compared import optimizer_study
 from vinefab.studies.price import price
 from vinefab.studies.redeployment import redeployment_study
-from vinefab.studies.study_jobs import QUICK, JobStore, StudySize, Tell
+from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, Tell
 from vinefab.studies.training_studies import convergence, maps, weighting
 from vinefab.studies.transfer import transfer
 
@@ -88,7 +88,7 @@ def numbers_text(done: Reproduction) -> str:
     """Return everything that was found as JSON: ``vinefab/reproduction-1``."""
     holding, claims = done.held
     content = {
-        "quick": done.size == QUICK,
+        "quick": done.size == QUICK_SIZE,
         "size": asdict(done.size),
         "claims_held": holding,
         "claims_held_corrected": held_corrected(done.findings),
@@ -145,12 +145,12 @@ def study_page(findings: Sequence[StudyResult], size: StudySize) -> Report:
     """Return the page of some experiments of one size."""
     holding, claims = held(findings)
     verdict = f"{holding} of {claims} orderings that the paper claims hold in these simulations."
-    if size == QUICK:
+    if size == QUICK_SIZE:
         verdict = f"Smoke run: nothing is to be learned from these numbers. {verdict}"
     return Report(
         title="The paper's experiments, done again",
         verdict=verdict,
-        tone="good" if holding == claims and size != QUICK else "caution",
+        tone="good" if holding == claims and size != QUICK_SIZE else "caution",
         facts=(
             ("experiments", ", ".join(finding.name for finding in findings)),
             ("training maps", str(size.training_maps)),

@@ -60,9 +60,9 @@ class StudySize:
     headings: int = 50  # redeployments of a plain vine [paper: 50]
 
 
-PAPER = StudySize()
+PAPER_SIZE = StudySize()
 
-QUICK = StudySize(
+QUICK_SIZE = StudySize(
     seeds=2,
     repeats=2,
     single_seeds=2,
@@ -149,7 +149,7 @@ def total_length_mm(design: Design) -> float:
     return total
 
 
-FIRST_UNSEEN = 900_001
+FIRST_TEST_SEED = 900_001
 """Seed of the first map for testing; no design has trained on any of them."""
 
 MAPS_KEPT = 600

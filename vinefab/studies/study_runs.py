@@ -17,7 +17,7 @@ from vinefab.search.settings import (
 )
 from vinefab.studies.claims import Claim, difference
 from vinefab.studies.study_jobs import (
-    FIRST_UNSEEN,
+    FIRST_TEST_SEED,
     PAPER_GROWTH,
     JobStore,
     StudySize,
@@ -26,7 +26,7 @@ from vinefab.studies.study_jobs import (
 )
 from vinefab.tasks.evaluate import composites
 
-ENVIRONMENTS = ("grid", "cave")
+STUDIED_ENVIRONMENTS = ("grid", "cave")
 
 NAMES = {"grid": "Grid", "cave": "Cave"}
 
@@ -40,7 +40,7 @@ FIRST_CHOICE = 800_001
 """Seed of the first map on which the kept design of several is chosen: none trains or is tested
 there."""
 
-COVERAGE = PartSettings(name="coverage")
+COVERAGE_TASK = PartSettings(name="coverage")
 
 
 def measured_fast(task: PartSettings) -> PartSettings:
@@ -50,7 +50,7 @@ def measured_fast(task: PartSettings) -> PartSettings:
     return replace(task, parameters={**task.parameters, "area": "fast"})
 
 
-FAST_COVERAGE = measured_fast(COVERAGE)
+FAST_COVERAGE = measured_fast(COVERAGE_TASK)
 """Coverage in tests: 0.1 % off in the mean square, and a hundred times faster than exact areas."""
 
 SWARM = PartSettings(name="particleswarm")
@@ -73,7 +73,7 @@ def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
     return RunSettings(
         name=f"coverage_{environment}",
         maps=maps_of(environment, FIRST_TRAINING + number * size.training_maps, size.training_maps),
-        task=COVERAGE,
+        task=COVERAGE_TASK,
         growth=PAPER_GROWTH,
         optimizer=SWARM,
         search=SearchSettings(
@@ -105,7 +105,7 @@ def unseen_test(
     """Return the test of a design on unseen maps of an environment."""
     return Testing(
         design=design,
-        worlds=maps_of(environment, FIRST_UNSEEN, size.unseen_maps),
+        worlds=maps_of(environment, FIRST_TEST_SEED, size.unseen_maps),
         poses=size.poses,
         task=task,
         growth=growth or PAPER_GROWTH,
@@ -200,26 +200,29 @@ class Exchange:
             On how many unseen maps; 0: as many as most experiments.
         """
         size = replace(store.size, unseen_maps=unseen_maps or store.size.unseen_maps)
-        runs = {home: [make_run(home, number) for number in range(count)] for home in ENVIRONMENTS}
-        found = trained(store, [run for home in ENVIRONMENTS for run in runs[home]])
+        runs = {
+            home: [make_run(home, number) for number in range(count)]
+            for home in STUDIED_ENVIRONMENTS
+        }
+        found = trained(store, [run for home in STUDIED_ENVIRONMENTS for run in runs[home]])
         groups = {
             home: found[place * count : (place + 1) * count]
-            for place, home in enumerate(ENVIRONMENTS)
+            for place, home in enumerate(STUDIED_ENVIRONMENTS)
         }
         designs = {home: [run["design"] for run in group] for home, group in groups.items()}
         training, unseen = {}, {}
-        for home in ENVIRONMENTS:
+        for home in STUDIED_ENVIRONMENTS:
             tests = [
                 training_test(size, run, design)
                 for run, design in zip(runs[home], designs[home], strict=True)
             ]
             training[home] = study_scores(store, _as_run(tests, runs[home][0], task))
-            for place in ENVIRONMENTS:
+            for place in STUDIED_ENVIRONMENTS:
                 tests = [unseen_test(size, design, place) for design in designs[home]]
                 unseen[home, place] = study_scores(store, _as_run(tests, runs[place][0], task))
         return cls(
             designs=designs,
-            best={home: kept(store, runs[home], designs[home]) for home in ENVIRONMENTS},
+            best={home: kept(store, runs[home], designs[home]) for home in STUDIED_ENVIRONMENTS},
             training=training,
             unseen=unseen,
         )
@@ -240,7 +243,7 @@ class Exchange:
 
     def native_claim(self, place: str) -> Claim:
         """Return the claim that an environment's own designs do better there."""
-        other = ENVIRONMENTS[1 - ENVIRONMENTS.index(place)]
+        other = STUDIED_ENVIRONMENTS[1 - STUDIED_ENVIRONMENTS.index(place)]
         return Claim(
             text=f"On unseen {NAMES[place]} maps, {NAMES[place]} designs score above "
             f"{NAMES[other]} designs",

@@ -229,7 +229,7 @@ MIN_DEVIATION = {f"min deviation {cost}": cost for cost in TRADE_OFFS}
 
 FIRST = f"min deviation {TRADE_OFFS[0]}"
 
-WAYS = {"none": "single", "mean": "mean", "best": "best"} | dict.fromkeys(
+_WAYS = {"none": "single", "mean": "mean", "best": "best"} | dict.fromkeys(
     MIN_DEVIATION, "min_deviation"
 )
 """What the paper's figure calls them, and what run files do."""
@@ -264,10 +264,10 @@ def weighting(store: JobStore) -> StudyResult:
     size = store.size
     runs = [
         weighted(coverage_run(size, "grid", number), name)
-        for name in WAYS
+        for name in _WAYS
         for number in range(size.seeds)
     ]
-    scores, best = train_and_test(store, list(WAYS), runs)
+    scores, best = train_and_test(store, list(_WAYS), runs)
     return StudyResult(
         name="weighting",
         title="Weighting of several evaluations (Fig. 3C)",
@@ -288,7 +288,7 @@ def weighting(store: JobStore) -> StudyResult:
                 ours=f"{interval_text(interval(best[name], function))}; all seeds "
                 f"{interval_text(interval(scores[name], function))}",
             )
-            for name in WAYS
+            for name in _WAYS
             for statistic, function in STATISTICS.items()
         ),
         claims=tuple(_weighting_claim(order, scores, best) for order in ORDERINGS),
@@ -307,7 +307,7 @@ def weighting(store: JobStore) -> StudyResult:
 
 def weighted(run: RunSettings, name: str) -> RunSettings:
     """Return a run with another weighting; a single evaluation is on one map."""
-    way = WAYS[name]
+    way = _WAYS[name]
     if way == "single":
         return with_evaluation(run, composite=way, maps_per_generation=1)
     if name in MIN_DEVIATION:

@@ -20,9 +20,9 @@ from vinefab.studies.claims import (
 from vinefab.studies.paper_charts import Bar, grouped_bars
 from vinefab.studies.study_jobs import JobStore, design_from, design_words
 from vinefab.studies.study_runs import (
-    ENVIRONMENTS,
     FIRST_TRAINING,
     NAMES,
+    STUDIED_ENVIRONMENTS,
     Exchange,
     coverage_run,
     maps_of,
@@ -43,7 +43,7 @@ def transfer(store: JobStore) -> StudyResult:
         size.seeds,
         unseen_maps=size.unseen_maps,
     )
-    known = {home: _on_known_maps(store, found, home) for home in ENVIRONMENTS}
+    known = {home: _on_known_maps(store, found, home) for home in STUDIED_ENVIRONMENTS}
     return StudyResult(
         name="transfer",
         title="Transfer and specialization (Fig. 2E)",
@@ -60,12 +60,12 @@ def transfer(store: JobStore) -> StudyResult:
             "maps of all other seeds: the cost is what it scores on its own training maps above "
             "what the others score there, each against its own mean on the unseen maps.",
         ),
-        rows=tuple(row for home in ENVIRONMENTS for row in _rows(found, known[home], home)),
+        rows=tuple(row for home in STUDIED_ENVIRONMENTS for row in _rows(found, known[home], home)),
         claims=(
             found.native_claim("grid"),
             found.native_claim("cave"),
             found.harder_claim(),
-            *(_gap_claim(found, known[home], home) for home in ENVIRONMENTS),
+            *(_gap_claim(found, known[home], home) for home in STUDIED_ENVIRONMENTS),
         ),
         pictures=(_picture(found),),
         data={
@@ -73,7 +73,7 @@ def transfer(store: JobStore) -> StudyResult:
             "known_maps": {home: scores.mean(axis=2).tolist() for home, scores in known.items()},
             "unseen": {f"{a}_on_{b}": scores.tolist() for (a, b), scores in found.unseen.items()},
             "kept": dict(found.best),
-            "designs": {home: found.kept_design(home) for home in ENVIRONMENTS},
+            "designs": {home: found.kept_design(home) for home in STUDIED_ENVIRONMENTS},
         },
     )
 
@@ -129,7 +129,7 @@ def _rows(found: Exchange, known: Floats, home: str) -> list[PaperNumber]:
                 what=f"{name} design on unseen {NAMES[place]} maps, score",
                 ours=interval_text(interval(found.kept_unseen(home, place))),
             )
-            for place in ENVIRONMENTS
+            for place in STUDIED_ENVIRONMENTS
         ),
         PaperNumber(
             what=f"{name} design, unseen against training",
@@ -163,13 +163,13 @@ def _picture(found: Exchange) -> Picture:
     groups = {
         f"trained in {NAMES[home]}": [
             Bar(label=f"tested in {NAMES[place]}", found=interval(found.kept_unseen(home, place)))
-            for place in ENVIRONMENTS
+            for place in STUDIED_ENVIRONMENTS
         ]
-        for home in ENVIRONMENTS
+        for home in STUDIED_ENVIRONMENTS
     }
     lines = {
         f"trained in {NAMES[home]}": float(found.kept_training(home).mean())
-        for home in ENVIRONMENTS
+        for home in STUDIED_ENVIRONMENTS
     }
     return Picture(
         image=svg_bytes(grouped_bars(groups, lines, "fitness (simulated)")),

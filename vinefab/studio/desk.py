@@ -51,7 +51,7 @@ from vinefab.studio.state import PAGE
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
 
-MOST_LISTED = 300
+_MOST_LISTED = 300
 """Files of each kind in the list of choices."""
 
 _DEEPEST_FOLDER = 3
@@ -113,7 +113,7 @@ class Desk:
         files, is_complete = self._files()
         found: dict[str, list[dict[str, str]]] = {"design": [], "recipe": [], "map": []}
         for kind, path in files:
-            if len(found[kind]) < MOST_LISTED:
+            if len(found[kind]) < _MOST_LISTED:
                 shown = self.shown(path)
                 found[kind].append({"name": path.stem, "path": shown, "where": "folder"})
             else:

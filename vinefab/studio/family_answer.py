@@ -50,7 +50,7 @@ compiled: some maps must do then."""
 LEAST_MAPS = 4
 """So many maps are always evaluated, however long it takes."""
 
-MOST_INTERPRETED = 1500
+MOST_FAMILY_INTERPRETED = 1500
 """Branches that the interpreter grows, in a fifth of a second, until the simulator is compiled."""
 
 MOST_WALLS = 1000
@@ -286,7 +286,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     compiled = _COMPILER.has(task, tell, wait=not asked.soon)
     count = state.family.poses
     if not compiled:
-        most = MOST_INTERPRETED // (count * state.design.branch_count)
+        most = MOST_FAMILY_INTERPRETED // (count * state.design.branch_count)
         places = places[: max(LEAST_MAPS, most)]
     options, plans = state.growth, Plans.of([state.design], state.growth)
     radii_mm = plans.spans.radii_mm
@@ -313,7 +313,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     )
 
 
-BLOCK = 8
+_BLOCK = 8
 """Deployments between two words of progress."""
 
 
@@ -327,7 +327,7 @@ def _evaluated(
         return outcomes(task, block, contexts), grown
 
     began, parts, deployments = time.monotonic(), list[TaskOutcomes](), list[Deployment]()
-    for scored, grown in batch.each(both, size=BLOCK):
+    for scored, grown in batch.each(both, size=_BLOCK):
         parts.append(scored)
         deployments += grown
         if time.monotonic() - began > SILENT_S:

@@ -11,7 +11,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Start
-from vinefab.prediction.fix_proposal import TASKS, FixProposal, propose_fix
+from vinefab.prediction.fix_proposal import FIX_TASKS, FixProposal, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content
@@ -134,7 +134,7 @@ def _score_content(
     if not maps:
         return {"scores": [], "scores_note": "no map is open: what it costs in score is not known"}
     scores = []
-    for task in TASKS:
+    for task in FIX_TASKS:
         before, after = (
             score_design_on_task(one, maps, ScorePlan(task=task, poses=1), state.growth)
             for one in (state.design, proposed)

@@ -28,7 +28,7 @@ from vinefab.tasks.task import Task, check_on_map
 MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
-MOST_INTERPRETED = 1500
+MOST_LIVE_INTERPRETED = 1500
 """More branches than this grow once the simulator is compiled: interpreted they take a second."""
 
 MOST_FOLLOWED = 5000
@@ -105,7 +105,7 @@ def not_followed(design: Design) -> str:
             f"{MOST_FOLLOWED};"
             " vinefab grow DESIGN --map MAP grows them all"
         )
-    if design.branch_count > MOST_INTERPRETED and engine_now() != "kernel":
+    if design.branch_count > MOST_LIVE_INTERPRETED and engine_now() != "kernel":
         return (
             f"{counted(design.branch_count, 'branch')}: growth follows as soon as the simulator "
             "is compiled,"

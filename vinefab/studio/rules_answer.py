@@ -21,7 +21,7 @@ from vinefab.fabrication.package.sheet_svg import (
 from vinefab.fabrication.rules.annotation import LayoutPlacement
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
-from vinefab.fabrication.rules.subject import MapCorridors, Subject
+from vinefab.fabrication.rules.subject import Subject
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
@@ -42,7 +42,7 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict
     tell(0.1, "growth")
     deployed, problem = deployed_on_page(state)
     tell(0.2, "rules")
-    corridors = () if state.world is None else (_corridors(state.world),)
+    corridors = () if state.world is None else (map_corridors(state.world, state.design),)
     subject, report = checked_design(
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
@@ -79,11 +79,6 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
 def terrain_of(world: Map) -> Terrain:
     """Return the terrain of a map, kept while the map is open."""
     return Terrain.of(world)
-
-
-@lru_cache(maxsize=4)
-def _corridors(world: Map) -> MapCorridors:
-    return map_corridors(world)
 
 
 # --- What the rules say -------------------------------------------------------------------------

@@ -49,10 +49,10 @@ from vinefab.studio.followed_run import (
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
 from vinefab.studio.state import PAGE, StudioState
 
-PAUSE_S = 0.35
+_PAUSE_S = 0.35
 """Between two looks at the record of a run that is going on."""
 
-PATIENCE_S = 10.0
+_PATIENCE_S = 10.0
 """How long a search may take to stop before it is killed; its record is whole then too."""
 
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
@@ -242,7 +242,7 @@ class SearchDesk:
                 told = tell(event)
                 if inspect.isawaitable(told):
                     await told
-            await asyncio.sleep(PAUSE_S)
+            await asyncio.sleep(_PAUSE_S)
 
     def close(self) -> None:
         """Stop the running search as Ctrl-C would, and wait for it; it can be resumed."""
@@ -251,7 +251,7 @@ class SearchDesk:
             return
         running.ask_to_stop()
         try:
-            running.process.wait(PATIENCE_S)
+            running.process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
             running.process.kill()
             running.process.wait()

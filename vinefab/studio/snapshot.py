@@ -32,7 +32,7 @@ from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, world_of
 from vinefab.studio.warming import load_kernel
 
-SCHEMA = "vinefab/snapshot-1"
+_SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
 _MOST_MAPS = 100
 _PAGE_FOLDER = Path(__file__).with_name("page")
@@ -48,7 +48,7 @@ _POLICY = (
 
 _CHARSET = '<meta charset="utf-8">'
 _HEAD = (
-    f'<meta name="generator" content="{GENERATOR}">\n<meta name="schema" content="{SCHEMA}">\n'
+    f'<meta name="generator" content="{GENERATOR}">\n<meta name="schema" content="{_SCHEMA}">\n'
     f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
 )
 
@@ -118,7 +118,7 @@ def snapshot_html(
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     stored = {
-        "schema": SCHEMA,
+        "schema": _SCHEMA,
         "date": options.date,
         "hello": hello,
         "map": _source_map(state),
@@ -186,8 +186,8 @@ def _document(path: Path, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
     schema = stored.get("schema") if isinstance(stored, dict) else None
-    if schema != SCHEMA:
-        raise BadInputError("schema", schema, SCHEMA, path)
+    if schema != _SCHEMA:
+        raise BadInputError("schema", schema, _SCHEMA, path)
     return dict(stored)
 
 

@@ -95,7 +95,7 @@ class StudioState:
             design=design,
             world=None if given.get("map") is None else world_of(_mapping("map", given["map"])),
             pose=_pose(given.get("pose")),
-            profile=profile_of(recipe),
+            profile=current_profile(recipe),
             recipe=recipe,
             task=_text("task", given.get("task") or "coverage"),
             family=Family.of(_mapping("family", given.get("family") or {})),
@@ -182,7 +182,7 @@ def _polygon(key: str, points: Any) -> Polygon:  # noqa: ANN401  JSON
     return polygon
 
 
-def profile_of(recipe: str) -> LaserProfile:
+def current_profile(recipe: str) -> LaserProfile:
     """Return the laser profile of a recipe, read anew when its file has changed."""
     path = locate("recipe", recipe)
     return _profile(recipe, _stamp(path))

@@ -17,7 +17,7 @@ from vinefab.tasks.fast_areas import Raster, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
 
 
@@ -136,7 +136,7 @@ class Coverage:
         sees = summed_mm2 > 0.0
         overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
         # A union of polygons beside a sum of true discs: a remainder this small is rounding.
-        overlap[overlap <= ROUNDING] = 0.0
+        overlap[overlap <= _ROUNDING] = 0.0
         film = np.minimum(1.0, length_mm / (self.most_diagonals * context.diagonal_mm))
         area = np.minimum(1.0, seen_mm2 / context.area_mm2)
         count = np.minimum(1.0, tips / self.most_branches) * overlap

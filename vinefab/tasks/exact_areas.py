@@ -18,14 +18,14 @@ NUDGE_MM = 1e-5
 _ARC_STEP_RAD = math.pi / 32.0
 _SLACK = 1e-9
 
-QUARTER_SEGMENTS = 16
+_QUARTER_SEGMENTS = 16
 """Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
 polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by less
 than 0.07 % of the discs' summed area; errors of either sign make it about a thousand times less."""
 
 
 def disc_union(
-    centres_mm: Floats, radius_mm: float, segments: int = QUARTER_SEGMENTS
+    centres_mm: Floats, radius_mm: float, segments: int = _QUARTER_SEGMENTS
 ) -> BaseGeometry:
     """Return the union of equal discs as polygons.
 

@@ -22,7 +22,7 @@ Part = TypeVar("Part")
 MOST_KEPT_RADII = 4
 """Rasters and lines of sight are kept for so many radii, then the oldest are dropped."""
 
-MARGIN = 1e-6
+_MARGIN = 1e-6
 """Walls are listed in cells that they miss by this share of a cell: far above rounding."""
 
 MOST_EDGES_AT_ONCE = 20_000
@@ -99,7 +99,7 @@ class MapContext:
             even_mm = math.sqrt(float(size_mm.prod()) / len(walls_mm))
             side_mm = max(even_mm, float(size_mm.max()) / len(walls_mm))
             while True:
-                reach_mm = MARGIN * side_mm + 2.0 * TOUCHING_MM
+                reach_mm = _MARGIN * side_mm + 2.0 * TOUCHING_MM
                 cells = WallCells.of(walls_mm, side_mm, reach_mm)
                 if cells is not None:
                     return cells

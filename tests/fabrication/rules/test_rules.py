@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from shapely import box
 
+from vinefab.fabrication.checking import map_corridors
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
@@ -26,7 +28,7 @@ from vinefab.model.design import Collar, Design, PieceSettings, Pouch
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
-from vinefab.model.map import Pose
+from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
 from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
 from vinefab.model.tree import branch_tree
@@ -653,6 +655,34 @@ def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfi
     assert "all of the 2 narrowest" in findings[0].message
     assert "1 of the 2 narrowest" in findings[1].message
     assert "(3.0, 4.0) mm" in findings[1].message
+
+
+def test_a_dead_end_is_a_corridor_for_branches_that_have_room_in_it(
+    make: Make, profile: LaserProfile
+) -> None:
+    # 25.46 and 15.28 mm inflated: the dead end's area is between those of their cross-sections
+    subject = Subject.of(make((2, 200.0, 60.0)), profile)
+    notch = Corridor(width_mm=2.0, x_mm=3.0, y_mm=4.0, dead_end_mm=20.0)
+    course = MapCorridors(name="hall", corridors=(notch,))
+    (finding,) = found(replace(subject, corridors=(course,)), "VF-R03")
+    assert finding.measured == 2.0
+    assert "level 2" in finding.message
+
+
+def test_a_notch_in_a_wall_of_a_map_is_no_corridor(make: Make, profile: LaserProfile) -> None:
+    """A gap of the same width between two walls is one."""
+    block = box(100, 100, 200, 200)
+    notched = Map(
+        name="notched", bounds=box(0, 0, 400, 300), obstacles=(block - box(150, 195, 150.5, 200),)
+    )
+    parted = Map(
+        name="parted", bounds=box(0, 0, 400, 300), obstacles=(block, box(200.5, 100, 250, 200))
+    )
+    design = make((2, 200.0, 60.0))
+    subject = Subject.of(design, profile)
+    for world, widths in ((notched, []), (parted, [0.5, 0.5])):
+        measured = replace(subject, corridors=(map_corridors(world, design),))
+        assert [f.measured for f in found(measured, "VF-R03")] == pytest.approx(widths)
 
 
 @pytest.mark.parametrize(("rule", "build", "severities"), NEAR_LIMITS)

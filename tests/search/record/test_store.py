@@ -403,7 +403,7 @@ def interrupted(recorder: Recorder) -> None:
 
 def kept(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[FakeStore, list[Progress]]:
     """Return the record of an interrupted run, and its progress reports."""
-    monkeypatch.setattr(module, "PAUSE_S", pause_s)
+    monkeypatch.setattr(module, "_PAUSE_S", pause_s)
     store, reports = FakeStore(), list[Progress]()
     with pytest.raises(KeyboardInterrupt):
         interrupted(Recorder(store, reports.append, SEARCH, Ledger(1)))
@@ -458,7 +458,7 @@ def test_an_interrupt_while_recording_costs_nothing(
                 hits.append(1)
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "PAUSE_S", 0.0)
+    monkeypatch.setattr(module, "_PAUSE_S", 0.0)
     hits: list[int] = []
     store = Interrupted()
     with pytest.raises(KeyboardInterrupt):

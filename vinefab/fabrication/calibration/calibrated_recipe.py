@@ -88,7 +88,7 @@ def _window(window: EnergyWindow, results: Path) -> dict[str, object]:
     return content
 
 
-SCHEMA = "vinefab/calibration-1"
+_SCHEMA = "vinefab/calibration-1"
 
 
 def calibrated_recipe(
@@ -120,7 +120,7 @@ def _words(number: Estimate) -> str:
 def calibration_json(calibration: Calibration) -> str:
     """Return the fitted numbers as JSON."""
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "status": str(calibration.status),
             "numbers": {

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+from vinefab.core.atomic import ensure_own_folder, ensure_unchanged
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.fabrication.calibration.coupons import (
@@ -17,7 +19,7 @@ from vinefab.fabrication.calibration.coupons import (
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
-from vinefab.fabrication.outline.body_outline import WHOLE, body_outline
+from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import readme_section
 from vinefab.fabrication.package.sheet_pictures import job_plan
@@ -118,7 +120,10 @@ def _giving_back(profile: LaserProfile) -> list[str]:
     ]
 
 
-SCHEMA = "vinefab/coupon-1"
+_SCHEMA = "vinefab/coupon-1"
+COUPON_MARK = "coupon.json"
+"""The file by which a folder of coupons is recognized."""
+
 RESULTS_NAME = "results.csv"
 
 SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
@@ -184,7 +189,7 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
     }
     return {
         "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),
-        "coupon.json": _settings_text(coupons).encode(),
+        COUPON_MARK: _settings_text(coupons).encode(),
         **coupons.laser,
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
@@ -220,7 +225,7 @@ def _checked(
     for piece in pieces:
         if piece.design is None:
             continue
-        if piece.ends is WHOLE:
+        if piece.ends is WHOLE_ROBOT:
             subjects.append(Subject.of(piece.design, profile))
             reports.append(run_checks(subjects[-1], only=SHAPE_RULES))
         else:
@@ -255,7 +260,7 @@ def _checked(
 def _settings_text(coupons: Coupons) -> str:
     matrix = coupons.matrix
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "recipe": coupons.profile.recipe.name,
             "jobs": [
@@ -266,3 +271,9 @@ def _settings_text(coupons: Coupons) -> str:
             "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
         },
     )
+
+
+def ensure_coupon_folder(path: Path, *, force: bool = False) -> None:
+    """Check that a folder can be filled with coupons, and that nobody filled in its results."""
+    ensure_own_folder(path, COUPON_MARK, force=force)
+    ensure_unchanged(path / RESULTS_NAME, force=force)

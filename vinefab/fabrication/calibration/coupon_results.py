@@ -26,7 +26,7 @@ from vinefab.model.files.shipped import read_text
 from vinefab.model.job import Operation
 from vinefab.model.laser import LapMethod, LaserProfile
 
-COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
+_COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
 OFFSET_NOTE = "# weldcut_offset_mm"
 RECIPE_NOTE = "# recipe"
 Row = tuple[str, str, str, str]
@@ -46,7 +46,7 @@ UNITS = {
 }  # fmt: skip
 """Factor of every known unit, by the unit that the fit works in."""
 
-MEASURES = {
+_MEASURES = {
     "kerf_piece": "mm",
     "kerf_hole": "mm",
     "seam": "mm",
@@ -82,7 +82,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
     lines += [
         "# Fill in the column value; rows without a value are ignored; add rows as you like.",
         "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
-        ",".join(COLUMNS),
+        ",".join(_COLUMNS),
         *(
             ",".join((measure, setting, "", unit, "", note))
             for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
@@ -240,16 +240,16 @@ def _cells(line: str, place: str) -> list[str]:
 
 
 def _header(cells: list[str], place: str) -> list[str]:
-    if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(COLUMNS):
-        raise BadInputError("header", ",".join(cells), ",".join(COLUMNS), place)
+    if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
+        raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
     return cells
 
 
 def _reading(row: dict[str, str], place: str) -> Reading:
     measure = row["measure"]
-    if measure not in MEASURES:
-        raise UnknownNameError("measure", measure, MEASURES, place)
-    base, text = MEASURES[measure], row["value"]
+    if measure not in _MEASURES:
+        raise UnknownNameError("measure", measure, _MEASURES, place)
+    base, text = _MEASURES[measure], row["value"]
     if not base:
         if text not in OUTCOMES:
             raise BadInputError(measure, text, ", ".join(OUTCOMES), place)

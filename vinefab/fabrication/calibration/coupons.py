@@ -15,8 +15,9 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.marks import fold_ticks, lettered
 from vinefab.fabrication.job.passes import body_paths, weldcut_offset_mm
+from vinefab.fabrication.job.piece_jobs import recipe_facts
 from vinefab.fabrication.job.sleeve import sleeve_size
-from vinefab.fabrication.outline.body_outline import WHOLE, PieceEnds
+from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
 from vinefab.fabrication.outline.ends import Socket
 from vinefab.model.design import Build, Collar, Design, Level, PieceSettings, Pouch
 from vinefab.model.job import Job, LaserPath, Operation
@@ -48,7 +49,7 @@ class Coupon:
     name: str  # written beside it
     paths: tuple[LaserPath, ...]  # in process order, label included
     design: Design | None = None  # None for a piece that is no robot
-    ends: PieceEnds = WHOLE  # of a part of the design: where it begins and ends
+    ends: PieceEnds = WHOLE_ROBOT  # of a part of the design: where it begins and ends
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
@@ -267,7 +268,7 @@ def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job,
         sheets[-1].append(piece.shifted(margin + x - low_x, margin + y - low_y))
         x, row = x + width + COUPON_GAP_MM, max(row, height)
     names = ["coupons"] if len(sheets) == 1 else [f"coupons_{k + 1}" for k in range(len(sheets))]
-    facts = recipe_facts(profile)
+    facts = _coupon_facts(profile)
     return tuple(
         sheet_job(name, [path for piece in sheet for path in piece.paths], profile, facts)
         for name, sheet in zip(names, sheets, strict=True)
@@ -287,14 +288,9 @@ def sheet_job(
     )
 
 
-def recipe_facts(profile: LaserProfile) -> dict[str, object]:
+def _coupon_facts(profile: LaserProfile) -> dict[str, object]:
     """Return the facts that every coupon file states."""
-    facts: dict[str, object] = {
-        "machine": profile.machine.name,
-        "material": profile.material.name,
-        "recipe": profile.recipe.name,
-        "recipe_status": profile.recipe.status.value,
-    }
+    facts = recipe_facts(profile)
     if Operation.WELDCUT in profile.recipe.operations:
         facts["weldcut_offset_mm"] = weldcut_offset_mm(profile)
     return facts
@@ -414,7 +410,7 @@ def _job(
             )
         )
     paths += _zone(start + (LINE_MM - ZONE_MM) / 2, (low - _TICK_MM, top), profile)
-    facts = {**recipe_facts(profile), "focus_offset_mm": focus_mm}
+    facts = {**_coupon_facts(profile), "focus_offset_mm": focus_mm}
     return sheet_job(f"matrix_focus_{focus_mm:02.0f}", paths, profile, facts)
 
 

@@ -97,7 +97,7 @@ def scatter(residuals: Floats, unknowns: int, *, stated: bool) -> float:
     return max(1.0, found) if stated else found
 
 
-NAMES = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction")
+_NAMES = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction")
 """Y, f, T and mu, as in `vinefab.physics.growth_pressure.GrowthConstants`."""
 
 _MOST = (1000.0, 1000.0, 1000.0, 5.0)
@@ -120,8 +120,8 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     For a given mu the pressure is linear in Y, f and T; all four are fitted together, none below
     zero.
     """
-    weights = stated_weights([path.sigma_kpa for path in paths], len(NAMES), "growth")
-    if len(paths) < len(NAMES):
+    weights = stated_weights([path.sigma_kpa for path in paths], len(_NAMES), "growth")
+    if len(paths) < len(_NAMES):
         allowed = "at least 4 paths for 4 unknowns (Y, f, T, mu)"
         raise BadInputError("growth", counted(len(paths), "path"), allowed)
     measured = np.array([path.pressure_kpa for path in paths])
@@ -134,7 +134,7 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     solved = least_squares(
         residuals,
         start,
-        bounds=(np.zeros(len(NAMES)), _MOST),
+        bounds=(np.zeros(len(_NAMES)), _MOST),
         x_scale="jac",
         xtol=1e-14,
         ftol=1e-14,
@@ -147,11 +147,11 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
         allowed = "paths that differ in length and in their turns, some without turns"
         raise BadInputError("growth", f"{counted(len(paths), 'path')} of too few kinds", allowed)
     stated = paths[0].sigma_kpa is not None
-    spread = scatter(np.asarray(solved.fun), len(NAMES), stated=stated)
+    spread = scatter(np.asarray(solved.fun), len(_NAMES), stated=stated)
     deviations = spread * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     return {
         name: Estimate(value=float(value), uncertainty=float(u), readings=len(paths))
-        for name, value, u in zip(NAMES, solved.x, deviations, strict=True)
+        for name, value, u in zip(_NAMES, solved.x, deviations, strict=True)
     }
 
 

@@ -34,7 +34,7 @@ from vinefab.fabrication.formats.laser_drawing import (
 from vinefab.model.job import Job
 from vinefab.model.outline import FLATTEN_MM, Contour, Part
 
-TOLERANCE_MM = 1e-6
+_TOLERANCE_MM = 1e-6
 
 VERSION = "R2010"
 RELEASE_12 = "R12"
@@ -207,7 +207,7 @@ DXF = LaserFormat(
     suffix=".dxf",
     write=_exact,
     read=read_dxf,
-    tolerance_mm=TOLERANCE_MM,
+    tolerance_mm=_TOLERANCE_MM,
     colour=_colour_index,
 )
 DXF_POLYLINE = LaserFormat(
@@ -215,7 +215,7 @@ DXF_POLYLINE = LaserFormat(
     suffix="_polyline.dxf",
     write=_flattened,
     read=read_dxf,
-    tolerance_mm=TOLERANCE_MM,
+    tolerance_mm=_TOLERANCE_MM,
     contour=flattened_contour,
     sagitta_mm=FLATTEN_MM,
     colour=_colour_index,
@@ -225,7 +225,7 @@ DXF_R12 = LaserFormat(
     suffix="_r12.dxf",
     write=_release_12,
     read=read_dxf,
-    tolerance_mm=TOLERANCE_MM,
+    tolerance_mm=_TOLERANCE_MM,
     colour=_colour_index,
     on_request=True,
 )

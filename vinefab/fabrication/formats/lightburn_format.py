@@ -29,8 +29,8 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings
 from vinefab.model.outline import FLATTEN_MM, Contour
 
-DECIMALS = 4
-TOLERANCE_MM = 1e-4
+_DECIMALS = 4
+_TOLERANCE_MM = 1e-4
 
 TOOL_1, TOOL_2 = 30, 31
 """LightBurn's two tool layers, which it shows and never runs."""
@@ -169,7 +169,7 @@ def _name(text: str) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{round(float(value), DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")
+    return f"{round(float(value), _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")
 
 
 _VERTEX = re.compile(r"V(-?[\d.]+) (-?[\d.]+)c0x1c1x1")
@@ -283,7 +283,7 @@ LIGHTBURN = LaserFormat(
     suffix=".lbrn2",
     write=_write_project,
     read=read_lightburn,
-    tolerance_mm=TOLERANCE_MM,
+    tolerance_mm=_TOLERANCE_MM,
     paths=_held_paths,
     contour=flattened_contour,
     sagitta_mm=FLATTEN_MM,
@@ -295,7 +295,7 @@ LIGHTBURN_LIBRARY = LaserFormat(
     suffix=".clb",
     write=_write_library,
     read=read_library,
-    tolerance_mm=TOLERANCE_MM,
+    tolerance_mm=_TOLERANCE_MM,
     settings=_library_settings,
     holds_paths=False,
     needs_profile=True,

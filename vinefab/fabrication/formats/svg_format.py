@@ -28,7 +28,7 @@ from vinefab.fabrication.formats.laser_drawing import (
 from vinefab.model.job import Job
 from vinefab.model.outline import Contour, Segment
 
-DECIMALS = 3
+_DECIMALS = 3
 SVG_TOLERANCE_MM = 2e-3
 """Three decimals: 0.0007 mm at a vertex, twice that in the middle of an arc."""
 
@@ -138,7 +138,7 @@ def _point(point_mm: tuple[float, float], height_mm: float) -> tuple[str, str]:
 
 def _number(value: float) -> str:
     # Adding 0 turns a negative zero into a positive one.
-    return f"{round(float(value), DECIMALS) + 0.0:.{DECIMALS}f}"
+    return f"{round(float(value), _DECIMALS) + 0.0:.{_DECIMALS}f}"
 
 
 _SVG = "{http://www.w3.org/2000/svg}"

@@ -26,14 +26,17 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition
 
-MOST_BRANCHES = 5000
+MOST_CUT_BRANCHES = 5000
 """Larger trees are refused: no sheet holds them, and pairs of branches grow with the square."""
 
 
 def check_size(design: Design) -> None:
     """Refuse a design with more branches than any sheet could hold."""
-    if design.branch_count > MOST_BRANCHES:
-        count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
+    if design.branch_count > MOST_CUT_BRANCHES:
+        count, allowed = (
+            design.branch_count,
+            f"at most {MOST_CUT_BRANCHES} for checks and laser files",
+        )
         raise BadInputError(f"design {design.name}", counted(count, "branch"), allowed)
 
 

@@ -10,7 +10,12 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.body_outline import WHOLE, BodyOutline, PieceEnds, body_outline
+from vinefab.fabrication.outline.body_outline import (
+    WHOLE_ROBOT,
+    BodyOutline,
+    PieceEnds,
+    body_outline,
+)
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM
 from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
@@ -122,7 +127,7 @@ def in_one_pass(profile: LaserProfile) -> bool:
 
 
 def body_paths(
-    design: Design, profile: LaserProfile, *, separate: bool = False, ends: PieceEnds = WHOLE
+    design: Design, profile: LaserProfile, *, separate: bool = False, ends: PieceEnds = WHOLE_ROBOT
 ) -> BodyPaths:
     """Return the paths of one robot or piece; ``separate`` welds and cuts in two passes."""
     if separate or not in_one_pass(profile):

@@ -222,11 +222,11 @@ Cells = NDArray[np.bool_]
 APART_MM = 8.0
 """Film left between two robots: for their heat, and for marks (assumed)."""
 
-CELL_MM = 2.0
+_CELL_MM = 2.0
 MOST_CELLS = 400_000
 _SAMPLES, _SAMPLES_AT_ONCE = 160, 10
 _SPREAD = np.arange(_SAMPLES) * 61 % _SAMPLES  # 61 and 160 have no common factor
-TURNS = 24
+_TURNS = 24
 """Rotations tried of each robot."""
 
 
@@ -274,7 +274,7 @@ class _Bed:
 
     def __init__(self, room_mm: tuple[float, float]) -> None:
         self.room_mm = room_mm
-        self.cell_mm = max(CELL_MM, math.sqrt(room_mm[0] * room_mm[1] / MOST_CELLS))
+        self.cell_mm = max(_CELL_MM, math.sqrt(room_mm[0] * room_mm[1] / MOST_CELLS))
         self.near_mm = APART_MM / 2.0 + self.cell_mm * math.sqrt(0.5)
         self.rim = math.ceil(self.near_mm / self.cell_mm) + 1
         shape = [self.counted(side) for side in reversed(room_mm)]
@@ -431,7 +431,7 @@ def _nested(
     for row in order:
         key = shapes[row].wkb
         if key not in stamps:
-            turns = np.arange(TURNS) * math.tau / TURNS
+            turns = np.arange(_TURNS) * math.tau / _TURNS
             stamps[key] = [_Stamp(shapes[row], turn) for turn in turns.tolist()]
         found[row] = _put(bed, stamps[key], corner_mm)
     return found

@@ -58,7 +58,7 @@ class PieceEnds:
     plugs: Mapping[int, float] = field(default_factory=dict)  # ends of stubs, along their branches
 
 
-WHOLE = PieceEnds()
+WHOLE_ROBOT = PieceEnds()
 """The whole robot: from the tail to all tips."""
 
 
@@ -67,7 +67,7 @@ def body_outline(
     offset_mm: float = 0.0,
     *,
     least_fillet_mm: float = 0.0,
-    ends: PieceEnds = WHOLE,
+    ends: PieceEnds = WHOLE_ROBOT,
 ) -> BodyOutline:
     """Return the outline of a design, or of one piece of it, in the coordinates of its flat layout.
 

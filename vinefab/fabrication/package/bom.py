@@ -22,7 +22,7 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.model.pieces import Partition
 
-COLUMNS = ("item", "value", "unit", "standing", "basis")
+_COLUMNS = ("item", "value", "unit", "standing", "basis")
 _G_PER_KG = 1000.0
 _MM3_PER_M3 = 1e9
 
@@ -123,7 +123,7 @@ def bom_text(job: Job, profile: LaserProfile, joints: Sequence[BomLine] = ()) ->
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(_COLUMNS)
     for line in (*bill_of_materials(job, profile), *joints):
         writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
     writer.writerow(["bill of materials", "", "", "", f"{GENERATOR}: {job.name}"])

@@ -22,7 +22,7 @@ from vinefab.model.laser import (
     Recipe,
 )
 
-SCHEMA = "vinefab/job-1"
+_SCHEMA = "vinefab/job-1"
 
 
 def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
@@ -32,7 +32,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
     """
     recipe = profile.recipe
     return json_text(
-        SCHEMA,
+        _SCHEMA,
         {
             "design": _design(design),
             "units": "mm",

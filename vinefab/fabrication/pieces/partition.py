@@ -36,7 +36,7 @@ _ORDERS = 8
 
 TOO_LARGE = "do not fit the bed in one piece"
 
-MOST_ROUNDS = 300
+_MOST_ROUNDS = 300
 """Times that cuts are looked for again after a rule found something on a piece."""
 
 ROUNDS_BEYOND = 8
@@ -70,11 +70,11 @@ def partition_of(
     partitions that pass, so the least number is proven if that of the last program is.
     """
     if design.build.pieces is None:
-        return whole(design)
+        return one_piece(design)
     return _Cutter(design, design.build.pieces, profile, limits, separate=separate).partition()
 
 
-def whole(design: Design) -> Partition:
+def one_piece(design: Design) -> Partition:
     """Return a robot in one piece."""
     return Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(design.branch_count))),))
 
@@ -119,7 +119,7 @@ class _Cutter:
         """Return the fewest pieces that pass."""
         conflicts, beyond = [*self._pairs()], 0
         weights = {row: sleeve.width_mm for row, sleeve in self.sleeves.items()}
-        for _ in range(MOST_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             found = multicut([conflict.clause for conflict in conflicts], weights)
             if found.broken:
                 return self._uncut(conflicts, found)
@@ -303,7 +303,7 @@ class _Cutter:
         One that lies flat is only too large for the bed: it may still be made in tiles.
         """
         if all(conflict.why == TOO_LARGE for conflict in conflicts):
-            return whole(self.design)
+            return one_piece(self.design)
         room_mm, unparted = self.sides.room_mm(), {}
         for place in found.broken:
             conflict = conflicts[place]
@@ -316,7 +316,7 @@ class _Cutter:
                 room_mm=max((float(room_mm[row]) for row in short), default=0.0),
                 needed_mm=self.size.room_mm,
             )
-        return replace(whole(self.design), unparted=tuple(unparted.values()))
+        return replace(one_piece(self.design), unparted=tuple(unparted.values()))
 
 
 def _on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -> Subject:

@@ -40,7 +40,7 @@ MOST_CONFLICTS, MOST_PIECE_BRANCHES = 20_000, 400
 MOST_STEPS = 64
 """Sets of cuts that are looked at for each design."""
 
-PARTED = 1.0 - 1e-9
+_PARTED = 1.0 - 1e-9
 """A further cut must leave at most this share of what is left without it."""
 
 
@@ -361,9 +361,9 @@ class _TreeCuts:
             chosen, least = -1, math.inf
             for row in sorted(self.stub.keys() - cut):
                 trial = self.left(cut | {row})
-                if trial < least * PARTED:
+                if trial < least * _PARTED:
                     chosen, least = row, trial
-            if least >= left * PARTED:
+            if least >= left * _PARTED:
                 break
             cut, left = cut | {chosen}, least
         return QuickCuts(branches=tuple(sorted(cut)), left=left)

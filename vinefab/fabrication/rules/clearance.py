@@ -33,7 +33,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
 
-MOST_FINDINGS = 100
+_MOST_FINDINGS = 100
 """Most pairs that a rule reports, tightest first; one more finding counts the rest."""
 
 
@@ -64,14 +64,14 @@ def _nearest_pairs(
 ) -> tuple[list[NearBranches], int]:
     """Return chosen pairs of branches by their smallest gap, tightest first, and their count."""
     rows = _tightest_of_each(subject.capsules, found, np.flatnonzero(chosen))
-    return [_near(subject, found, row) for row in rows[:MOST_FINDINGS].tolist()], len(rows)
+    return [_near(subject, found, row) for row in rows[:_MOST_FINDINGS].tolist()], len(rows)
 
 
 def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
     """Return one violation for all pairs beyond `MOST_FINDINGS`, if there are any."""
-    if pairs <= MOST_FINDINGS:
+    if pairs <= _MOST_FINDINGS:
         return ()
-    rest = f"{pairs - MOST_FINDINGS} more pairs of branches {predicate}"
+    rest = f"{pairs - _MOST_FINDINGS} more pairs of branches {predicate}"
     return (Violation(message=rest, severity=Severity.INFO, aspect="rest"),)
 
 
@@ -182,7 +182,7 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
             nearest[pair] = gap_mm, web, row
     order = sorted(nearest.items(), key=lambda item: item[1][0])
     violations = []
-    for (one, two), (gap_mm, web, row) in order[:MOST_FINDINGS]:
+    for (one, two), (gap_mm, web, row) in order[:_MOST_FINDINGS]:
         broken = limits.least(gap_mm)
         if broken:
             violations.append(_violation(subject, (one, two), (web, hulls[row]), (gap_mm, broken)))

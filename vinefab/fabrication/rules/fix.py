@@ -27,7 +27,7 @@ from vinefab.model.design import Build, Design, Level, Pouch
 Variable = tuple[str, int]
 """What is changed, one of `KINDS`, and on which level, from 0."""
 
-KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
+FIX_KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
 """What a fix can change, besides the number of branches."""
 
 MAKING = frozenset({"width", "taper", "pouch", "fillet"})
@@ -75,7 +75,7 @@ FILLETS = FixStage(kinds=frozenset({"fillet"}))
 
 def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[FixStage, ...]:
     """Return the steps of a fix in their order, less what is to be kept."""
-    kinds = KINDS.difference(*(KEEPS[word] for word in keep))
+    kinds = FIX_KINDS.difference(*(KEEPS[word] for word in keep))
     stages = [FILLETS, FixStage(kinds=kinds)]
     stages += [] if BRANCHES in keep else [FixStage(kinds=kinds, prunes=True)]
     return tuple(dict.fromkeys(stages))
@@ -97,7 +97,7 @@ class FixSpace:
         design: Design,
         branches: tuple[int, ...],
         targets: FixTargets,
-        kinds: frozenset[str] = KINDS,
+        kinds: frozenset[str] = FIX_KINDS,
     ) -> "FixSpace":
         """Return the space of some kinds of changes of a design with some of its branches kept."""
         depth = 1 + len(branches)
@@ -244,7 +244,7 @@ def _scaled(pouch: Pouch | None, factor: float) -> Pouch | None:
 MOST_PRUNINGS = 12
 """Most ways to prune that are searched in full, the most promising first."""
 
-MOST_STEPS = 60
+_MOST_STEPS = 60
 FIRST_STEPS = 20
 """Steps of single values and groups before CMA-ES has its turn."""
 
@@ -358,7 +358,7 @@ def _cleared(space: FixSpace, stage: FixStage, most_cost: float) -> Floats | Non
         # Nothing clears more than the smallest fillets do.
         x = np.full(len(space), -_SMALLEST)
         return x if space.penalty(x) == 0.0 else None
-    return _descended(space, MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
+    return _descended(space, _MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
 
 
 def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:

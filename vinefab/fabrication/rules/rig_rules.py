@@ -89,18 +89,22 @@ def check_height(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotAp
 
 
 def _tight(place: MapCorridors, level: int, diameter_mm: float, limits: Limits) -> Violation | None:
-    """Return the violation by one level on one map, if any."""
-    narrow = [one for one in place.corridors if limits.least(one.width_mm / diameter_mm)]
+    """Return the violation by one level on one map, if any.
+
+    A dead end with less free area than the branch's cross-section is no corridor: a notch.
+    """
+    usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
+    narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
     if not narrow:
         return None
     least = min(narrow, key=lambda one: one.width_mm)
     broken = limits.least(least.width_mm / diameter_mm)
     if broken is None:
         return None
-    every = "all" if len(narrow) == len(place.corridors) else f"{len(narrow)}"
+    every = "all" if len(narrow) == len(usable) else f"{len(narrow)}"
     return Violation(
         message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
-        f"{len(place.corridors)} narrowest corridors of {place.name} are narrower, the least at "
+        f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
         f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm; no branch of that level gets through",
         severity=broken.severity,
         measured=least.width_mm,
@@ -139,7 +143,9 @@ CORRIDORS = Rule(
     title="corridors are at least the inflated diameter of the branches meant to pass",
     unit="mm",
     limits={"warning": 1.0},
-    reason="an inflated body does not pass a narrower gap; the limit is times its diameter",
+    reason="an inflated body does not pass a narrower gap; the limit is times its diameter. A dead "
+    "end with less free area than the body's cross-section is a notch in a wall and no corridor, "
+    "unless a start is in it",
     remedy="narrower tubes, a larger scale, or another map",
     check=_on_subject(check_corridors),
 )

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.layout import FlatLayout
@@ -122,6 +123,16 @@ class Rule:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
+
+    def __repr__(self) -> str:
+        limits = ", ".join(f"{name} {value:g}" for name, value in self.limits.items())
+        behind = f" ({f'{limits} {self.unit}'.rstrip()})" if limits else ""
+        return f"<Rule {self.id}: {self.title}{behind}>"
+
+    def _repr_html_(self) -> str:
+        """Show limits, reason and remedy in a notebook."""
+        shown: str = front_door().html_of(self)
+        return shown
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
         """Return the default limits with some of them changed.

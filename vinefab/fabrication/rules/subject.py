@@ -1,5 +1,6 @@
 """What the rules check: a design, its profile, and all that is derived from them."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,9 @@ class Corridor:
     width_mm: float  # where robots run; of a rig, in millimetres of the rig
     x_mm: float  # of its middle, in map coordinates
     y_mm: float
+    # diameter of the circle with the area of the dead end that it leads to, likewise; infinite
+    # where it leads on. It is a mere notch for bodies whose cross-section is larger
+    dead_end_mm: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

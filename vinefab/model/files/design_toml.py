@@ -34,7 +34,7 @@ from vinefab.model.files.toml import Form, read_toml, validated
 
 WIDEST_BODY_MM = 1e4
 """Wider ones are a mixed-up unit, and their outlines would take gigabytes."""
-SCHEMA = "vinefab/design-1"
+_SCHEMA = "vinefab/design-1"
 Positive = Annotated[float, Field(gt=0, le=LARGEST_MM)]
 Width = Annotated[float, Field(gt=0, le=WIDEST_BODY_MM)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST_MM)]
@@ -165,7 +165,7 @@ def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
 
 def design_content(design: Design) -> dict[str, Any]:
     """Return a design as tables and values of a design file; lengths are in millimetres."""
-    content: dict[str, Any] = {"schema": SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
+    content: dict[str, Any] = {"schema": _SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
     content["trunk"] = {"length": design.trunk_length_mm}
     content["level"] = [_level_table(level) for level in design.levels]
     content["build"] = _build_table(design.build)

@@ -76,7 +76,7 @@ TOGETHER = 125
 """Designs that a worker evaluates together. They are grown by size, and the large ones of a
 thousand take a seventh longer than in eight parts: their branches do not stay in the caches."""
 
-PATIENCE_S = 300.0
+_PATIENCE_S = 300.0
 """How long a run waits without any worker before it gives up."""
 
 CONNECT_S = 10.0
@@ -146,7 +146,7 @@ class DaskEvaluator:
     """
 
     def __init__(
-        self, address: str, *, threads: int | None = None, patience_s: float = PATIENCE_S
+        self, address: str, *, threads: int | None = None, patience_s: float = _PATIENCE_S
     ) -> None:
         self.address = address
         self.count = self._local_count()

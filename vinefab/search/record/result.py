@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from os import PathLike
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +19,7 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start_place import start_of_record, start_record, start_text
@@ -136,21 +138,89 @@ class Extension:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult:
-    """The result of a run."""
+    """The result of a run.
 
-    run_id: str  # the same for the same settings and maps
-    best: Design  # the winner, with its origin
-    finalists: tuple[Finalist, ...]  # best first; the winner is the first
-    history: tuple[Generation, ...]  # every generation
-    stopped: str  # why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``
-    times: TimeSplit = field(default_factory=TimeSplit)  # of this session
-    checked: bool = True  # whether manufacturability was checked
-    repair: str = ""  # message on the feasibility repair; empty where none was needed
-    notes: tuple[str, ...] = ()  # what a user should know about the starts, a sentence each
-    drift: tuple[str, ...] = ()  # packages with other versions than when the run began
-    extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
-    # what is predicted of the winner elsewhere, in plain values (`prediction.run_winner`)
+    Parameters
+    ----------
+    run_id
+        The same for the same settings and maps.
+    best
+        The winner, with its origin.
+    finalists
+        Best first; the winner is the first.
+    history
+        Every generation.
+    stopped
+        Why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``.
+    times
+        Of this session.
+    checked
+        Whether manufacturability was checked.
+    repair
+        Message on the feasibility repair; empty where none was needed.
+    notes
+        What a user should know about the starts, a sentence each.
+    drift
+        Packages with other versions than when the run began.
+    extensions
+        Each time that its limits were raised.
+    prediction
+        What is predicted of the winner elsewhere, in plain values (`prediction.run_winner`).
+    """
+
+    run_id: str
+    best: Design
+    finalists: tuple[Finalist, ...]
+    history: tuple[Generation, ...]
+    stopped: str
+    times: TimeSplit = field(default_factory=TimeSplit)
+    checked: bool = True
+    repair: str = ""
+    notes: tuple[str, ...] = ()
+    drift: tuple[str, ...] = ()
+    extensions: tuple[Extension, ...] = ()
     prediction: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<RunResult {self.headline}>"
+
+    @property
+    def headline(self) -> str:
+        """The winner, how it was found and what it scores, in one line."""
+        return (
+            f"{self.best.name}: best of {counted(self.evaluations, 'design')} in "
+            f"{counted(len(self.history), 'generation')}, stopped by {self.stopped}; "
+            f"mean {self.score.task} {self.score.composite['mean']:.4f} on fresh poses of the "
+            "training maps (simulated)"
+        )
+
+    @classmethod
+    def read(cls, folder: str | PathLike[str]) -> "RunResult":
+        """Return the result of a run that has ended, from the record in its folder.
+
+        Parameters
+        ----------
+        folder
+            What ``vinefab optimize`` or ``vf.optimize(out=...)`` wrote, or the record in it.
+
+        Raises
+        ------
+        BadInputError
+            If the run has not ended; ``vf.optimize(..., resume=True)`` goes on with it.
+        UnreadableFileError
+            If there is no record, or it is damaged.
+
+        Examples
+        --------
+        >>> RunResult.read("moon")
+        Traceback (most recent call last):
+        vinefab.core.errors.UnreadableFileError: moon/run.sqlite: there is no such file
+        """
+        # Records are built on this module.
+        from vinefab.search.record.run_archive import RECORD_FILE, RunArchive  # noqa: PLC0415
+
+        path = path_given("folder", folder)
+        return RunArchive.read(path if path.is_file() else path / RECORD_FILE).result()
 
     def _repr_html_(self) -> str:
         """Show finalists and winner in a notebook."""

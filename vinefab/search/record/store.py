@@ -360,7 +360,7 @@ def _unlock(lock: int | None) -> None:
         os.close(lock)
 
 
-PAUSE_S = 0.25
+_PAUSE_S = 0.25
 """Generations within this time are recorded together: the most that a kill can lose."""
 
 
@@ -405,7 +405,7 @@ class Recorder:
 
     def write(self) -> None:
         """Report the last generation; record pending ones unless that was just done."""
-        if time.monotonic() - self._written_s >= PAUSE_S:
+        if time.monotonic() - self._written_s >= _PAUSE_S:
             self._write()
         self._report_last()
 

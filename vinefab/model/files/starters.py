@@ -1,0 +1,119 @@
+"""Files to begin with: a design, run file, recipe or map of one's own, and shipped examples."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import shapely
+
+from vinefab.core.atomic import ensure_writable, write_bytes, write_text
+from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError
+from vinefab.core.plain_text import one_line
+from vinefab.core.units import rad
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
+from vinefab.model.map import Map, Pose, Start
+
+_STARTERS = {
+    "design": ("design", "three_level_tree"),
+    "run": ("run file", "grid_coverage"),
+    "recipe": ("recipe", DEFAULT_RECIPE),
+}
+"""Kind and name of the shipped file that a new one is a copy of; a map is made here."""
+
+_STARTER_KINDS = ("design", "run", "map", "recipe")
+
+
+def write_starter(kind: str, out: Path, *, force: bool = False) -> str:
+    """Write a file to begin with, and return the name that stands in it."""
+    if kind not in _STARTER_KINDS:
+        raise BadInputError("kind", kind, f"one of {', '.join(_STARTER_KINDS)}")
+    suffix = ".geojson" if kind == "map" else ".toml"
+    if out.suffix.lower() != suffix:
+        raise BadInputError("file", str(out), f"a file name ending in {suffix}")
+    if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
+        raise ForeignFileError(out, "exists")
+    if kind == "recipe" and _plain(out.stem) != out.stem:  # a recipe is called as its file
+        allowed = "for a recipe a file name of letters, digits, '_', '-' and '.'"
+        raise BadInputError("file", str(out), allowed)
+    ensure_writable(out, force=force)
+    name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
+    text = map_text(starter_map(name)) if kind == "map" else _named_copy(kind, name)
+    write_text(out, text, force=force)
+    return name
+
+
+def starter_map(name: str) -> Map:
+    """Return a table of 600 x 400 mm with three blocks and a start that is placed by hand."""
+    blocks = (
+        (150.0, 120.0, 230.0, 190.0),
+        (300.0, 60.0, 360.0, 160.0),
+        (380.0, 240.0, 470.0, 300.0),
+    )
+    pose = Pose(x_mm=30.0, y_mm=100.0, heading_rad=rad(20.0))
+    start = Start(pose=pose, spread_x_mm=5.0, spread_y_mm=5.0, spread_heading_rad=rad(5.0))
+    return Map(
+        name=name,
+        bounds=shapely.box(0.0, 0.0, 600.0, 400.0),
+        obstacles=tuple(shapely.box(*block) for block in blocks),
+        starts=(start,),
+        environment="table",
+    )
+
+
+def _plain(stem: str) -> str:
+    """Return the stem of a file as the name of a design, run or recipe may be."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")
+
+
+def _named_copy(kind: str, name: str) -> str:
+    """Return the text of a shipped file under another name."""
+    shipped_kind, original = _STARTERS[kind]
+    text = read_text(locate(shipped_kind, original))
+    named, count = re.subn(r'(?m)^name = "[^"]*"', f'name = "{name}"', text, count=1)
+    if not count:
+        raise BadInputError(kind, original, "a shipped file with a name")
+    return f"# A copy of {original} to change as you like.\n{named}"
+
+
+_EXAMPLES_FOLDER = "examples"
+_EXAMPLE_ENDINGS = (
+    ".toml", ".py", ".sbatch", ".ipynb", ".md", ".dxf", ".jpg", ".png", ".gpkg", ".yaml",
+)  # fmt: skip
+_PICTURES_FOLDER = "pictures"
+"""A folder of what the README shows; it is not copied."""
+
+
+def shipped_examples() -> dict[str, Path]:
+    """Return the shipped examples by their path below the folder of examples."""
+    root = shipped_root() / _EXAMPLES_FOLDER
+    found = sorted(path for path in root.rglob("*") if path.suffix in _EXAMPLE_ENDINGS)
+    shown = (path for path in found if path.parent.name != _PICTURES_FOLDER)
+    return {path.relative_to(root).as_posix(): path for path in shown}
+
+
+def examples_named(names: Sequence[str]) -> dict[str, Path]:
+    """Return the examples of some names, with or without folder and ending; all for no names."""
+    known = shipped_examples()
+    chosen: dict[str, Path] = {}
+    for name in names:
+        fits = [place for place in known if name in (place, Path(place).stem, Path(place).name)]
+        if not fits:
+            raise UnknownNameError("example", name, known)
+        chosen |= {place: known[place] for place in fits}
+    return chosen or known
+
+
+def copy_examples(chosen: Mapping[str, Path], out: Path, *, force: bool = False) -> list[Path]:
+    """Copy examples into a folder and return what was written: what is there already stays."""
+    missing = {out / name: path for name, path in chosen.items() if not _is_there(out / name, path)}
+    for place in missing:
+        ensure_writable(place, force=force)
+    for place, path in missing.items():
+        write_bytes(place, path.read_bytes(), force=force)
+    return list(missing)
+
+
+def _is_there(path: Path, shipped: Path) -> bool:
+    """Tell whether a copy lies there that nobody has changed."""
+    return path.is_file() and path.read_bytes() == shipped.read_bytes()

@@ -83,10 +83,16 @@ def usage_line(problem: Any, arguments: Sequence[str]) -> str:  # noqa: ANN401  
         return _unknown_command(unknown[1], context)
     if message.startswith("Missing command"):
         return f"a command is missing; there are: {', '.join(_commands(context))}"
-    if message.startswith("Invalid value for"):
-        return _wrong_value(problem, arguments) or message
-    example = re.search(r"Example: (.+)", context.command.help or "")
-    return f"{message.rstrip('.')}; for example: {example[1]}" if example else message
+    wrong = _wrong_value(problem, arguments) if message.startswith("Invalid value for") else None
+    return wrong or _with_example(message, context)
+
+
+def _with_example(message: str, context: Any) -> str:  # noqa: ANN401
+    """Return a message with a command line that works."""
+    example = re.search(r"Example: (.+?)(?:\n\n|\Z)", context.command.help or "", re.DOTALL)
+    if example is None:
+        return message
+    return f"{message.rstrip('.')}; for example: {' '.join(example[1].split())}"
 
 
 def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401

@@ -82,13 +82,13 @@ def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401
 
 
 def _unknown_command(typed: str, context: Any) -> str:  # noqa: ANN401
-    known, where = _commands(context), context.command_path
+    known = _commands(context)
     if context.parent is None and typed.lower() in MEANT:
         meant = [MEANT[typed.lower()]]
     else:
         meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
     if meant:
-        hint = f"did you mean '{' or '.join(f'{where} {name}' for name in meant)}'?"
+        hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
     else:
         hint = f"there are: {', '.join(known)}"
     return f"there is no command {shortened(typed, 80)!r}; {hint}"

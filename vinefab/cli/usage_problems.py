@@ -112,12 +112,20 @@ def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401
 
 
 def _unknown_command(typed: str, context: Any) -> str:  # noqa: ANN401
+<<<<<<< HEAD
     known, where = _commands(context), context.command_path
     meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
     if context.parent is None:
         meant = [name for name, words in OTHER_WORDS.items() if typed.lower() in words] or meant
+=======
+    known = _commands(context)
+    if context.parent is None and typed.lower() in MEANT:
+        meant = [MEANT[typed.lower()]]
+    else:
+        meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
+>>>>>>> breaker
     if meant:
-        hint = f"did you mean '{' or '.join(f'{where} {name}' for name in meant)}'?"
+        hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
     else:
         hint = f"there are: {', '.join(known)}"
     return f"there is no command {shortened(typed, 80)!r}; {hint}"

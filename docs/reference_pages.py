@@ -58,20 +58,26 @@ FORMATS = (
         name="recipe",
         title="Recipe (`vinefab/recipe-1`, TOML)",
         form=RecipeForm,
-        about="One material on one machine. `vinefab new recipe mine.toml` writes one, "
+        about="One material on one machine. `vinefab new recipe mine.toml` writes one "
+        "(`--from NAME`: of another film), "
         "`vinefab calibrate` another from coupons. Every number is a table with its standing.",
     ),
     Format(
         name="machine",
         title="Machine (`vinefab/machine-1`, TOML)",
         form=MachineForm,
-        about="A laser cutter. Every number is a table with its standing.",
+        about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
+        "(`machine`) and finds it beside itself, or in your "
+        "[own folder](../files.md#where-files-are-found). "
+        "Every number is a table with its standing.",
     ),
     Format(
         name="material",
         title="Material (`vinefab/material-1`, TOML)",
         form=MaterialForm,
-        about="A film. Every number is a table with its standing.",
+        about="A film; `vinefab new material mine.toml` writes one, found as a "
+        "[machine](machine.md) is. "
+        "Every number is a table with its standing.",
     ),
     Format(
         name="printer",

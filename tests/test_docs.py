@@ -3,6 +3,7 @@
 import ast
 import inspect
 import json
+import math
 import os
 import re
 import shlex
@@ -21,6 +22,7 @@ import vinefab as vf
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, UsageProblem, build_app, each_map_named
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files import map_geojson
+from vinefab.search.optimizers.optimizer import SearchAxes
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -301,7 +303,7 @@ def test_every_file_with_tests_that_the_gate_leaves_out_is_named():
     marked = {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "tests").rglob("test_*.py")
-        if re.search(r"^(@|pytestmark = )pytest\.mark\.thorough", path.read_text("utf-8"), re.M)
+        if re.search(r"pytest\.mark\.thorough", path.read_text("utf-8"))
     }
     assert len(marked) > 10
     section = page.partition("## Tests that the gate leaves out")[2].partition("\n## ")[0]
@@ -359,6 +361,33 @@ def with_template(tmp_path_factory):
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), str(ROOT)])}
 
 
+RUN_WITH_HILLCLIMB = """schema = "vinefab/run-1"
+maps = { environment = "posts", count = 1 }
+optimizer = { name = "hillclimb", shrnik = 0.5 }
+"""
+
+
+def test_the_optimizer_of_the_template_climbs_and_goes_on_where_it_was(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "examples" / "plugin_template"))
+    config = import_module("vinefab_mylab.hillclimb").HillClimbConfig()
+
+    def climbed(climber, generations):
+        best = -math.inf
+        for _ in range(generations):
+            x = climber.ask()
+            fitness = -((x - 0.3) ** 2).sum(axis=1)
+            climber.tell(x, fitness)
+            best = max(best, float(fitness.max()))
+        return best
+
+    axes = SearchAxes.continuous(3)
+    climber, again = config.start(axes, 8, 1), config.start(axes, 8, 1)
+    first = climbed(climber, 3)
+    again.restore(climber.state())
+    assert (again.ask() == climber.ask()).all()
+    assert climbed(climber, 30) > max(first, -1e-3)
+
+
 def test_parts_of_the_template_are_found(with_template, tmp_path):
     def typed(line):
         return subprocess.run(
@@ -378,6 +407,8 @@ def test_parts_of_the_template_are_found(with_template, tmp_path):
     scored = json.loads((tmp_path / "s.json").read_text())
     assert scored["task"] == "farthest"
     assert all(0.0 < one["score"] < 2.0 for one in scored["evaluations"])
+    (tmp_path / "run.toml").write_text(RUN_WITH_HILLCLIMB)
+    assert "did you mean 'shrink'" in typed("vinefab optimize run.toml --out run").stderr
     assert "remedy: shorten" in typed("vinefab rules MYLAB-01").stdout
     assert "MYLAB-01" in typed("vinefab check three_level_tree").stdout
 

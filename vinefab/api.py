@@ -344,15 +344,19 @@ def examples(
     return tuple(chosen)
 
 
-def new(kind: str, file: str | PathLike[str], *, force: bool = False) -> Path:
-    """Write a commented design, run file, map or recipe to begin with; its name is the file's.
+def new(
+    kind: str, file: str | PathLike[str], *, original: str | None = None, force: bool = False
+) -> Path:
+    """Write a commented file to begin with, as a design or a map; its name is the file's.
 
     Parameters
     ----------
     kind
-        ``design``, ``run``, ``map`` or ``recipe``.
+        ``design``, ``run``, ``map``, ``recipe``, ``machine`` (a laser) or ``material`` (a film).
     file
         The file to write: ``.geojson`` for a map, else ``.toml``.
+    original
+        The shipped or own file to copy; None for a usual one.
     force
         Overwrite what is there, whoever wrote it.
 
@@ -379,7 +383,8 @@ def new(kind: str, file: str | PathLike[str], *, force: bool = False) -> Path:
 
     flags_given(force=force)
     path = path_given("file", file)
-    write_starter(name_given("kind", kind), path, force=force)
+    source = None if original is None else name_given("original", original)
+    write_starter(name_given("kind", kind), path, original=source, force=force)
     return path
 
 

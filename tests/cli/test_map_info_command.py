@@ -49,16 +49,16 @@ def write_room(path, width, height):
 @pytest.mark.parametrize(
     ("size", "options", "note"),
     [
-        ((0.5, 0.4), (), "0.5 x 0.4 mm: if its unit is metres, give --scale-mm-per-unit 1000 "),
-        ((12, 9), (), "12 x 9 mm: if its unit is inches, give --scale-mm-per-unit 25.4 "),
-        ((50_000, 9), (), "50000 x 9 mm: if its unit is tenths of millimetres, give "),
+        ((0.5, 0.4), (), "0.5 x 0.4 mm: vinefab map import --scale-mm-per-unit 1000 if its "),
+        ((24, 16), (), "25.4 if its unit is inches (609.6 x 406.4 mm), 10 if its unit is cent"),
+        ((50_000, 9), (), "50000 x 9 mm: vinefab map import --scale-mm-per-unit 0.1 if its "),
         (
             (0.5, 0.4),
             (10,),
-            "5 x 4 mm: if that is 1000 times too few, give --scale-mm-per-unit 10000 ",
+            "5 x 4 mm, drawn as 0.5 x 0.4: vinefab map import --scale-mm-per-unit 1000 if its ",
         ),
         ((0.01, 0.02), (), "0.01 x 0.02 mm: is that its unit? vinefab map import has "),
-        ((20, 9), (), ""),
+        ((60, 9), (), ""),
         ((20_000, 9_000), (), ""),
     ],
 )

@@ -10,11 +10,13 @@ import pytest
 
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
 from vinefab.cli.new import NEXT_STEPS
+from vinefab.cli.usage_problems import OTHER_WORDS
+from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.starters import starter_map
+from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
+from vinefab.model.files.starters import CALLED_AS_FILES, shipped_examples, starter_map
 from vinefab.search.run_file import read_run
 
 
@@ -23,7 +25,14 @@ def in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-READERS = {"design": read_design, "run": read_run, "recipe": read_profile, "map": read_map}
+READERS = {
+    "design": read_design,
+    "run": read_run,
+    "recipe": read_profile,
+    "machine": read_machine,
+    "material": read_material,
+    "map": read_map,
+}
 
 
 @pytest.mark.parametrize("kind", NEXT_STEPS)
@@ -32,7 +41,7 @@ def test_a_new_file_is_read_and_has_the_name_of_its_file(kind, tmp_path, capsys)
     assert main(["new", kind, str(path)]) == 0
     made = READERS[kind](path)
     assert (made.recipe if kind == "recipe" else made).name == "mine"
-    assert "next: vinefab" in capsys.readouterr().out
+    assert "next: " in capsys.readouterr().out
     path.write_text(path.read_text() + "\n")
     before = path.read_text()
     assert main(["new", kind, str(path)]) == 2
@@ -48,10 +57,36 @@ def test_a_new_file_is_read_whatever_its_name(kind, stem, tmp_path):
     READERS[kind](path)
 
 
-def test_a_recipe_that_cannot_be_called_as_its_file_is_refused(tmp_path, capsys):
-    assert main(["new", "recipe", "my film.toml"]) == 2
-    assert "for a recipe a file name of letters" in capsys.readouterr().err
+@pytest.mark.parametrize("kind", CALLED_AS_FILES)
+def test_a_profile_that_cannot_be_called_as_its_file_is_refused(kind, tmp_path, capsys):
+    assert main(["new", kind, "my film.toml"]) == 2
+    assert f"for a {kind} a file name of letters" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_laser_of_ones_own_lies_beside_its_recipe(tmp_path, monkeypatch, capsys):
+    assert main(["new", "machine", "small.toml", "-q"]) == 0
+    small = tmp_path / "small.toml"
+    small.write_text(small.read_text().replace("value = 1000.0", "value = 300.0", 1))
+    assert main(["new", "recipe", "film.toml", "--from", "co2_60w__stretchlon_800"]) == 0
+    film = tmp_path / "film.toml"
+    film.write_text(film.read_text().replace('machine = "co2_60w"', 'machine = "small"'))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert read_profile(film).machine.bed_width_mm.value == 300.0
+    capsys.readouterr()
+    assert main(["profiles", str(film)]) == 0
+    assert "machine small: " in capsys.readouterr().out
+    assert main(["profiles", str(small)]) == 0
+    assert capsys.readouterr().out.startswith("machine ")
+
+
+def test_a_copy_of_a_run_file_keeps_the_names_of_its_parts(tmp_path):
+    assert main(["new", "run", "mine.toml", "--from", "contest/bench_reach.toml"]) == 2
+    source = shipped_examples()["contest/bench_reach.toml"]
+    assert main(["new", "run", "mine.toml", "--from", str(source)]) == 0
+    made = read_run(tmp_path / "mine.toml")
+    assert (made.name, made.task.name) == ("mine", "reach")
 
 
 def test_the_starter_map_has_room_for_the_starter_design(capsys):
@@ -63,7 +98,12 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [(["thing", "a.toml"], "kind"), (["design", "a.json"], "file"), (["map", "a.toml"], "file")],
+    [
+        (["thing", "a.toml"], "kind"),
+        (["design", "a.json"], "file"),
+        (["map", "a.toml"], "file"),
+        (["map", "a.geojson", "--from", "table"], "original"),
+    ],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     assert main(["new", *arguments]) == 2
@@ -72,9 +112,70 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["search"], "did you mean 'optimize'?"),
+        (["export", "mine.toml"], "did you mean 'fabricate'?"),
+        (["import", "table.svg"], "did you mean 'map import'?"),
+        (["optimise"], "did you mean 'optimize'?"),
+        (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
+        (["fabricate", "--bed", "300,200"], "vinefab new machine"),
+        (
+            ["fabricate", "three_level_tree", "-o", "out"],
+            "there is no option -o; did you mean --out?",
+        ),
+    ],
+)
+def test_words_of_others_lead_to_the_command(arguments, said, capsys):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_every_word_of_others_is_no_command_and_names_one():
+    words = [word for words in OTHER_WORDS.values() for word in words]
+    assert len(words) == len(set(words))
+    assert not set(words) & set(COMMANDS)
+    assert {name.split()[0] for name in OTHER_WORDS} <= {*COMMANDS, "--help", "--version"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "reader", "said"),
+    [
+        ("run", "check", "this is a run file: vinefab optimize takes it"),
+        ("machine", "check", "this is a laser: a recipe names it"),
+        ("map", "check", "but JSON, as maps are (--map)"),
+        ("design", "optimize", "this is a design: vinefab grow, check, fabricate"),
+    ],
+)
+def test_a_file_of_another_kind_is_named(kind, reader, said, tmp_path, capsys):
+    file = tmp_path / f"mine.{'geojson' if kind == 'map' else 'toml'}"
+    assert main(["new", kind, str(file), "-q"]) == 0
+    out = ["--out", "run"] if reader == "optimize" else []
+    assert main([reader, str(file), *out]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_file_of_another_version_says_so(tmp_path, capsys):
+    assert main(["new", "design", "mine.toml", "-q"]) == 0
+    mine = tmp_path / "mine.toml"
+    mine.write_text(mine.read_text().replace("vinefab/design-1", "vinefab/design-2"))
+    assert main(["check", "mine.toml"]) == 2
+    assert f"this is vinefab {__version__}, and another version" in capsys.readouterr().err
+
+
+def test_the_program_says_how_to_cite_it(capsys):
+    assert main(["-h"]) == 0
+    assert "10.3389/frobt.2022.838913" in capsys.readouterr().out
+
+
 def test_examples_are_listed_and_copied_and_never_overwrite_changes(tmp_path, capsys):
     assert main(["examples"]) == 0
-    assert "grid_coverage.toml: A run of" in capsys.readouterr().out
+    listed = capsys.readouterr().out
+    assert "grid_coverage.toml: A run of" in listed
+    assert "a robot of bench size that can be cut\n" in listed  # whole, from two lines of its file
     assert main(["examples", "grid_coverage", "--out", "mine"]) == 0
     copied = tmp_path / "mine" / "grid_coverage.toml"
     assert read_run(copied).name == "grid_coverage"
@@ -104,6 +205,12 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     page = Path(__file__).parents[2] / explained.partition("picture: ")[2].split()[0]
     assert "### VF-C01" in page.read_text(encoding="utf-8")
     assert main(["rules", "VF-C99"]) == 2
+    assert main(["rules", "P03"]) == 0
+    assert capsys.readouterr().out.startswith("VF-P03: ")
+    assert main(["rules", "Pressure"]) == 0
+    about = capsys.readouterr().out.splitlines()
+    assert len(about) > 2
+    assert all(line.startswith("VF-") for line in about)
 
 
 def test_old_names_of_studies_work_and_are_not_listed(capsys):

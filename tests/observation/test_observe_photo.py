@@ -93,6 +93,7 @@ def test_what_came_out_where_it_stopped_and_what_it_met_are_seen(truth, seen):
     assert [branch.stop_observed for branch in seen.compared.branches] == stops
     assert all(b.order_observed == b.order_predicted for b in seen.compared.branches)
     assert any(b.order_observed for b in seen.compared.branches)
+    assert seen.verdict.startswith("as predicted: every branch ended as simulated")
     assert not seen.not_as_predicted
 
 
@@ -106,6 +107,7 @@ def test_another_design_is_seen(photo_file):
     other = replace(DESIGN, levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
     found = observe_photo(read_photo(photo_file), WORLD, other, POSE, SETUP)
     assert not found.fits
+    assert found.verdict.startswith("no verdict")
     assert any("hardly" in caution for caution in found.cautions)
 
 
@@ -199,6 +201,22 @@ def test_bad_options_are_one_line(files, arguments, words, capsys):
     assert main(["observe", str(files["photo"]), *given, *arguments]) == 2
     error = capsys.readouterr().err
     assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_branch_that_ended_otherwise_is_named(seen):
+    first, *others = seen.compared.branches
+    stuck = replace(first, stop_observed=Stop.HEAD_ON.label)
+    compared = replace(seen.compared, branches=(stuck, *others))
+    verdict = replace(seen, compared=compared).verdict
+    assert verdict.startswith("not as predicted: branch 0 stopped head-on at a wall after ")
+    assert "(measured), predicted grown in full after " in verdict
+
+
+def test_a_photo_is_no_observation_to_fit(files, tmp_path, capsys):
+    assert main(["observe", str(files["photo"]), "--fit", str(tmp_path / "mine.toml")]) == 2
+    error = capsys.readouterr().err
+    assert "vinefab observe PHOTO ... --json one.json" in error
     assert error.count("\n") == 1
 
 

@@ -3,6 +3,8 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ import pytest
 from vinefab.core.atomic import is_ours
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import PieceSettings
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.finding import CheckReport
 from vinefab.pages.html import page_html
 from vinefab.prediction import run_page
 from vinefab.prediction.run_folder import run_in_folder
@@ -62,6 +66,22 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
     assert {"curve.svg", "sheet.svg", "training_1.svg", "unseen_median.svg"} <= names
     assert page.count("<img ") == len(names)
     assert all(is_ours(path) for path in (folder / "pictures").iterdir())
+
+
+CHECKED = CheckReport(design="plain_vine", recipe="r", run=(), skipped=(), findings=())
+
+
+@pytest.mark.parametrize(("bed_mm", "said"), [(1000.0, True), (3000.0, False)])
+def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> None:
+    profile = read_profile("co2_60w__stretchlon_200")
+    bed = replace(profile.machine.bed_width_mm, value=bed_mm)
+    machine = replace(profile.machine, bed_width_mm=bed)
+    run = SimpleNamespace(
+        design=read_design("plain_vine"), profile=lambda: replace(profile, machine=machine)
+    )
+    words = run_page._bed_words(cast("EndedRun", run), CHECKED)
+    assert bool(words) == said
+    assert all("mm of its 990 x 590 mm (computed)" in line for line in words)
 
 
 def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,15 +1,18 @@
 """What a laser cuts for a rig: the drilled board, a lid, obstacles in layers; and the kerf."""
 
 import io
+from dataclasses import replace
 
 import ezdxf
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 from shapely import Point, Polygon, box
 from shapely.affinity import translate
 
 from vinefab.model.job import Operation
+from vinefab.model.map import Map
 from vinefab.rig.board import LoosePiece, Peg, build_board
 from vinefab.rig.laser_cut import (
     PIECE_GAP_MM,
@@ -20,6 +23,7 @@ from vinefab.rig.laser_cut import (
     material_left,
     sheet_file,
 )
+from vinefab.rig.page import layered_png
 from vinefab.rig.rig_options import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200)
@@ -204,3 +208,15 @@ def test_the_material_that_a_cut_leaves_is_the_piece(kerf_mm):
     if kerf_mm:
         half = material_left(sheet_file("s.dxf", job), 0.5 * kerf_mm)
         assert half.area - expected.area == pytest.approx(0.25 * kerf_mm * FRAME.length, rel=0.02)
+
+
+def test_the_picture_of_a_layered_rig_shows_what_is_printed_beside_it(make_printer):
+    world = Map(name="hall", bounds=box(0, 0, 120, 90), obstacles=(box(50, 40, 70, 60),))
+    rig, _ = build_board(world, make_printer(), RigOptions(style="sheet"))
+
+    def yellow(png):
+        red, green, blue = np.moveaxis(np.asarray(Image.open(io.BytesIO(png)).convert("RGB")), 2, 0)
+        return int(((red > 120) & (green > 0.5 * red) & (blue < 0.3 * red)).sum())
+
+    assert yellow(layered_png(rig, width_px=300)) > 50
+    assert yellow(layered_png(replace(rig, extras=()), width_px=300)) == 0

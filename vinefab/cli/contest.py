@@ -17,16 +17,22 @@ from vinefab.studies.optimizer_contest import (
     comparison_svg,
     comparison_table,
     contest_rows,
+    heading_lines,
     table_lines,
 )
 
 
 def contest_command(
     *,
-    run_files: Annotated[list[Path], typer.Argument(metavar="RUN.toml...", help="The problems.")],
+    run_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN.toml...", help="The problems: run files, or shipped names."),
+    ],
     optimizers: Annotated[
         list[str],
-        typer.Option("--optimizer", help="NAME or NAME:KEY=VALUE,...; the first is the reference."),
+        typer.Option(
+            "--optimizer", help="NAME or NAME:KEY=VALUE,...; repeated; the first is the reference."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for table, figure and record.")],
     seeds: Annotated[int, typer.Option(help="Runs of each optimizer on each problem.")] = 10,
@@ -57,7 +63,7 @@ def contest_command(
     write_text(out / "comparison.json", document, force=force)
     write_bytes(out / "comparison.svg", comparison_svg(contest, rows), force=force)
     output.give_json(document)
-    for line in table_lines(comparison_table(contest, rows)):
+    for line in [*heading_lines(contest), *table_lines(comparison_table(contest, rows))]:
         output.say(line)
     output.say(f"wrote {out / 'comparison.json'} and {out / 'comparison.svg'}")
 

@@ -1,5 +1,6 @@
 """``vinefab examples``: run files and scripts that ship with vinefab."""
 
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
@@ -44,9 +45,10 @@ def examples_command(
 
 
 def about(path: Path) -> str:
-    """Return the first comment or heading of a file, behind a colon; nothing of what is no text."""
+    """Return a file's heading or first sentence, behind a colon; nothing of what is no text."""
     if path.suffix not in TEXTS:
         return ""
-    lines = read_text(path).splitlines()
-    words = (line.strip("#\" '-") for line in lines if not line.startswith("#!"))
-    return f": {next((line for line in words if line), '')}"
+    lines = [line for line in read_text(path).splitlines() if not line.startswith("#!")]
+    comment = " ".join(line[2:] for line in takewhile(lambda line: line[:2] == "# ", lines))
+    first = next((words for line in lines if (words := line.strip("#\" '-"))), "")
+    return f": {(comment or first).partition('. ')[0].rstrip('.')}"

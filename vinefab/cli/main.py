@@ -44,7 +44,7 @@ class CommandEntry:
 
 COMMANDS = {
     "new": CommandEntry(
-        "new", "new_command", "Write a design, run file, map or recipe to begin with."
+        "new", "new_command", "Write a file to begin with: a design, run, map, recipe, machine."
     ),
     "examples": CommandEntry(
         "examples", "examples_command", "List the examples that ship with vinefab, or copy them."
@@ -131,6 +131,11 @@ COMMANDS = {
 UNDER_STUDY = ("contest", "reproduce", "bench")
 """Commands that few need; they stand under ``study``, and go on working under their own names."""
 
+_HOW_TO_CITE = (
+    f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
+    "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
+)
+
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
 
@@ -156,6 +161,7 @@ def build_app(wanted: str | None) -> typer.Typer:
     app = typer.Typer(
         name="vinefab",
         help="Design, simulate, optimize and make branching vine robots.",
+        epilog=_HOW_TO_CITE,
         context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
         pretty_exceptions_enable=False,

@@ -289,7 +289,7 @@ def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -
     write_text(out, map_text(world), force=output.force)
     width_mm, height_mm = world.size_mm
     output.say(
-        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, "
+        f"{world.name}: {_rounded(width_mm)} x {_rounded(height_mm)} mm, "
         f"{counted(len(world.obstacles), 'obstacle')}, {counted(world.wall_count, 'wall')}, "
         f"free area {world.free_space.area / 1e6:.4g} m2"
     )
@@ -301,6 +301,11 @@ def _save(world: Map, out: Path, output: CommandOutput, *, facts: bool = True) -
         if value is not None:
             output.say(f"  {key}: {value:.6g}" if isinstance(value, float) else f"  {key}: {value}")
     output.say(f"wrote {out}")
+
+
+def _rounded(side_mm: float) -> str:
+    """Return a side of a map in whole millimetres, or three digits of a small one."""
+    return f"{side_mm:.0f}" if side_mm >= 100.0 else f"{side_mm:.3g}"
 
 
 def _generator(environment: Environment) -> Callable[..., None]:

@@ -11,7 +11,10 @@ from vinefab.fabrication.rule_listing import explain_rule, rule_list, rules_json
 def rules_command(
     *,
     rule: Annotated[
-        str | None, typer.Argument(metavar="ID", help="A rule to explain; default: list all.")
+        str | None,
+        typer.Argument(
+            metavar="ID", help="A rule to explain, or a word of titles; default: list all."
+        ),
     ] = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,

@@ -16,14 +16,14 @@ def deg(angle_rad: float) -> float:
     return round(math.degrees(angle_rad), 9)
 
 
-def warn_of_radians(key: str, degrees: float) -> None:
-    """Warn where an angle in degrees looks like one in radians: eighths and twelfths of a turn.
+_TURNS_AS_TYPED = (0.785, 1.57, 1.571, 3.14, 3.142, 4.71, 4.712, 6.28, 6.283)
+"""Parts of a turn in radians, as people write them."""
 
-    The warning points at the caller of the public function that asks.
-    """
-    eighths, twelfths = degrees / (math.pi / 4.0), degrees / (math.pi / 6.0)
-    is_near = abs(eighths - round(eighths)) < 0.005 and round(eighths) != 0
-    is_exact = abs(twelfths - round(twelfths)) < 1e-6 and round(twelfths) != 0
-    if abs(degrees) < 6.3 and (is_near or is_exact):
+
+def warn_of_radians(key: str, degrees: float) -> None:
+    """Warn where an angle in degrees looks like one in radians: pi/6 and its multiples, or 1.57."""
+    twelfths = degrees / (math.pi / 6.0)
+    is_exact = abs(twelfths - round(twelfths)) < 1e-6 and 1 <= abs(round(twelfths)) <= 12
+    if is_exact or abs(degrees) in _TURNS_AS_TYPED:
         said = f"{key} is {degrees:.4g}: degrees are meant"
         warnings.warn(f"{said}; {degrees:.4g} rad are {deg(degrees):.4g} deg", stacklevel=3)

@@ -12,7 +12,8 @@ from vinefab.fabrication.package.job_json import (
     plain_quantity,
 )
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
-from vinefab.model.files.shipped import locate, names, user_names, user_root
+from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
+from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import (
     LapBond,
     LaserProfile,
@@ -43,8 +44,9 @@ def kind_of(name: str) -> str:
     """Return the kind of a profile by its name or path: machine, material or recipe."""
     path = Path(name)
     if path.suffix or path.parent != Path():
-        parent = path.resolve().parent.name.removesuffix("s")
-        return parent if parent in PROFILE_KINDS else "recipe"
+        schema = str(read_toml(existing_file(path)).get("schema", ""))
+        kinds = (kind for kind in PROFILE_KINDS if schema.startswith(f"vinefab/{kind}-"))
+        return next(kinds, "recipe")
     known = {kind: {*names(kind), *user_names(kind)} for kind in PROFILE_KINDS}
     found = [kind for kind, known_names in known.items() if name in known_names]
     if not found:
@@ -69,6 +71,10 @@ def explain(name: str) -> list[str]:
     """Return a profile as lines for the user: title, then each number with standing and source."""
     kind = kind_of(name)
     lines = [f"{kind} {_summary(kind, name)}", f"file {locate(kind, name)}"]
+    if kind == "recipe":
+        profile = read_profile(name)
+        lines.append(f"machine {profile.machine.name}: {profile.machine.title}")
+        lines.append(f"material {profile.material.name}: {profile.material.title}")
     numbers = profile_numbers(name)
     width = max(len(key) for key in numbers)
     for key, number in numbers.items():

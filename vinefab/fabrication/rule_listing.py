@@ -34,21 +34,28 @@ def rule_list() -> list[str]:
     lines = list[str]()
     for title, rules in grouped_rules().items():
         lines.append(title)
-        lines += [f"  {rule.id}  {rule.title}{limits_text(rule, ' ({})')}" for rule in rules]
+        lines += [f"  {_rule_line(rule)}" for rule in rules]
     lines += [f"  {name}  does not load ({why})" for name, why in RULES.broken.items()]
     lines.append("vinefab rules VF-C01 explains one of them")
     return lines
 
 
-def explain_rule(rule_id: str) -> list[str]:
+def _rule_line(rule: Rule) -> str:
+    return f"{rule.id}  {rule.title}{limits_text(rule, ' ({})')}"
+
+
+def explain_rule(words: str) -> list[str]:
     """Return a rule as lines: what must hold, limits, reason, remedy, change, picture.
+
+    Of several rules that words stand for, return one line each.
 
     Raises
     ------
     UnknownNameError
         If there is no such rule.
     """
-    return rule_lines(known_rule(rule_id))
+    rule, *others = rules_named(words)
+    return [_rule_line(one) for one in (rule, *others)] if others else rule_lines(rule)
 
 
 def rule_lines(rule: Rule) -> list[str]:
@@ -73,12 +80,24 @@ def all_rules() -> list[Rule]:
     return list(RULES.values())
 
 
-def known_rule(rule_id: str) -> Rule:
-    """Return a rule by its id, in upper or lower case."""
+def rules_named(words: str) -> list[Rule]:
+    """Return the rule with an id, else those with the words in their id, title or group.
+
+    Upper and lower case are the same.
+    """
     known = {rule.id.upper(): rule for rule in all_rules()}
-    if rule_id.upper() not in known:
-        raise UnknownNameError("rule", rule_id, known)
-    return known[rule_id.upper()]
+    if words.upper() in known:
+        return [known[words.upper()]]
+    sought = words.casefold().strip()
+    found = [
+        rule
+        for group, rules in grouped_rules().items()
+        for rule in rules
+        if sought and sought in f"{rule.id} {rule.title} {group}".casefold()
+    ]
+    if not found:
+        raise UnknownNameError("rule", words, known)
+    return found
 
 
 def grouped_rules() -> dict[str, list[Rule]]:
@@ -106,9 +125,9 @@ class RuleBook(dict[str, Rule]):
         return shown
 
 
-def rules_json(rule_id: str | None = None) -> str:
-    """Return all rules, or one, as JSON."""
-    rules = all_rules() if rule_id is None else [known_rule(rule_id)]
+def rules_json(words: str | None = None) -> str:
+    """Return all rules, or those that words stand for, as JSON."""
+    rules = all_rules() if words is None else rules_named(words)
     content = [
         {
             "id": rule.id,

@@ -13,7 +13,7 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.units import rad, warn_of_radians
+from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number, plain_number, positive, whole
 
 if TYPE_CHECKING:
@@ -110,7 +110,6 @@ class Level:
         1.0
         """
         fan_rad = rad(number("angle_deg", angle_deg, 0.0, 360.0, "deg"))
-        warn_of_radians("angle_deg", angle_deg)
         growth = number("growth_percent", growth_percent, 0.1, 10_000.0, "%") / 100.0
         return cls(branches=branches, length_mm=length_mm, fan_rad=fan_rad, growth=growth)
 

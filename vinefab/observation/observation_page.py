@@ -45,6 +45,7 @@ def _verdict(seen: Observation) -> str:
     if not seen.fits:
         return "The photo hardly shows this design from this pose; check both before reading on."
     return (
+        f"{seen.verdict[0].upper()}{seen.verdict[1:]}. "
         f"The robot lies {seen.mean_error_mm:.1f} mm from its prediction in the mean, "
         f"{100 * seen.error_share:.1f} % of the way to its farthest tip."
     )

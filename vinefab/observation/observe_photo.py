@@ -14,6 +14,7 @@ from vinefab.model.corner_marker import (
     DEFAULT_MARKER_MM,
     corner_markers,
 )
+from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.beside_prediction import (
@@ -48,6 +49,16 @@ LEAST_PARALLAX_MM = 0.5
 
 LEAST_EXPLAINED = 0.8
 """With less of the film in the lines, or of the lines on film, design and photo do not fit."""
+
+
+_ENDINGS = {
+    Stop.FULL_LENGTH.label: "grown in full",
+    Stop.HEAD_ON.label: "stopped head-on at a wall",
+    Stop.CORNER.label: "stopped in a corner",
+    Stop.NOT_DEPLOYED.label: "not deployed",
+    Stop.PRESSURE.label: "out of pressure",
+}
+"""How a branch ended, for the user."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,6 +175,23 @@ class Observation:
             return "error unknown: four points fit exactly"
         return f"error {self.error_mm:.2f} mm, measured"
 
+    @property
+    def verdict(self) -> str:
+        """Whether the robot did what was predicted; if not, the first branch that did not."""
+        if not self.fits:
+            return "no verdict: the photo hardly shows this design from this pose"
+        for branch in self.compared.branches:  # parents come before their children
+            if branch.stop_observed != branch.stop_predicted:
+                return (
+                    f"not as predicted: branch {branch.id} "
+                    f"{_ending(branch.stop_observed, branch.observed_mm)} (measured), predicted "
+                    f"{_ending(branch.stop_predicted, branch.predicted_mm)} (simulated)"
+                )
+        return (
+            "as predicted: every branch ended as simulated, "
+            f"{self.mean_error_mm:.1f} mm beside its predicted line in the mean (measured)"
+        )
+
     def lines(self) -> list[str]:
         """Return the result as lines for the user."""
         found, branches = self.summary, self.compared.branches
@@ -175,6 +203,7 @@ class Observation:
             f"{self.photo}: {self.design.name} on {self.world.name}, rectified by "
             f"{self.rectified_by} ({self.error_text})",
             f"film {self.film.how}; {100 * self.traced.film_explained:.0f} % of it explained",
+            self.verdict,
             f"{seen}, {found['deployed_predicted']} predicted (simulated)",
             *_named("did not deploy, though predicted", missing),
             *_named("deployed, though not predicted", extra),
@@ -185,6 +214,12 @@ class Observation:
             f"head-on half-angles that have this shape best: {angles} deg",
             *(f"caution: {caution}" for caution in self.cautions),
         ]
+
+
+def _ending(stop: str, length_mm: float) -> str:
+    """Return how a branch ended, in words."""
+    words = _ENDINGS.get(stop, "ended early without a wall")
+    return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
 
 
 def _named(title: str, names: Sequence[str]) -> list[str]:

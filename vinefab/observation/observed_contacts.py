@@ -128,12 +128,19 @@ class ObservedPhoto:
     notes: tuple[str, ...] = ()
 
 
+_NO_OBSERVATIONS = (".jpg", ".jpeg", ".png", ".html")
+"""Of photos and pages, which are not what is fitted."""
+
+
 def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
     """Return observations, each once."""
     if not paths:
         raise BadInputError("observations", "none", "at least one JSON file of vinefab observe")
     texts: dict[str, Path] = {}
     for path in paths:
+        if path.suffix.lower() in _NO_OBSERVATIONS:
+            allowed = "the JSON of an observation: vinefab observe PHOTO ... --json one.json"
+            raise BadInputError("observation", path.name, allowed)
         text = read_text(path, LARGEST_OBSERVATION_BYTES)
         if text in texts:
             raise BadInputError(str(path), f"the same as {texts[text]}", "each observation once")

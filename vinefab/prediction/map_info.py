@@ -366,12 +366,13 @@ def _start_content(room: StartRoom) -> dict[str, object]:
     return {**pose_content(room.pose), **space}
 
 
-PLAUSIBLE_MM = 20.0, 20_000.0
+PLAUSIBLE_MM = 60.0, 20_000.0
 """Longer sides of maps that robots are made for; others may be of another unit."""
 
 _LIKELY_MM = 100.0, 10_000.0
-_UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 0.1: "tenths of millimetres",
-             0.01: "hundredths of millimetres", 0.001: "micrometres"}  # fmt: skip
+_UNITS_MM = {1000.0: "metres", 25.4: "inches", 10.0: "centimetres", 1.0: "millimetres",
+             0.1: "tenths of millimetres", 0.01: "hundredths of millimetres",
+             0.001: "micrometres"}  # fmt: skip
 
 
 def size_notes(world: Map) -> list[str]:
@@ -379,16 +380,19 @@ def size_notes(world: Map) -> list[str]:
     longer_mm, (least_mm, most_mm) = max(world.size_mm), PLAUSIBLE_MM
     if world.seed is not None or least_mm <= longer_mm <= most_mm:  # a generator knows its unit
         return []
-    width_mm, height_mm = world.size_mm
-    said = f"this map is {width_mm:.6g} x {height_mm:.6g} mm"
-    for factor, unit in _UNITS_MM.items():
-        if _LIKELY_MM[0] <= longer_mm * factor <= _LIKELY_MM[1]:
-            taken = world.facts.get("scale_mm_per_unit", 1.0)
-            scale = factor * taken if isinstance(taken, int | float) else factor
-            what = f"its unit is {unit}" if scale == factor else f"that is {factor:g} times too few"
-            what = what if factor > 1.0 or scale == factor else "that is too many"
-            return [f"{said}: if {what}, give --scale-mm-per-unit {scale:g} to vinefab map import"]
-    return [f"{said}: is that its unit? vinefab map import has --scale-mm-per-unit"]
+    taken = world.facts.get("scale_mm_per_unit", 1.0)
+    scale = float(taken) if isinstance(taken, int | float) else 1.0
+    width, height = (side_mm / scale for side_mm in world.size_mm)  # in units of the source
+    said = f"this map is {world.size_mm[0]:.6g} x {world.size_mm[1]:.6g} mm"
+    drawn = "" if scale == 1.0 else f", drawn as {width:.6g} x {height:.6g}"
+    others = [
+        f"{factor:g} if its unit is {unit} ({width * factor:.4g} x {height * factor:.4g} mm)"
+        for factor, unit in _UNITS_MM.items()
+        if _LIKELY_MM[0] <= max(width, height) * factor <= _LIKELY_MM[1] and factor != scale
+    ]
+    if not others:
+        return [f"{said}{drawn}: is that its unit? vinefab map import has --scale-mm-per-unit"]
+    return [f"{said}{drawn}: vinefab map import --scale-mm-per-unit {', '.join(others)}"]
 
 
 def info_lines(info: MapInfo) -> Iterator[str]:

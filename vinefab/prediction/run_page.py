@@ -12,6 +12,7 @@ from vinefab.core.errors import VinefabError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import check_design, verdict
 from vinefab.fabrication.findings_picture import findings_picture
+from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
 from vinefab.growth.options import GrowthOptions, growth_text
@@ -276,11 +277,16 @@ def _shown(run: EndedRun, unseen: PreparedFamily) -> tuple[Section, ...]:
     return (
         Section(title="The winner on its training maps", pictures=tuple(on_training)),
         Section(
-            title="The winner on unseen maps",
+            title=f"The winner on {_where(unseen)}",
             pictures=tuple(on_unseen),
             tables=(stop_table(unseen.label, elsewhere),),
         ),
     )
+
+
+def _where(unseen: PreparedFamily) -> str:
+    """Return where a winner is shown: a run with maps of its own has no unseen ones."""
+    return unseen.label if unseen.label.startswith("other poses") else "unseen maps"
 
 
 def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
@@ -408,6 +414,7 @@ def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFa
         paragraphs=(
             _stop_words(run, unseen),
             *([f"Limits of the space: {kept} (planned)."] if kept else []),
+            *_bed_words(run, checked),
             *(f"{caption}: none." for caption in empty),
         ),
         tables=tuple(table for table in tables if table.rows),
@@ -422,6 +429,25 @@ def _stop_words(run: EndedRun, unseen: PreparedFamily) -> str:
         if (share := float(np.mean(stops == stop))) > 0.0
     ]
     return f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}."
+
+
+def _bed_words(run: EndedRun, checked: CheckReport | str) -> tuple[str, ...]:
+    """Return how much of the bed the flat robot takes, where it is nearly all of a side."""
+    if isinstance(checked, str) or run.design.branch_count > TOO_FINE:
+        return ()
+    machine = run.profile().machine
+    facts = laser_job(run.design, run.profile()).facts
+    if "box_width_mm" not in facts:
+        return ()  # in tiles, as it is larger than the bed
+    wide, high = (float(str(facts[f"box_{side}_mm"])) for side in ("width", "height"))
+    most_wide, most_high = machine.usable_mm
+    if max(wide / most_wide, high / most_high) < 1.0 - NEAR:
+        return ()
+    return (
+        f"The bed of {machine.name}: the flat robot takes {wide:.0f} x {high:.0f} mm of its "
+        f"{most_wide:g} x {most_high:g} mm (computed). A larger bed, a shorter tail "
+        "(build.tail_mm) or pieces (build.pieces) leave more room.",
+    )
 
 
 def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ...]:

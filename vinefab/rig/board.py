@@ -14,7 +14,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.open_shell import cavities_in, corbelled, label_of, shell_wall_mm, shell_walls
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.rig_options import GRID_MM, MOST_PARTS, Printer, RigOptions
 from vinefab.rig.rig_plan import (
     Polygons,
     RigPlan,
@@ -147,9 +147,11 @@ def build_board(
     printed = options.style != "sheet"
     machine = printer if printed else laser_as_printer(options)
     width_mm, depth_mm = (options.scale * side + 2.0 * options.border_mm for side in world.size_mm)
-    grid_of((width_mm, depth_mm), machine, options)
+    # Only what stands on a cell of the bed's size is a part: the cells may be many more.
+    many = replace(options, most_parts=MOST_PARTS)
+    grid_of((width_mm, depth_mm), machine, many)
     plan = plan_of(world, machine, options)
-    cuts = cuts_of(plan.plate.bounds, plan.solids, machine, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, machine, many)
     pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
     wall_mm = shell_wall_mm(printer, options) if printed else 0.0
     job = options, wall_mm

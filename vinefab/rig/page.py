@@ -43,7 +43,14 @@ _HAIR_MM = 0.01
 
 def assembled_png(rig: Rig, *, width_px: int = 1400) -> bytes:
     """Return a picture of the assembled rig, every part where rig.json puts it."""
-    solids, labels = _board(rig), []
+    standing, labels = _standing(rig)
+    return relief_png([*_board(rig), *standing], labels, width_px=width_px)
+
+
+def _standing(rig: Rig) -> tuple[list[Prism], list[Label]]:
+    """Return every printed part where it stands, and the parts' numbers."""
+    solids: list[Prism] = []
+    labels: list[Label] = []
     for part in rig.printed:
         points = _on_map(part, rig.options.scale)
         solids.append(
@@ -57,7 +64,7 @@ def assembled_png(rig: Rig, *, width_px: int = 1400) -> bytes:
         )
         if part.number:
             labels.append(Label(text=str(part.number), at_mm=_spot(part, points)))
-    return relief_png(solids, labels, width_px=width_px)
+    return solids, labels
 
 
 def bed_png(rig: Rig, bed: Bed, *, width_px: int = 700) -> bytes:
@@ -97,12 +104,12 @@ def base_png(rig: Rig, *, width_px: int = 900) -> bytes | None:
 
 
 def layered_png(rig: Rig, *, width_px: int = 1400) -> bytes:
-    """Return a picture of a rig whose obstacles are cut in layers: walls on their board."""
+    """Return a picture of a rig whose obstacles are cut in layers: walls and holder on a board."""
     scale, height_mm = rig.options.scale, rig.options.height_mm
     pieces = polygon_parts(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
     vertices, faces = stacked(pieces, polygon_parts(Polygon()), height_mm, 0.0)
     walls = Prism(vertices_mm=vertices, faces=faces, colour=_TINTS[1])
-    return relief_png([*_board(rig), walls], width_px=width_px)
+    return relief_png([*_board(rig), walls, *_standing(rig)[0]], width_px=width_px)
 
 
 def _board(rig: Rig) -> list[Prism]:

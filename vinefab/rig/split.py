@@ -209,7 +209,8 @@ def grid_of(
     columns, rows = turned if turn else straight
     if columns * rows > options.most_parts:
         plate = f"a plate of {width_mm:.0f} x {depth_mm:.0f} mm on {printer.name}"
-        allowed = f"at most {options.most_parts} for {plate}: a larger bed, or a smaller scale"
+        allowed = f"at most {options.most_parts} for {plate}: a larger bed, a smaller scale, or "
+        allowed += "more --most-parts"
         raise BadInputError("rig.parts", columns * rows, allowed)
     return columns, rows, turn
 

@@ -16,6 +16,7 @@ from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats, whole
@@ -29,6 +30,8 @@ from vinefab.search.run import environment_options, fresh_maps, generated_maps, 
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
+
+_SIGNIFICANT = 0.05
 
 FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""
@@ -337,6 +340,30 @@ def _chance(differences: Floats) -> float:
     if len(differences) < 2 or not differences.any():
         return 1.0
     return float(wilcoxon(differences).pvalue)
+
+
+def least_seeds(comparisons: int) -> int:
+    """Return how many seeds a corrected p-value below 0.05 takes, if all pairs agree.
+
+    >>> [least_seeds(comparisons) for comparisons in (1, 2, 6)]
+    [6, 7, 8]
+    """
+    return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < _SIGNIFICANT)
+
+
+def heading_lines(contest: Contest) -> list[str]:
+    """Return what the numbers of the table are, and whether there are too few seeds."""
+    maps, seeds = counted(contest.unseen, "unseen map"), counted(contest.seeds, "seed")
+    lines = [f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]"]
+    if others := len(contest.contenders) - 1:
+        first = contest.contenders[0].label
+        lines.append(f"  difference to {first}, paired by seed [95 %], p by Wilcoxon and Holm")
+        if contest.seeds < (least := least_seeds(others)):
+            lines.append(
+                f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
+                f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
+            )
+    return lines
 
 
 def table_lines(table: Sequence[dict[str, Any]]) -> list[str]:

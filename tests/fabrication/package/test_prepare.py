@@ -31,6 +31,7 @@ from vinefab.fabrication.package.prepare import (
     zip_bytes,
 )
 from vinefab.model.design import Build, Design
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
@@ -45,6 +46,7 @@ from vinefab.pages.html import page_html
 
 NAMES = [
     "README.txt",
+    "design.toml",
     "job.json",
     "outline.dxf",
     "outline_polyline.dxf",
@@ -66,6 +68,17 @@ def test_a_package_holds_the_agreed_files_in_order(content: PackageContent) -> N
     assert files["preview.png"] == content.preview
     assert files["report.html"] == content.report
     assert files["checks.json"].decode() == content.checks
+
+
+def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) -> None:
+    other = replace(content.design, name="other")
+    files = package_files(replace(content, others=(other,)))
+    for name, design in (("design.toml", content.design), ("design_2.toml", other)):
+        (tmp_path / name).write_bytes(files[name])
+        assert read_design(tmp_path / name) == design
+    readme = " ".join(files["README.txt"].decode().split())
+    assert "kerf_mm and seam_width_mm of [operations." in readme
+    assert "vinefab fabricate design.toml --recipe your_recipe.toml" in readme
 
 
 def test_every_file_that_it_makes_is_known_as_ours(content: PackageContent) -> None:

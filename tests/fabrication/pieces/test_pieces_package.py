@@ -136,6 +136,8 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
     job, readme = json.loads(files["job.json"]), files["README.txt"].decode()
     assert files["assembly.svg"].startswith(b"<?xml")
     assert files["assembly.pdf"].startswith(b"%PDF")
+    assert "transform" not in readme
+    assert "pieces, joints: in job.json" in readme
     section = " ".join(readme.split("6a. Joining the pieces")[1].split("7. Mounting")[0].split())
     told = re.findall(
         r"Joint (\d+) of (\d+): socket (\w+) over plug (\w+) \(piece (\w+) on piece (\w+), branch"
@@ -169,11 +171,11 @@ def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     plain = replace(flat, build=replace(flat.build, pieces=None))
     assert len(partition_of(flat, PROFILE).pieces) == 1
     one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
-    # The rules about pieces are run on the one and skipped on the other.
+    # The rules about pieces are run on the one and skipped on the other; its design asks for them.
     differ = {name for name in one if one[name] != other[name]}
     assert not any(name.startswith("assembly") for name in one)
     assert one.keys() == other.keys()
-    assert differ <= {"checks.json", "report.html", "MANIFEST.sha256"}
+    assert differ <= {"design.toml", "checks.json", "report.html", "MANIFEST.sha256"}
 
 
 def test_copies_share_sheets_and_keep_their_pieces_apart():

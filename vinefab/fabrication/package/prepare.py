@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
@@ -48,6 +48,7 @@ from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.finding import CheckReport, RuleSkipped
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
@@ -207,6 +208,7 @@ class PackageContent:
     # laser files that were read back without a problem; None to write them here
     laser: Mapping[str, bytes] | None = None
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
+    others: tuple[Design, ...] = ()  # the other designs on the sheet
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -229,6 +231,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         colours=PRESETS[prepared.profile.machine.colours],
         laser=prepared.laser or None,
         partition=prepared.partition,
+        others=prepared.others,
     )
     return package_files(content)
 
@@ -246,6 +249,7 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
         drawing = assembly_files(design, partition, outlines, profile, separate=separate)
     files = {
         "README.txt": readme_text(design, job, profile, colours, joining).encode(),
+        **_designs(design, content.others),
         "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
@@ -258,6 +262,14 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
     return files
+
+
+def _designs(design: Design, others: Sequence[Design]) -> dict[str, bytes]:
+    """Return the designs as files, by which the package can be made again with another recipe."""
+    more = {f"design_{number}.toml": one for number, one in enumerate(others, start=2)}
+    return {
+        name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
+    }
 
 
 def _is_separate(job: Job) -> bool:

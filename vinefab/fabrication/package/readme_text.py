@@ -39,8 +39,14 @@ _MEANING = {
 }
 
 _OFFSET_ADVICE = (
-    "If yours differ by more than 0.1 mm, put them in the recipe and export again; do not correct"
-    " it at the machine."
+    "If yours differ by more than 0.1 mm, the files must be made again (end of this section);"
+    " do not correct it at the machine."
+)
+
+_ABOUT = (
+    "Files to cut a vine robot from film: a thin tube with branches that grows at its tips by"
+    " turning inside out under pressure. Read sections 1 to 5 before you press start. What is"
+    " unclear, ask whoever sent this folder."
 )
 
 _STATUS = {
@@ -72,6 +78,7 @@ def readme_text(
     title = f"Fabrication package: {design.name}"
     parts = [
         f"{title}\n{'=' * len(title)}",
+        _paragraph("", _ABOUT),
         _paragraph("!! ", _STATUS[profile.recipe.status]),
         readme_section("1. Film", _film(job, profile)),
         readme_section("2. Coupon first", _coupon(job, profile, colours)),
@@ -122,7 +129,25 @@ def _coupon(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         " Seam peels: more energy (slower) or more defocus. Rim burns or gapes: less energy.",
         "Measure the kerf (width of the gap) and the width of the fused rim.",
     ]
-    return [*steps, *_offsets(profile, _written(job, colours))]
+    written = _written(job, colours)
+    return [*steps, *_offsets(profile, written), _made_again(profile, written)]
+
+
+def _made_again(profile: LaserProfile, written: Sequence[Operation]) -> str:
+    """Return how files with another kerf or seam are made."""
+    tables = [
+        f"[operations.{operation}]" if profile.settings(operation).by_laser else "[sealer]"
+        for operation in written
+        if operation in (Operation.WELD, Operation.WELDCUT, Operation.CUT)
+    ]
+    return (
+        "Other kerf, other seam: send both numbers to whoever sent this folder, or do it yourself"
+        f" with vinefab: they are kerf_mm and seam_width_mm of {' and '.join(tables)} in a copy of"
+        f" the recipe {profile.recipe.name}; then: vinefab fabricate design.toml --recipe"
+        " your_recipe.toml --out again (and what else made this folder: copies, process). Of many"
+        " readings, vinefab coupon and vinefab calibrate"
+        " make the recipe."
+    )
 
 
 def _written(job: Job, colours: Colours) -> tuple[Operation, ...]:
@@ -165,7 +190,8 @@ def _file(job: Job, colours: Colours) -> list[str]:
         "preview.png shows how it should look, animation.svg (open it in a browser) how the beam"
         " runs; report.html and checks.json tell which design rules"
         " were run and what they found; bom.csv counts film and time; job.json holds every"
-        " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
+        " setting, design.toml the robot's design. sha256sum -c MANIFEST.sha256 tells whether a"
+        " file was changed.",
     ]
     steps.extend(
         f"{LASER_FORMATS[name].file_name()}: {LASER_FORMATS[name].title}, from {package}."
@@ -414,7 +440,10 @@ def _mounting(design: Design) -> list[str]:
 
 def _facts(job: Job, colours: Colours) -> list[str]:
     shown = ("generator", "name", "units", "sheet_mm", "kerf")
-    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in shown]
+    facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
+    lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
+    lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
+    return [*lines, f"{', '.join(lists)}: in job.json"] if lists else lines
 
 
 def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:

@@ -229,7 +229,8 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicab
     if material.weldable and not broken:
         return RuleApplied(checked=1)
     violation = Violation(
-        message=f"{material.title} does not weld with a laser: use a thinner film or a heat sealer",
+        message=f"{material.title} does not weld with a laser: use a thinner film, or a recipe "
+        "with a [sealer] (vinefab profiles)",
         measured=material.ply_mm.value,
         limit=limits["error"],
     )

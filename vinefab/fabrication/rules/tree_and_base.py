@@ -205,7 +205,8 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     broken = limits.least(longest_mm, "short") or limits.most(longest_mm, "long")
     if not broken:
         return RuleApplied(checked=1)
-    message = "robots of this deployed length are untested: change the lengths or the scale"
+    than = "shorter" if limits.least(longest_mm, "short") else "longer"
+    message = f"robots {than} than the limit are untested: change the lengths or the scale"
     at_mm = branch_tip_mm(subject.layout, far)
     violation = branch_violation(subject, [far], message, (longest_mm, broken), at_mm=at_mm)
     return RuleApplied(checked=1, violations=(violation,))

@@ -170,7 +170,15 @@ def page_frame(root: Node) -> tuple[Floats, float, str]:
     if not known:
         return box, _MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
     # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
-    return box, float(f"{min(known) * _MM_PER_PX:.12g}"), "width, height and viewBox"
+    return box, float(f"{min(known) * _MM_PER_PX:.12g}"), _scale_origin(root)
+
+
+def _scale_origin(root: Node) -> str:
+    """Return what set the scale of a page with a size: a unit, or pixels for want of one."""
+    sides = [root.attributes.get(name, "").strip().lower() for name in ("width", "height")]
+    if any(side.removesuffix("px")[-1:].isalpha() for side in sides):
+        return "width, height and viewBox"
+    return "px of 1/96 inch (taken; width and height name no other unit)"
 
 
 def _absolute(root: Node, name: str) -> float | None:

@@ -30,7 +30,7 @@ def geojson_document(path: Path) -> Any:  # noqa: ANN401  JSON
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        hint = ", but TOML, as designs are" if path.suffix.lower() == ".toml" else ""
+        hint = ", but TOML, as designs are" if "vinefab/" in text[:4096] else ""
         raise UnreadableFileError(path, f"is not JSON{hint}: {error}") from error
 
 

@@ -198,8 +198,8 @@ class RecipeForm(NamedForm):
     """A file in ``laser_profiles/recipes``."""
 
     schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")  # kind of file and its version
-    machine: FileName  # its profile, by name
-    material: FileName  # its profile, by name
+    machine: FileName  # its profile, by name or beside the recipe
+    material: FileName  # its profile, by name or beside the recipe
     status: Annotated[RecipeStatus, Field(strict=False)]  # unverified, coupon_ok or burst_tested
     source: Annotated[str, Field(min_length=1)]  # where the settings come from
     operations: OperationsForm  # settings of each operation
@@ -221,7 +221,8 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     ----------
     recipe
         Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
-        and material are searched in ``../machines`` and ``../materials`` beside it, then by name.
+        and material are searched in ``../machines`` and ``../materials`` beside it, in its own
+        folder, then by name.
         Measured values of the film (table ``[measured]``) replace the material's.
     """
     path = locate("recipe", recipe)
@@ -339,8 +340,12 @@ def _sealing(form: SealerForm) -> OperationSettings:
 
 
 def _beside(recipe: Path, kind: str, name: str) -> Path:
-    own = recipe.resolve().parent.parent / f"{kind}s" / f"{name}.toml"
-    return own if own.is_file() else locate(kind, name)
+    """Return the file of a recipe's machine or material."""
+    folder = recipe.resolve().parent
+    file_name = f"{name.removesuffix('.toml')}.toml"
+    near = (folder.parent / f"{kind}s" / file_name, folder / file_name)
+    own = next((path for path in near if path != recipe.resolve() and path.is_file()), None)
+    return own or locate(kind, name)
 
 
 def _read(form_class: type[F], path: Path) -> F:

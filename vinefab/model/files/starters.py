@@ -1,4 +1,4 @@
-"""Files to begin with: a design, run file, recipe or map of one's own, and shipped examples."""
+"""Files to begin with: a design, run file, map or profile of one's own, and shipped examples."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,38 +7,57 @@ from pathlib import Path
 import shapely
 
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
-from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError
+from vinefab.core.errors import BadInputError, ForeignFileError, UnknownNameError, nearest
 from vinefab.core.plain_text import one_line
 from vinefab.core.units import rad
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, shipped_root
+from vinefab.model.files.toml import LARGEST_TOML_BYTES
 from vinefab.model.map import Map, Pose, Start
 
 _STARTERS = {
     "design": ("design", "three_level_tree"),
     "run": ("run file", "grid_coverage"),
     "recipe": ("recipe", DEFAULT_RECIPE),
+    "machine": ("machine", "co2_60w"),
+    "material": ("material", "stretchlon_200"),
 }
 """Kind and name of the shipped file that a new one is a copy of; a map is made here."""
 
-_STARTER_KINDS = ("design", "run", "map", "recipe")
+_STARTER_KINDS = ("design", "run", "map", "recipe", "machine", "material")
+
+CALLED_AS_FILES = ("recipe", "machine", "material")
+"""Kinds that other files refer to by the file's name."""
 
 
-def write_starter(kind: str, out: Path, *, force: bool = False) -> str:
-    """Write a file to begin with, and return the name that stands in it."""
+def write_starter(kind: str, out: Path, *, original: str | None = None, force: bool = False) -> str:
+    """Write a file to begin with, and return the name that stands in it.
+
+    Parameters
+    ----------
+    original
+        The shipped or own file to copy, by name or path; None for a usual one.
+    """
     if kind not in _STARTER_KINDS:
-        raise BadInputError("kind", kind, f"one of {', '.join(_STARTER_KINDS)}")
+        allowed = f"one of {', '.join(_STARTER_KINDS)}{nearest(kind, _STARTER_KINDS)}"
+        raise BadInputError("kind", kind, allowed)
+    if kind == "map" and original is not None:
+        allowed = "not with a map: vinefab map makes and imports them"
+        raise BadInputError("original", original, allowed)
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
     if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
         raise ForeignFileError(out, "exists")
-    if kind == "recipe" and _plain(out.stem) != out.stem:  # a recipe is called as its file
-        allowed = "for a recipe a file name of letters, digits, '_', '-' and '.'"
+    if kind in CALLED_AS_FILES and _plain(out.stem) != out.stem:
+        allowed = f"for a {kind} a file name of letters, digits, '_', '-' and '.'"
         raise BadInputError("file", str(out), allowed)
     ensure_writable(out, force=force)
     name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
-    text = map_text(starter_map(name)) if kind == "map" else _named_copy(kind, name)
+    if kind == "map":
+        text = map_text(starter_map(name))
+    else:
+        text = _named_copy(kind, original or _STARTERS[kind][1], name)
     write_text(out, text, force=force)
     return name
 
@@ -66,14 +85,17 @@ def _plain(stem: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")
 
 
-def _named_copy(kind: str, name: str) -> str:
-    """Return the text of a shipped file under another name."""
-    shipped_kind, original = _STARTERS[kind]
-    text = read_text(locate(shipped_kind, original))
-    named, count = re.subn(r'(?m)^name = "[^"]*"', f'name = "{name}"', text, count=1)
-    if not count:
-        raise BadInputError(kind, original, "a shipped file with a name")
-    return f"# A copy of {original} to change as you like.\n{named}"
+def _named_copy(kind: str, original: str, name: str) -> str:
+    """Return the text of a shipped or own file under another name."""
+    path = locate(_STARTERS[kind][0], original)
+    text = read_text(path, LARGEST_TOML_BYTES)
+    if not re.search(rf'(?m)^schema = "vinefab/{kind}-', text):
+        raise BadInputError("schema", path.name, f"a file of the kind {kind}", path)
+    top, table, rest = text.partition("\n[")  # a run file need not name itself, its parts do
+    named = re.sub(r'(?m)^name = "[^"]*"', f'name = "{name}"', top, count=1) + table + rest
+    return (
+        f"# A copy of {one_line(original)} to change as you like, title and comments too.\n{named}"
+    )
 
 
 _EXAMPLES_FOLDER = "examples"

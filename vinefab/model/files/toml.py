@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located, nearest
 from vinefab.core.validation import check_plain
+from vinefab.core.version import __version__
 from vinefab.model.files.shipped import read_text
 
 M = TypeVar("M", bound=BaseModel)
@@ -41,7 +42,7 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        hint = ", but JSON, as maps are" if text.lstrip().startswith("{") else ""
+        hint = ", but JSON, as maps are (--map)" if text.lstrip()[:1] == "{" else ""
         raise UnreadableFileError(path, f"is not TOML{hint}: {error}") from error
     except ValueError as error:
         # Python refuses to read integers of so many digits.
@@ -88,7 +89,34 @@ def _as_bad_input(
         )
     if detail["type"] == "missing":
         return BadInputError(key, None, "it must be given", source)
-    return BadInputError(key, detail["input"], _allowed(detail["msg"]), source)
+    allowed = _allowed(detail["msg"])
+    if key == "schema":
+        allowed += _other_kind(detail["input"], allowed)
+    return BadInputError(key, detail["input"], allowed, source)
+
+
+_KINDS_OF_FILES = {
+    "design": "a design: vinefab grow, check, fabricate and others take it",
+    "run": "a run file: vinefab optimize takes it",
+    "map": "a map: --map and --maps take it",
+    "recipe": "a recipe: --recipe takes it",
+    "machine": "a laser: a recipe names it",
+    "material": "a film: a recipe names it",
+    "printer": "a printer: --printer of vinefab rig takes it",
+    "contacts": "measured contacts: --contacts takes them",
+}
+"""What files are for, by the kind that their schema names."""
+
+
+def _other_kind(given: object, allowed: str) -> str:
+    """Return what a file of another kind or version is, behind a semicolon, or nothing."""
+    found = re.fullmatch(r"vinefab/([a-z]+)-(\d{1,4})", given) if isinstance(given, str) else None
+    if found is None:
+        return ""
+    if f"vinefab/{found[1]}-" in allowed:
+        return f"; this is vinefab {__version__}, and another version wrote it"
+    about = _KINDS_OF_FILES.get(found[1])
+    return f"; this is {about}" if about else ""
 
 
 def _is_union_tag(part: int | str) -> bool:

@@ -115,10 +115,10 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["search"], "did you mean 'vinefab optimize'?"),
-        (["export", "mine.toml"], "did you mean 'vinefab fabricate'?"),
-        (["import", "table.svg"], "did you mean 'vinefab map import'?"),
-        (["optimise"], "did you mean 'vinefab optimize'?"),
+        (["search"], "did you mean 'optimize'?"),
+        (["export", "mine.toml"], "did you mean 'fabricate'?"),
+        (["import", "table.svg"], "did you mean 'map import'?"),
+        (["optimise"], "did you mean 'optimize'?"),
         (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
         (["fabricate", "--bed", "300,200"], "vinefab new machine"),
         (

@@ -27,7 +27,7 @@ GUESSES = {
     "map": "a command is missing; there are: grid, cave,",
     "new vine.toml": "for example: vinefab new design mine.toml",
     "rules VF-C01 VF-C02": "for example: vinefab rules VF-C01",
-    "study contest run.toml": "--optimizer cmaes --optimizer random",
+    "study contest run.toml": "--optimizer random --seeds 2",
     "check mine.json": "mine.json: is not TOML, but JSON, as maps are (--map):",
     "map info mine.toml": "mine.toml: is not JSON, but TOML, as designs are:",
     "fabricate plain_vine --out mine.toml --force": "mine.toml: cannot be written: it is a file",

@@ -112,18 +112,10 @@ def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401
 
 
 def _unknown_command(typed: str, context: Any) -> str:  # noqa: ANN401
-<<<<<<< HEAD
-    known, where = _commands(context), context.command_path
+    known = _commands(context)
     meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
     if context.parent is None:
         meant = [name for name, words in OTHER_WORDS.items() if typed.lower() in words] or meant
-=======
-    known = _commands(context)
-    if context.parent is None and typed.lower() in MEANT:
-        meant = [MEANT[typed.lower()]]
-    else:
-        meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
->>>>>>> breaker
     if meant:
         hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
     else:

@@ -1252,7 +1252,7 @@ def calibrate(
         calibration_lines,
     )
     from vinefab.fabrication.calibration.coupon_results import read_results
-    from vinefab.fabrication.calibration.fit_recipe import calibrate as fitted
+    from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
 
     flags_given(force=force)
     path, table = path_given("out", out), path_given("results", results)
@@ -1260,7 +1260,7 @@ def calibrate(
     before = name_or_path("recipe", recipe, "a recipe's path or name")
     profile = read_profile(before)
     with located(table):
-        found = fitted(read_results(table), profile)
+        found = fitted_recipe(read_results(table), profile)
     with python_words():
         write_text(path, calibrated_recipe(found, before, path, table), force=force)
     return WrittenReport(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import vinefab
+import vinefab.cli.main as main_module
 from vinefab.cli.common_options import CommandOutput
 from vinefab.cli.main import main, run
 
@@ -105,6 +106,19 @@ def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code, 
         check=False,
     )
     assert (ended.returncode, ended.stderr.count("\n")) == (code, 1)
+
+
+def test_a_request_to_end_while_an_error_is_printed_is_one_line(monkeypatch, capsys):
+    shown = main_module._print_error
+
+    def interrupted(message: str, code: int) -> int:
+        if message != main_module.INTERRUPTED:
+            raise KeyboardInterrupt
+        return shown(message, code)
+
+    monkeypatch.setattr(main_module, "_print_error", interrupted)
+    assert main(["check", "missing.toml"]) == 130
+    assert capsys.readouterr().err == f"error: {main_module.INTERRUPTED}\n"
 
 
 def test_there_is_no_other_net():

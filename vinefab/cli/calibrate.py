@@ -14,7 +14,7 @@ from vinefab.fabrication.calibration.calibrated_recipe import (
     calibration_lines,
 )
 from vinefab.fabrication.calibration.coupon_results import read_results
-from vinefab.fabrication.calibration.fit_recipe import calibrate
+from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
@@ -37,7 +37,7 @@ def calibrate_command(
     ensure_writable(out, force=force)
     profile = read_profile(recipe)
     with located(results):
-        calibration = calibrate(read_results(results), profile)
+        calibration = fitted_recipe(read_results(results), profile)
     text = calibrated_recipe(calibration, recipe, out, results)
     write_text(out, text, force=force)
     output.give_json(calibration_json(calibration))

@@ -205,7 +205,10 @@ def main(arguments: Sequence[str]) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     with stop_requests() as request:
         stop_with_input()
-        return _run_command(arguments, request)
+        try:
+            return _run_command(arguments, request)
+        except KeyboardInterrupt:  # while an error was being printed
+            return _print_error(INTERRUPTED, request.exit_code)
 
 
 def _run_command(arguments: Sequence[str], request: StopRequest) -> int:

@@ -133,6 +133,7 @@ def rules_json(words: str | None = None) -> str:
             "id": rule.id,
             "title": rule.title,
             "unit": rule.unit,
+            "limits_in": rule.limit_unit,
             "limits": dict(rule.limits),
             "reason": rule.reason,
             "remedy": rule.remedy,
@@ -144,7 +145,7 @@ def rules_json(words: str | None = None) -> str:
 
 def limit_text(rule: Rule, name: str) -> str:
     """Return a limit with its unit; those that are no error or warning have theirs in the name."""
-    unit = rule.unit if name.endswith(("error", "warning")) else ""
+    unit = rule.limit_unit if name.endswith(("error", "warning")) else ""
     return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
 
 
@@ -153,4 +154,4 @@ def limits_text(rule: Rule, form: str) -> str:
     parts = [
         f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits
     ]
-    return form.format(f"{', '.join(parts)} {rule.unit}".strip()) if parts else ""
+    return form.format(f"{', '.join(parts)} {rule.limit_unit}".strip()) if parts else ""

@@ -16,7 +16,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in, start_marks
 
-LONGEST_PX = 640
+_LONGEST_PX = 640
 """Longer side of the map in an animation."""
 
 FOOT_PX = 58
@@ -58,7 +58,7 @@ class Stage:
     height_px: int
 
     @classmethod
-    def of(cls, box_mm: Box, longest_px: float = LONGEST_PX) -> "Stage":
+    def of(cls, box_mm: Box, longest_px: float = _LONGEST_PX) -> "Stage":
         """Return the stage for a box in the map and a small margin around it."""
         margin_mm = 0.01 * longer_mm(box_mm)
         width_mm = box_mm[2] - box_mm[0] + 2.0 * margin_mm

@@ -7,7 +7,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
-from vinefab.fabrication.calibration.fit_recipe import calibrate
+from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import RecipeStatus
 
@@ -67,7 +67,7 @@ def rows(seed, *, stated=True):
 def fitted(tmp_path, text):
     path = tmp_path / "results.csv"
     path.write_text(text)
-    return calibrate(read_results(path), read_profile(RECIPE))
+    return fitted_recipe(read_results(path), read_profile(RECIPE))
 
 
 @pytest.mark.parametrize("stated", [True, False])

@@ -202,7 +202,7 @@ class Calibration:
     lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
 
 
-def calibrate(results: Results, profile: LaserProfile) -> Calibration:
+def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     """Fit the numbers of the recipe that the coupons were cut with.
 
     Parameters

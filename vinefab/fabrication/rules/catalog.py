@@ -27,7 +27,14 @@ from vinefab.fabrication.rules.piece_rules import (
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
 from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
+from vinefab.fabrication.rules.tree_and_base import (
+    CLAMP,
+    DEPLOYED_LENGTH,
+    MOUTH,
+    POLYGON,
+    TAIL,
+    TREE,
+)
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit
@@ -38,7 +45,7 @@ _BUILTIN = (
     *(LEAST_WIDTH, WIDTH_RATIO, PACKING, BUILT_WIDTH),
     *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
     *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
-    *(TAIL, CLAMP, REACH),
+    *(TAIL, CLAMP, DEPLOYED_LENGTH),
     *(SLEEVE_ROOM, PIECE_COUNT, LAP, LAP_PACKING, PIECE_LABELS),
     *(BED, FILM),
     *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),

@@ -247,6 +247,7 @@ CROTCH = Rule(
     id="VF-C03",
     title="the filleted crotch ends within half of the shorter neighbour",
     unit="mm",
+    limits_in="times the length of the shorter neighbour",
     limits={"error": 0.5},
     reason="a longer web ties branches together that should bend apart",
     remedy="a smaller fillet, a wider angle, or a longer child",

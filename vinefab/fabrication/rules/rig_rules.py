@@ -142,8 +142,9 @@ CORRIDORS = Rule(
     id="VF-R03",
     title="corridors are at least the inflated diameter of the branches meant to pass",
     unit="mm",
+    limits_in="times the inflated diameter",
     limits={"warning": 1.0},
-    reason="an inflated body does not pass a narrower gap; the limit is times its diameter. A dead "
+    reason="an inflated body does not pass a narrower gap. A dead "
     "end with less free area than the body's cross-section is a notch in a wall and no corridor, "
     "unless a start is in it",
     remedy="narrower tubes, a larger scale, or another map",
@@ -151,8 +152,9 @@ CORRIDORS = Rule(
 )
 OBSTACLE_HEIGHT = Rule(
     id="VF-R04",
-    title="obstacle height at least 1.2 times the trunk's diameter",
+    title="obstacles are higher than the inflated trunk",
     unit="mm",
+    limits_in="times the inflated diameter of the trunk",
     limits={"warning": 1.2},
     reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
     remedy="higher obstacles, or a narrower trunk",

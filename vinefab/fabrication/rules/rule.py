@@ -103,6 +103,8 @@ class Rule:
         What must hold.
     unit
         Unit of the measured values; empty for ratios and yes-or-no rules.
+    limits_in
+        What limits are in, where that is another unit: ``times the inflated diameter``.
     limits
         Default limits by name; see `Limits`.
     reason
@@ -116,6 +118,7 @@ class Rule:
     id: str
     title: str
     unit: str = ""
+    limits_in: str = ""
     limits: Mapping[str, float] = field(default_factory=dict)
     reason: str
     remedy: str = ""
@@ -126,8 +129,13 @@ class Rule:
 
     def __repr__(self) -> str:
         limits = ", ".join(f"{name} {value:g}" for name, value in self.limits.items())
-        behind = f" ({f'{limits} {self.unit}'.rstrip()})" if limits else ""
+        behind = f" ({f'{limits} {self.limit_unit}'.rstrip()})" if limits else ""
         return f"<Rule {self.id}: {self.title}{behind}>"
+
+    @property
+    def limit_unit(self) -> str:
+        """What its error and warning are in."""
+        return self.limits_in or self.unit
 
     def _repr_html_(self) -> str:
         """Show limits, reason and remedy in a notebook."""

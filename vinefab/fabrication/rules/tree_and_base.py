@@ -230,7 +230,7 @@ CLAMP = Rule(
     remedy="a collar that fits the clamp, or another trunk width",
     check=check_clamp,
 )
-REACH = Rule(
+DEPLOYED_LENGTH = Rule(
     id="VF-B03",
     title="deployed length of the longest path",
     unit="mm",

@@ -1,9 +1,8 @@
 import json
-from pathlib import Path
 
 import pytest
 
-from vinefab.core.errors import UnknownNameError
+from vinefab.core.errors import UnknownNameError, UnreadableFileError
 from vinefab.fabrication.profile_listing import (
     PROFILE_KINDS,
     explain,
@@ -45,8 +44,9 @@ def test_everything_that_is_shipped_is_listed(tmp_path, monkeypatch):
 def test_every_number_of_every_profile_is_explained_with_its_standing(name):
     lines = explain(name)
     numbers = json.loads(profile_json(name))["numbers"]
-    assert len(lines) == len(numbers) + 2
-    for line, (key, number) in zip(lines[2:], numbers.items(), strict=True):
+    head = [line for line in lines if not line.startswith("  ")]
+    assert [line.split()[0] for line in head[2:]] in ([], ["machine", "material"])
+    for line, (key, number) in zip(lines[len(head) :], numbers.items(), strict=True):
         assert key in line
         assert f"{number['standing']}: {number['source']}" in line
         assert number["source"]
@@ -73,11 +73,15 @@ def test_the_users_own_files_come_first(own_folder):
     assert json.loads(profile_json(None))["user_folder"] == str(own_folder)
 
 
-def test_the_kind_of_a_path_follows_from_its_folder():
+def test_the_kind_of_a_file_follows_from_what_it_says(tmp_path):
     folder = shipped_root() / "laser_profiles"
     assert kind_of(str(folder / "machines/co2_60w.toml")) == "machine"
     assert kind_of(str(folder / f"recipes/{RECIPE}.toml")) == "recipe"
-    assert kind_of(str(Path("somewhere/film.toml"))) == "recipe"
+    moved = tmp_path / "machines.toml"
+    moved.write_text((folder / "materials/stretchlon_200.toml").read_text())
+    assert kind_of(str(moved)) == "material"
+    with pytest.raises(UnreadableFileError, match="there is no such file"):
+        kind_of(str(tmp_path / "film.toml"))
 
 
 def test_an_unknown_profile_offers_the_nearest():

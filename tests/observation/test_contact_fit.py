@@ -308,8 +308,11 @@ def test_a_wrong_observation_is_one_clear_line(written, change, words):
 
 
 def test_what_is_no_json_is_said(tmp_path):
-    path = tmp_path / "photo.jpg"
-    path.write_bytes(b"\xff\xd8\xff")
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes(b"\xff\xd8\xff")
+    with pytest.raises(BadInputError, match=r"observation is 'photo\.jpg'; allowed: the JSON"):
+        fit_files([photo])
+    path = photo.rename(tmp_path / "seen.json")
     with pytest.raises(UnreadableFileError):
         fit_files([path])
     path.write_text("[1, 2]")

@@ -58,7 +58,9 @@ def test_a_shipped_design_makes_a_whole_package() -> None:
         report=b"",
         colours=PRESETS[profile.machine.colours],
     )
-    assert len(package_files(content)) == 12
+    files = package_files(content)
+    assert len(files) == 13
+    assert "design.toml" in files
 
 
 def test_a_fact_cannot_hide_who_wrote_the_file(job: Job) -> None:

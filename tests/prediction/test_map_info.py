@@ -1,6 +1,7 @@
 import json
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
 import shapely
@@ -56,6 +57,23 @@ def test_a_door_decides_how_wide_a_body_has_room_in_both_rooms():
         )
 
 
+def test_a_notch_is_told_from_a_door():
+    world = two_rooms(8.0)
+    (left, *others) = world.obstacles
+    notch = shapely.box(
+        50, 10, 52, 12
+    )  # 2 mm wide and deep; behind its middle 2 mm2, a circle of 1.6 mm
+    info = map_info(replace(world, obstacles=(left - notch, *others)))
+    lines = [line for line in info_lines(info) if " between " in line]
+    assert "2.00 mm at 51.0,11.0" in lines[0]
+    assert lines[0].endswith("only into a dead end as large as a circle of 1.6 mm")
+    assert "8.00 mm" in lines[1]
+    assert "dead end" not in lines[1]
+    notch, door = json.loads(info_text(info))["passages"][:2]
+    assert notch["dead_end_mm"] == pytest.approx(math.sqrt(8.0 / math.pi))
+    assert door["dead_end_mm"] is None
+
+
 def test_regions_and_areas():
     world = two_rooms(8.0)
     shut = Map(
@@ -103,7 +121,7 @@ def test_json_says_what_was_computed():
     assert document["free_area_mm2"] == pytest.approx(world.free_space.area)
     assert len(document["passages"]) == 3
     assert set(document["passages"][0]) == {
-        "width_mm", "x_mm", "y_mm", "ends_mm", "between", "widest_body_mm"
+        "width_mm", "x_mm", "y_mm", "ends_mm", "between", "widest_body_mm", "dead_end_mm"
     }  # fmt: skip
     assert document["body"]["fits"] is True
     assert 0.9 < document["body"]["free_share"] <= 1.0

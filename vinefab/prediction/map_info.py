@@ -350,7 +350,7 @@ def _vertices(world: Map) -> int:
 
 
 def _gate_content(gate: NarrowPassage) -> dict[str, object]:
-    x_mm, y_mm = gate.passage.middle_mm
+    (x_mm, y_mm), dead_end_mm = gate.passage.middle_mm, gate.passage.dead_end_mm
     return {
         "width_mm": gate.passage.width_mm,
         "x_mm": x_mm,
@@ -358,6 +358,7 @@ def _gate_content(gate: NarrowPassage) -> dict[str, object]:
         "ends_mm": [list(end) for end in gate.passage.ends_mm],
         "between": list(gate.between),
         "widest_body_mm": gate.body_mm,
+        "dead_end_mm": dead_end_mm if math.isfinite(dead_end_mm) else None,
     }
 
 
@@ -422,11 +423,17 @@ def info_lines(info: MapInfo) -> Iterator[str]:
         x_mm, y_mm = gate.passage.middle_mm
         yield (
             f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
-            f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm)"
+            f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm){_dead_end(gate.passage)}"
         )
     if not info.passages:
         yield "  none"
     yield from _start_lines(info)
+
+
+def _dead_end(passage: Passage) -> str:
+    if not math.isfinite(passage.dead_end_mm):
+        return ""
+    return f", only into a dead end as large as a circle of {passage.dead_end_mm:.1f} mm"
 
 
 def _start_lines(info: MapInfo) -> Iterator[str]:

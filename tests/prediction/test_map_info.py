@@ -62,7 +62,7 @@ def test_a_notch_is_told_from_a_door():
     (left, *others) = world.obstacles
     notch = shapely.box(
         50, 10, 52, 12
-    )  # 2 mm wide and deep; behind its middle 2 mm2, a circle of 1.6 mm
+    )  # 2 mm deep; behind its middle 2 mm2
     info = map_info(replace(world, obstacles=(left - notch, *others)))
     lines = [line for line in info_lines(info) if " between " in line]
     assert "2.00 mm at 51.0,11.0" in lines[0]

@@ -60,9 +60,7 @@ def test_a_door_decides_how_wide_a_body_has_room_in_both_rooms():
 def test_a_notch_is_told_from_a_door():
     world = two_rooms(8.0)
     (left, *others) = world.obstacles
-    notch = shapely.box(
-        50, 10, 52, 12
-    )  # 2 mm deep; behind its middle 2 mm2
+    notch = shapely.box(50, 10, 52, 12)  # 2 mm deep; behind its middle 2 mm2
     info = map_info(replace(world, obstacles=(left - notch, *others)))
     lines = [line for line in info_lines(info) if " between " in line]
     assert "2.00 mm at 51.0,11.0" in lines[0]

@@ -236,16 +236,21 @@ class ProfileNumbers:
 
 
 def _file_to_write(
-    key: str, given: str | PathLike[str] | None, endings: tuple[str, ...], *, force: bool
-) -> Path | None:
-    """Return the file to write, if one is asked for, once its kind and place will do."""
-    if given is None:
-        return None
+    key: str, given: str | PathLike[str], endings: tuple[str, ...], *, force: bool
+) -> Path:
+    """Return the file to write, once its kind and place will do."""
     path = path_given(key, given)
     if path.suffix.lower() not in endings:
         raise BadInputError(key, str(path), f"a file name ending in {' or '.join(endings)}")
     ensure_writable(path, force=force)
     return path
+
+
+def _file_asked_for(
+    key: str, given: str | PathLike[str] | None, endings: tuple[str, ...], *, force: bool
+) -> Path | None:
+    """Return the file to write, if one is asked for."""
+    return None if given is None else _file_to_write(key, given, endings, force=force)
 
 
 def designs() -> tuple[str, ...]:
@@ -562,7 +567,7 @@ def aim(
     from vinefab.prediction.provenance import origin_of
 
     flags_given(alone=alone, force=force)
-    path = _file_to_write("out", out, (".html", ".svg", ".png"), force=force)
+    path = _file_asked_for("out", out, (".html", ".svg", ".png"), force=force)
     place, scored_on = map_given(world, "world"), task_given(task, parameters)
     other = None if against is None else design_given(against, "against")
     given = growth_given(
@@ -674,7 +679,7 @@ def compare(
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
-    path = _file_to_write("out", out, (".html",), force=force)
+    path = _file_asked_for("out", out, (".html",), force=force)
     named = several_given(designs, Design)
     robots = [design_given(one, "designs") for one in named]
     main = measure_named(name_given("measure", measure))
@@ -952,7 +957,7 @@ def check(
     from vinefab.fabrication.checking import check_design, findings_file
 
     flags_given(force=force)
-    picture = _file_to_write("out", out, (".svg", ".png", ".dxf"), force=force)
+    picture = _file_asked_for("out", out, (".svg", ".png", ".dxf"), force=force)
     robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
     changed = limits_given(limits)
     facts, deployed = None, tuple[tuple[str, Deployment], ...]()
@@ -1192,13 +1197,14 @@ def coupon(
     from vinefab.fabrication.calibration.coupon_package import (
         COUPON_MARK,
         coupon_files,
-        ensure_coupon_folder,
+        ensure_results_not_filled_in,
         make_coupons,
     )
 
     flags_given(force=force)
     folder = path_given("out", out)
-    ensure_coupon_folder(folder, force=force)
+    ensure_own_folder(folder, COUPON_MARK, force=force)
+    ensure_results_not_filled_in(folder, force=force)
     made = make_coupons(recipe_given(recipe))
     if made.report.blocking:
         raise ExportRefusedError("coupons", _forbidding(made.report), made.report)
@@ -1434,7 +1440,7 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     flags_given(force=force)
-    page = _file_to_write("out", out, (".html", ".json"), force=force)
+    page = _file_asked_for("out", out, (".html", ".json"), force=force)
     world, robot = map_given(map), design_given(design)
     corners = "columns and rows of four corners, eight numbers"
     colour = "red, green and blue, 0 to 255"
@@ -1604,7 +1610,7 @@ def report(
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
-    path = _file_to_write("out", path_given("out", out), (".html",), force=force) or Path()
+    path = _file_to_write("out", out, (".html",), force=force)
     robot, profile = design_given(design), recipe_given(recipe)
     given = growth_given(
         growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts

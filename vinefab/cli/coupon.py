@@ -11,7 +11,7 @@ from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.coupon_package import (
     COUPON_MARK,
     coupon_files,
-    ensure_coupon_folder,
+    ensure_results_not_filled_in,
     make_coupons,
 )
 from vinefab.fabrication.checking import check_lines
@@ -33,7 +33,7 @@ def coupon_command(
     """
     output = CommandOutput(quiet=quiet, force=force)
     output.ensure_folder(out, COUPON_MARK)
-    ensure_coupon_folder(out, force=force)
+    ensure_results_not_filled_in(out, force=force)
     coupons = make_coupons(read_profile(recipe))
     for line in (*check_lines(coupons.report), *broken_formats()):
         output.say(line)

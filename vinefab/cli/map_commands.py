@@ -21,6 +21,7 @@ from vinefab.cli.common_options import (
     started_maps,
     starts_from,
 )
+from vinefab.cli.main import MAP_SUFFIXES
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -33,8 +34,6 @@ from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import START_WAYS, area_notes, start_words
 from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
-
-MAP_ENDINGS = (".geojson", ".json")
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
@@ -175,7 +174,7 @@ def import_command(
     --obstacles 50,84,176,75 --crop 42,42,642,442 --out arena.geojson
     """
     ensure_apart("--out", out, source, "the one to import")
-    ensure_text_kind("--out", out, MAP_ENDINGS, force=force)
+    ensure_text_kind("--out", out, MAP_SUFFIXES, force=force)
     if preview:
         ensure_kind("--preview", preview, (".png",), force=force)
         ensure_apart("--preview", preview, source, "the one to import")
@@ -249,7 +248,7 @@ def start_command(
     """
     if not start:
         raise BadInputError("--start", None, START_WAYS)
-    ensure_text_kind("--out", out, MAP_ENDINGS, force=force)
+    ensure_text_kind("--out", out, MAP_SUFFIXES, force=force)
     (world,) = started_maps([read_map(map_file)], start)
     _save(world, out, CommandOutput(quiet=quiet, force=force), facts=False)
 
@@ -314,7 +313,7 @@ def _generator(environment: Environment) -> Callable[..., None]:
 
     def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
         out, output = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
-        ensure_text_kind("--out", out, MAP_ENDINGS, force=output.force)
+        ensure_text_kind("--out", out, MAP_SUFFIXES, force=output.force)
         options = environment.options(**{name: given[name] for name in known})
         made = environment.make(given["seed"], options)
         _save(started_maps([made], given["start"])[0], out, output)

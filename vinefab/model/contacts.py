@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import number, whole
 
 Side = Literal["both", "upper", "lower"]
@@ -55,8 +56,8 @@ class MeasuredNumber:
     @property
     def counted(self) -> str:
         """How much it was measured from: ``12 contacts on 4 photos``."""
-        photos = f"{self.photos} photo{'' if self.photos == 1 else 's'}"
-        return f"{self.count} contact{'' if self.count == 1 else 's'} on {photos}"
+        photos = counted(self.photos, "photo")
+        return f"{counted(self.count, 'contact')} on {photos}"
 
 
 _RANGES = {

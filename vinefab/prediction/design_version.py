@@ -96,7 +96,7 @@ class DesignVersion:
         stops = ", ".join(f"{count} {name}" for name, count in self.deployed.stops.items() if count)
         mean = self.score.composite["mean"]
         count = len(self.score.evaluations)
-        evaluations = f"{count} evaluation{'' if count == 1 else 's'}"
+        evaluations = counted(count, "evaluation")
         return [
             (
                 "grown",

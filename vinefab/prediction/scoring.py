@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.maps.poses import spread_notes
@@ -89,7 +90,7 @@ def score_lines(result: Score, design: Design, most: int = 30) -> list[str]:
     lines += [f"  ... and {hidden} more"] if hidden else []
     grown = growth_text(GrowthOptions.of(result.growth), [design])
     return [
-        f"task {result.task}, {count} evaluation{'' if count == 1 else 's'} (simulated); {grown}",
+        f"task {result.task}, {counted(count, 'evaluation')} (simulated); {grown}",
         *lines,
         *parts_line(result),
         f"composite: {composites_text(result.composite)}",

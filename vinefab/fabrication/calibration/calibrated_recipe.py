@@ -8,6 +8,7 @@ import tomli_w
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.estimate import Estimate
 from vinefab.fabrication.calibration.fit_recipe import Calibration
 from vinefab.fabrication.package.job_json import plain_quantity
@@ -105,8 +106,7 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     numbers = calibration.numbers
     width = max((len(name) for name in numbers), default=0)
     lines = [
-        f"{name:<{width}}  {_words(number)}  measured,"
-        f" {number.readings} reading{'s' if number.readings > 1 else ''}"
+        f"{name:<{width}}  {_words(number)}  measured, {counted(number.readings, 'reading')}"
         for name, number in numbers.items()
     ]
     return [*lines, *calibration.remarks, f"status: {calibration.status}"]

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vinefab.core.atomic import ensure_own_folder, ensure_unchanged
+from vinefab.core.atomic import ensure_unchanged
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.fabrication.calibration.coupons import (
@@ -273,7 +273,6 @@ def _settings_text(coupons: Coupons) -> str:
     )
 
 
-def ensure_coupon_folder(path: Path, *, force: bool = False) -> None:
-    """Check that a folder can be filled with coupons, and that nobody filled in its results."""
-    ensure_own_folder(path, COUPON_MARK, force=force)
+def ensure_results_not_filled_in(path: Path, *, force: bool = False) -> None:
+    """Check that nobody filled in the results in a folder of coupons."""
     ensure_unchanged(path / RESULTS_NAME, force=force)

@@ -60,7 +60,7 @@ def solve_equations(equations: Sequence[Equation], key: str) -> dict[str, Estima
     rows, goal = matrix * weights[:, None], target * weights
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(equations) < len(names) or singular[-1] < _LEAST_SINGULAR * singular[0]:
-        given = f"{len(equations)} reading{'s' if len(equations) > 1 else ''}"
+        given = counted(len(equations), "reading")
         allowed = f"readings that tell {' and '.join(names)} apart"
         raise BadInputError(key, given, allowed)
     found, *_ = np.linalg.lstsq(rows, goal, rcond=None)
@@ -81,7 +81,7 @@ def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> F
         allowed = "an uncertainty for every reading of this kind, or for none"
         raise BadInputError(f"{key} uncertainty", f"{len(stated)} of {len(sigmas)}", allowed)
     if not stated and len(sigmas) <= unknowns:
-        allowed = f"at least {unknowns + 1} for {unknowns} unknown{'s' if unknowns > 1 else ''}"
+        allowed = f"at least {unknowns + 1} for {counted(unknowns, 'unknown')}"
         raise BadInputError(
             key, f"{len(sigmas)} without uncertainty", f"{allowed}, or uncertainties"
         )

@@ -509,8 +509,7 @@ def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
     design, pieces = robot.design, len(robot.partition.pieces)
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
-    joints = len(robot.steps)
-    words = f"assembly: {counted(pieces, 'piece')}, {joints} joint{'' if joints == 1 else 's'}"
+    words = f"assembly: {counted(pieces, 'piece')}, {counted(len(robot.steps), 'joint')}"
     right = _WIDE_PT - _EDGE_PT
     axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
     size = robot.size

@@ -292,7 +292,7 @@ def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
             )
         count, length = len(paths), sum(path.contour.length_mm for path in paths)
         text = f"{style.layer}, colour {style.rgb} (DXF {style.aci}): {_MEANING[operation]}."
-        text += f" {count} path{'s' if count > 1 else ''}, {length:.0f} mm."
+        text += f" {counted(count, 'path')}, {length:.0f} mm."
         if operation.is_machined:
             text += f" {_settings(profile, operation)}"
         lines.append(text)

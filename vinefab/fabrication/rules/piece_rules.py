@@ -80,7 +80,7 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
     if partition.unparted:
         return RuleApplied(checked=count, note="cannot be cut in pieces that lie flat")
     if count <= settings.most and not partition.unfinished:
-        return RuleApplied(checked=count, note=f"{count} piece{'s' * (count > 1)}, {least}")
+        return RuleApplied(checked=count, note=f"{counted(count, 'piece')}, {least}")
     many = f"at least {count}" if partition.unfinished else f"{count}"
     message = (
         f"it takes {many} pieces to lie flat ({least}): set build.pieces.most to {count} or more, "

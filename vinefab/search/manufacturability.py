@@ -13,6 +13,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
+from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, QuickCuts, quick_cuts
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
@@ -35,9 +36,6 @@ from vinefab.search.space import Bounds, Space
 _VINE_MM = 200.0
 """Length of the vine for rules that do not depend on length."""
 
-BED_RESERVE_MM = 10.0
-"""Allowance for seam, kerf and the overcut at the mouth, on the size of a flat robot."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManufacturabilityPenalty:
@@ -57,6 +55,7 @@ class ManufacturabilityPenalty:
             design,
             limits,
             film_mm=material.plies * material.ply_mm.value,
+            taken_mm=taken_mm(self.profile),
             sheet_mm=self.sheet_mm,
             pieces=self._pieces(design),
         )
@@ -83,8 +82,7 @@ class ManufacturabilityPenalty:
     @property
     def sheet_mm(self) -> tuple[float, float]:
         """Width and height that a flat robot must fit into."""
-        width_mm, height_mm = self.profile.machine.usable_mm
-        return width_mm - BED_RESERVE_MM, height_mm - BED_RESERVE_MM
+        return bare_sheet_mm(self.profile)
 
     def passes(self, design: Design) -> bool:
         """Return whether the full check passes, laser paths included."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.passes import reach_mm, taken_mm
 from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, sleeve_size
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.layout import level_fillets_mm
@@ -20,7 +20,7 @@ from vinefab.fabrication.pieces.quick_cuts import (
     MOST_PIECE_BRANCHES,
     MOST_STEPS,
 )
-from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
@@ -81,7 +81,7 @@ class PenaltyLimits(NamedTuple):
     crotch: float  # most of a branch that may lie in the crotch
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
-    clearance_mm: float  # least distance of branches
+    clearance_mm: float  # least distance of lumens
     segment_mm: float  # shortest straight side
     tail_mm: float
     sheet_wide_mm: float  # sheet that the flat robot must fit
@@ -180,7 +180,7 @@ class BatchPenalty:
             crotch=_error(CROTCH, changed),
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
-            clearance_mm=_error(CLEARANCE, changed),
+            clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             segment_mm=LEAST_SEGMENT_MM,
             tail_mm=space.build.tail_mm,
             sheet_wide_mm=sheet_mm[0],

@@ -62,8 +62,8 @@ def cousins(gap_mm: float) -> Build:
 def near_fillet(gap_mm: float) -> Build:
     """A grandchild shrunk to a disc that floats before the arc of its uncle's fillet."""
 
-    def build(make: Make, _: LaserProfile) -> Subject:
-        subject = Subject.of(make((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0)))
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        subject = Subject.of(make((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0)), profile)
         arcs = [s for s in subject.outline.contour.segments if s.part is Part.FILLET]
         arc = next(s for s in arcs if s.branch == "0.0" and s.radius_mm > 8.9)
         ends = arc.flattened_mm(0.001)
@@ -264,7 +264,7 @@ def piece(line_mm: float, radius_mm: float) -> Build:
     end = points[-1] + [2.0 * radius_mm, 0.0]
     contour = Contour(
         points_mm=np.array([*points, end]),
-        bulges=np.array([0.0, 0.0, 1.0]),
+        bulges=np.array([0.0, 0.0, -1.0]),
         parts=(Part.OTHER,) * 3,
         branches=("",) * 3,
         closed=False,
@@ -274,10 +274,16 @@ def piece(line_mm: float, radius_mm: float) -> Build:
 
 
 def twice(shared_mm: float) -> Build:
-    """Two cuts of which a part lies on the other."""
-    one = path(Operation.CUT, [[500.0, 500.0], [520.0, 500.0]])
+    """A mark of which a part lies on a cut."""
+    one = path(Operation.MARK, [[500.0, 500.0], [520.0, 500.0]])
     two = path(Operation.CUT, [[520.0 - shared_mm, 500.0], [540.0, 500.0]])
     return jobbed(lambda job: (*job.paths, one, two))
+
+
+def cuts_apart(between_mm: float) -> Build:
+    """Two cuts next to each other; the kerf of either is 0.2 mm wide."""
+    cuts = [path(Operation.CUT, [[500.0, y], [520.0, y]]) for y in (500.0, 500.0 + between_mm)]
+    return jobbed(lambda job: (*job.paths, *cuts))
 
 
 def sleeve_at(branch: int, number: int = 1) -> Sleeve:
@@ -364,7 +370,7 @@ CASES: Mapping[str, Case] = {
         fires=of((17, 200.0, 300.0)), severity=E, branches=("0",), quiet=of((8, 200.0, 180.0))
     ),
     "VF-W04": Case(fires=seam(0.052), severity=E, branches=("0",), quiet=seam(0.048)),
-    "VF-C01": Case(fires=cousins(2.9), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(5.1)),
+    "VF-C01": Case(fires=cousins(2.0), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(4.3)),
     "VF-C02": Case(
         fires=of((2, 200.0, 14.9)),
         severity=E,
@@ -385,9 +391,9 @@ CASES: Mapping[str, Case] = {
         fires=of((2, 200.0, 181.0)), severity=W, branches=("0.0",), quiet=of((2, 200.0, 179.0))
     ),
     "VF-C05": Case(
-        fires=near_fillet(-0.2), severity=E, branches=("0.0", "0.1.1"), quiet=near_fillet(3.1)
+        fires=near_fillet(2.0), severity=E, branches=("0.0", "0.1.1"), quiet=near_fillet(4.3)
     ),
-    "VF-C07": Case(fires=pouch(67.0), severity=E, branches=("0.0", "0.1"), quiet=pouch(65.8)),
+    "VF-C07": Case(fires=pouch(67.4), severity=E, branches=("0.0", "0.1"), quiet=pouch(66.2)),
     # 70 kPa at 20 mm is 35 kPa at 40 mm, 23.3 kPa with the factor of 1.5
     "VF-P01": Case(
         fires=burst(pressure_kpa=23.4), severity=E, branches=("0",), quiet=of(pressure_kpa=23.3)
@@ -435,7 +441,7 @@ CASES: Mapping[str, Case] = {
     "VF-L02": Case(
         fires=jobbed(lambda job: (*job.paths, job.paths[-1])),
         severity=E,
-        branches=(),
+        branches=("0",),
         quiet=jobbed(lambda job: (*job.paths, square(500.0, 520.0))),
     ),
     "VF-L03": Case(
@@ -501,8 +507,9 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-W01", of(widths_mm=(7.9,)), {W}),
     ("VF-W02", of((2, 200.0, 60.0), widths_mm=(29.8, 20.0)), {W}),
     ("VF-W03", of((9, 200.0, 200.0)), {W}),
-    ("VF-C01", cousins(4.9), {W}),
-    ("VF-C01", cousins(3.1), {W}),
+    # seam, kerf and melted rim take 1.1 mm on each side
+    ("VF-C01", cousins(4.1), {W}),
+    ("VF-C01", cousins(2.3), {W}),
     ("VF-C02", of((2, 200.0, 19.9)), {W}),
     ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(5.9,)), {W}),
     ("VF-C04", of((2, 200.0, 60.0), widths_mm=(20.0, 6.0), fillet_mm=(1.9,)), {W}),
@@ -510,11 +517,11 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(24.1,)), {W}),
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(47.9,)), {W}),
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(48.1,)), {E}),
-    ("VF-C05", near_fillet(2.9), {W}),
+    ("VF-C05", near_fillet(4.1), {W}),
     # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1; of 80 degrees 9.8
     ("VF-C06", winding(162.0), {W}),
     ("VF-C06", winding(160.0), set()),
-    ("VF-C07", pouch(65.95), {W}),
+    ("VF-C07", pouch(66.35), {W}),
     # What was not measured warns: the seam, or what growth takes
     ("VF-P01", of(pressure_kpa=23.4), {W}),
     ("VF-P01", burst(pressure_kpa=23.3), set()),
@@ -554,6 +561,8 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-L02", piece(2.0, 0.51), set()),
     ("VF-L02", twice(0.21), {E}),
     ("VF-L02", twice(0.19), set()),
+    ("VF-L02", cuts_apart(0.19), {E}),
+    ("VF-L02", cuts_apart(0.21), set()),
 ]
 """Builds close to single limits, with the severities that they must have."""
 

@@ -1,5 +1,6 @@
 """Several robots on one sheet: each is measured in the sheet's own paths, and named."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -119,17 +120,17 @@ def test_rules_of_the_sheet_are_rules() -> None:
 def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> None:
     sheet = SheetOptions(process="weld+cut")
     job = laser_job(fork, profile, sheet)
-    assert found(fork, profile, job, "VF-P05") == []
-    (run,) = run_checks(Subject.on_sheet(fork, profile, job), only=("VF-P05",)).run
-    assert run.checked == 2  # the web along the seam, the cut past its start
+    assert found(fork, profile, job, "VF-L02") == []
     seam = profile.settings(Operation.WELD).seam_width_mm
     wide = replace(profile.settings("weld"), seam_width_mm=replace(seam, value=seam.value + 4.2))
     operations = {**profile.recipe.operations, "weld": wide}
     asking = replace(profile, recipe=replace(profile.recipe, operations=operations))
-    (finding,) = found(fork, asking, job, "VF-P05")
     # 2 mm of web and 2.1 mm more on this side of the seam: 0.1 mm is gone
-    assert finding.measured == pytest.approx(seam.value + 4.1, abs=0.02)
-    assert "takes off the seam" in finding.message
+    along = {f.branches: f for f in found(fork, asking, job, "VF-L02")}
+    assert along[("0.0",)].measured == pytest.approx(-0.1, abs=0.02)
+    assert "'cut around fork' runs into 'seam of fork'" in along[("0.0",)].message
+    x, y = along[("0.0",)].x_mm, along[("0.0",)].y_mm
+    assert math.hypot(x - 300.0, y) < 160.0 < math.hypot(x + 60.0, y)
 
 
 def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserProfile) -> None:

@@ -120,6 +120,11 @@ def cut_offset_mm(profile: LaserProfile) -> float:
     return seam.value + WEB_MM + kerf.kerf_mm.value / 2.0
 
 
+def seal_offset_mm(profile: LaserProfile) -> float:
+    """Return how far outside the lumen's edge the line runs that seals it."""
+    return weldcut_offset_mm(profile) if in_one_pass(profile) else weld_offset_mm(profile)
+
+
 def in_one_pass(profile: LaserProfile) -> bool:
     """Whether a recipe cuts and seals in one pass; else it welds and cuts separately."""
     operations = profile.recipe.operations
@@ -140,6 +145,28 @@ def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:
     if separate or not in_one_pass(profile):
         return cut_offset_mm(profile)
     return weldcut_offset_mm(profile)
+
+
+def taken_mm(profile: LaserProfile, *, separate: bool = False) -> float:
+    """Return how far outside the lumen's edge a robot's beams remove or melt film.
+
+    In one pass the beam melts the seam's width to both sides of the kerf; a cut alone removes the
+    kerf. Film that holds begins beyond.
+    """
+    apart = separate or not in_one_pass(profile)
+    beam = profile.settings(Operation.CUT if apart else Operation.WELDCUT)
+    rim_mm = 0.0 if apart else beam.seam_width_mm.value
+    return reach_mm(profile, separate=separate) + beam.kerf_mm.value / 2.0 + rim_mm
+
+
+def bare_sheet_mm(profile: LaserProfile) -> tuple[float, float]:
+    """Return width and height that a robot's bare lumen must fit on the bed.
+
+    The rest of the bed is for seam, kerf and the overcut at the mouth.
+    """
+    rim_mm = 2.0 * (reach_mm(profile) + profile.settings(Operation.CUT).overcut_mm.value)
+    wide_mm, high_mm = profile.machine.usable_mm
+    return wide_mm - rim_mm, high_mm - rim_mm
 
 
 def _one_pass(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyPaths:

@@ -28,6 +28,7 @@ OVERLAP_MM = 12.0
 """Overlap of paths where they are parted, half of it on each side."""
 
 _STEP_MM = 25.0
+_MEETS_MM = 1e-6
 
 Range = tuple[float, float]
 
@@ -117,7 +118,9 @@ def _parted(axes: BranchAxes, row: int, segment: Segment, places_mm: list[float]
     if segment.bulge or segment.part is Part.MOUTH:
         return [segment]
     first, last = (axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
-    between = [place for place in places_mm if min(first, last) < place < max(first, last)]
+    # A place where the segment ends anyway, but for rounding, would leave a piece of no length.
+    low, high = min(first, last) + _MEETS_MM, max(first, last) - _MEETS_MM
+    between = [place for place in places_mm if low < place < high]
     shares = sorted((place - first) / (last - first) for place in between)
     start, run = np.array(segment.start_mm), np.subtract(segment.end_mm, segment.start_mm)
     ends = [segment.start_mm, *(_point(start + share * run) for share in shares), segment.end_mm]

@@ -128,11 +128,11 @@ def prepare(
     separate = sheet.process == "weld+cut"
     partition = partition_of(design, profile, separate=separate)
     job = laser_job(design, profile, sheet, partition)
-    flat = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
-    subject = in_pieces(flat, partition, separate=separate)
+    flat = Subject.on_sheet(design, profile, job, separate=separate)
+    subject = in_pieces(replace(flat, deployments=deployments), partition)
     report = run_checks(subject)
     others = _others(design, sheet)
-    beside = tuple(_beside(other, profile, job) for other in others)
+    beside = tuple(_beside(other, profile, job, separate=separate) for other in others)
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not any(one.blocking for one in (report, *beside)):
@@ -170,12 +170,15 @@ def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
     return tuple(other for name, other in named.items() if name != design.name)
 
 
-def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
+def _beside(
+    design: Design, profile: LaserProfile, job: Job, *, separate: bool
+) -> CheckReport:
     """Return the report on another robot of a sheet, measured in the sheet's own paths.
 
     Rules about the sheet as a whole are applied with the first robot only.
     """
-    report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
+    subject = Subject.on_sheet(design, profile, job, separate=separate)
+    report = run_checks(subject, only=RULES.keys() - SHEET_RULES)
     reason = f"checked once for the whole sheet, with {job.name}"
     rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, design)]
     skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)

@@ -21,7 +21,7 @@ from vinefab.fabrication.pieces.bodies import (
 )
 from vinefab.fabrication.pieces.multicut import Clause, Multicut, multicut
 from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE, OVERLAP, POUCH
+from vinefab.fabrication.rules.clearance import CLEARANCE, OVERLAP, POUCH, least_gap_mm
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import spacing
@@ -103,7 +103,7 @@ class _Cutter:
         self.design, self.profile, self.limits, self.separate = design, profile, limits, separate
         self.most = settings.most
         self.size = sleeve_size(settings, profile, separate=separate)
-        self.subject = replace(Subject.of(design), profile=profile)
+        self.subject = replace(Subject.of(design), profile=profile, separate=separate)
         layout = self.subject.layout
         self.parent: list[int] = layout.tree.parent.tolist()
         self.level: list[int] = layout.tree.level.tolist()
@@ -140,7 +140,7 @@ class _Cutter:
         """Yield every pair of bodies that come too near each other."""
         values = by_rule(changed_limits(self.design, self.profile, self.limits))
         near_mm, pouch_mm = (
-            rule.limits_with(values.get(rule.id, {}))["error"] for rule in (CLEARANCE, POUCH)
+            least_gap_mm(rule, values, self.subject.taken_mm) for rule in (CLEARANCE, POUCH)
         )
         capsules, kind = self.bodies.capsules, self.bodies.kind
         found = spacing(capsules, max(near_mm, pouch_mm, 0.0))
@@ -334,7 +334,7 @@ def _on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -
     )
 
 
-def in_pieces(subject: Subject, partition: Partition, *, separate: bool = False) -> Subject:
+def in_pieces(subject: Subject, partition: Partition) -> Subject:
     """Return a subject with its pieces, each as the rules check it; a whole robot has none.
 
     Parameters
@@ -345,7 +345,7 @@ def in_pieces(subject: Subject, partition: Partition, *, separate: bool = False)
     settings, profile = subject.design.build.pieces, subject.profile
     if settings is None or profile is None:
         return subject
-    size = sleeve_size(settings, profile, separate=separate)
+    size = sleeve_size(settings, profile, separate=subject.separate)
     known = replace(subject, partition=partition, sleeve=size)
     if len(partition.pieces) == 1:
         return known

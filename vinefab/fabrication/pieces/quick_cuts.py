@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.passes import reach_mm, taken_mm
 from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
@@ -25,7 +25,7 @@ from vinefab.fabrication.pieces.bodies import (
     sleeves_of,
     straight_sides,
 )
-from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
 from vinefab.model.design import Design, PieceSettings
@@ -51,7 +51,7 @@ class PieceLimits:
     most_cuts: int  # sleeve joints that it may have
     size: SleeveSize
     reach_mm: float  # how far outside the lumen's edge its cuts run
-    clearance_mm: float  # least distance of branches
+    clearance_mm: float  # least distance of lumens
     sheet_mm: tuple[float, float] | None  # width and height that each piece must fit, if any
 
     @classmethod
@@ -67,7 +67,7 @@ class PieceLimits:
             most_cuts=settings.most - 1,
             size=sleeve_size(settings, profile),
             reach_mm=reach_mm(profile),
-            clearance_mm=CLEARANCE.limits_with(changed.get(CLEARANCE.id, {}))["error"],
+            clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             sheet_mm=sheet_mm,
         )
 

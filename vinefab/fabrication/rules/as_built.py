@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 
 import numpy as np
 import shapely
@@ -75,13 +74,32 @@ def _flat_segments(subject: Subject, runs: Sequence[Contour]) -> Iterator[Segmen
 
     The first and the last point of its runs are the mouth: of the tail, or of a piece's socket.
     """
+    back = _back_to_flat(subject, runs)
+    for run in runs:
+        yield from run.moved(*back).segments
+
+
+def _back_to_flat(subject: Subject, runs: Sequence[Contour]) -> tuple[float, float, float]:
+    """Return the turn (rad) and then the shift (mm) from the sheet to the flat layout."""
     (x, y), heading = _mouth(subject)
     first, last = runs[0].points_mm[0], runs[-1].points_mm[-1]
     turn = heading - math.atan2(*(last - first)[::-1]) + math.pi / 2
     ends = Contour.polyline(np.array([first, last]), closed=False).moved(turn, 0.0, 0.0)
-    low_x, low_y = (ends.points_mm[0] + ends.points_mm[-1]) / 2.0
-    for run in runs:
-        yield from run.moved(turn, 0.0, 0.0).moved(0.0, x - float(low_x), y - float(low_y)).segments
+    low_x, low_y = ((ends.points_mm[0] + ends.points_mm[-1]) / 2.0).tolist()
+    return turn, x - low_x, y - low_y
+
+
+def flat_place_mm(subject: Subject, path: LaserPath, at_mm: Point) -> Point | None:
+    """Return a place on the sheet in the flat layout; None on a path of another design."""
+    own = subject.own(Operation.WELDCUT) or subject.own(Operation.WELD)
+    if path.of != own[0].of or not path.of:
+        return None
+    bodies = [[run.contour for run in runs] for runs in bodies_of_paths(own)]
+    spot = shapely.Point(at_mm)
+    near = min(bodies, key=lambda runs: spot.distance(shapely.multipoints(runs[0].points_mm)))
+    point = Contour.polyline(np.array([at_mm, at_mm]), closed=False)
+    x, y = point.moved(*_back_to_flat(subject, near)).points_mm[0].tolist()
+    return x, y
 
 
 def _mouth(subject: Subject) -> tuple[Point, float]:
@@ -113,23 +131,6 @@ def _beyond_mm(
     return bool(across.mean() > 0.0), float(beyond[np.abs(beyond).argmax()])
 
 
-def _webs_mm(subject: Subject, profile: LaserProfile) -> Iterator[tuple[float, str]]:
-    """Yield the film between each seam of a design and the nearest kerf, and the seam's owner.
-
-    It is negative where the kerf reaches into the seam. At the mouth the cut crosses it by design.
-    """
-    welds = subject.own(Operation.WELD)
-    if not welds:
-        return
-    seam_mm = profile.settings(Operation.WELD).seam_width_mm.value
-    kerf_mm = profile.settings(Operation.CUT).kerf_mm.value
-    runs = (run for path in subject.own(Operation.CUT) for run in _beside_mouth(path.contour))
-    cuts = shapely.union_all([_line(run) for run in runs])
-    for path in welds:
-        apart_mm = shapely.distance(_line(path.contour), cuts)
-        yield apart_mm - (seam_mm + kerf_mm) / 2.0, _owner(path, welds)
-
-
 def _overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
     """Yield by how much each closed cut runs past its start, and its owner."""
     cuts = subject.own(Operation.CUT)
@@ -142,17 +143,6 @@ def _overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
 def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
     """Return " of ..." with a path's label, or nothing where it is the only one."""
     return f" of {path.label!r}" if len(paths) > 1 else ""
-
-
-def _beside_mouth(contour: Contour) -> Iterator[Contour]:
-    """Yield the runs of a cut before, between and after its mouths."""
-    for at_mouth, run in groupby(contour.segments, key=lambda part: part.part is Part.MOUTH):
-        if not at_mouth:
-            yield Contour.from_segments(list(run), closed=False)
-
-
-def _line(contour: Contour) -> shapely.LineString:
-    return shapely.LineString(contour.flattened_mm())
 
 
 def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -235,10 +225,9 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     if subject.job is None or subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for seam and overcut")
     profile, slack_mm = subject.profile, limits["slack"]
-    seams_mm, webs = _seams_mm(subject, profile), list(_webs_mm(subject, profile))
+    seams_mm = _seams_mm(subject, profile)
     overcuts_mm, laps_mm = list(_overcuts_mm(subject)), list(_overlaps_mm(subject))
     violations = [*_seam_violations(subject, profile, seams_mm, slack_mm)]
-    violations += _web_violations(profile, webs, slack_mm)
     least_mm = profile.settings(Operation.CUT).overcut_mm.value
     ways = (
         (
@@ -263,24 +252,8 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
                     aspect="overcut",
                 )
             )
-    checked = len(seams_mm) + len(webs) + len(overcuts_mm) + len(laps_mm)
+    checked = len(seams_mm) + len(overcuts_mm) + len(laps_mm)
     return RuleApplied(checked=checked, violations=tuple(violations))
-
-
-def _web_violations(
-    profile: LaserProfile, webs: list[tuple[float, str]], slack_mm: float
-) -> Iterator[Violation]:
-    """Yield a violation by the seam that a separate cut takes most of."""
-    web_mm, of = min(webs, default=(math.inf, ""))
-    if web_mm < -slack_mm:
-        seam_mm = profile.settings(Operation.WELD).seam_width_mm.value
-        yield Violation(
-            message=f"the cut takes off the seam{of}: no burst test covers what is left",
-            severity=Severity.WARNING,
-            measured=max(0.0, seam_mm + web_mm),
-            limit=seam_mm,
-            aspect="web",
-        )
 
 
 def _seam_violations(

@@ -12,6 +12,7 @@ from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
+    LimitChanges,
     Limits,
     Rule,
     RuleApplied,
@@ -111,24 +112,50 @@ def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     )
 
 
+def least_gap_mm(rule: Rule, changed: LimitChanges, taken_mm: float) -> float:
+    """Return how far apart lumens must be for a rule's least film to be left between them.
+
+    Parameters
+    ----------
+    taken_mm
+        What the beams of each take outside its lumen (`taken_mm` of `fabrication.job.passes`).
+    """
+    return rule.limits_with(changed.get(rule.id, {}))["error"] + 2.0 * taken_mm
+
+
+def _film_left(subject: Subject, limits: Limits) -> tuple[Spacing, NDArray[np.bool_]]:
+    """Return pairs of branches with the film left between them as gap, and which overlap flat."""
+    both_mm = 2.0 * subject.taken_mm
+    found = spacing(subject.capsules, max(limits["error"], limits["warning"]) + both_mm)
+    return replace(found, gap_mm=found.gap_mm - both_mm), found.gap_mm < 0.0
+
+
+def _without_recipe(subject: Subject) -> str:
+    return "" if subject.profile else "without a recipe: seams and kerfs are not subtracted"
+
+
 def check_clearance(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-C01: film is left between branches that share no joint.
+    """VF-C01: as made, film is left between branches that share no joint.
+
+    Left is what lies between their lumens, less what the beams of both take there: seam, web and
+    kerf, by the process of the robot.
 
     Branches that share one converge there by design. Their notch ends in a fillet (VF-C04) within
     half of the shorter one (VF-C03), and from there on two straight sides only part: at the end of
     the shorter one they are a branch's width apart. Pouches can close a notch again: VF-C07.
     """
-    found = spacing(subject.capsules, max(limits["error"], limits["warning"]))
-    apart = ~found.joined & (found.gap_mm >= 0.0)
+    found, overlap = _film_left(subject, limits)
     return RuleApplied(
-        checked=len(subject.layout.tree), violations=_gap_violations(subject, limits, found, apart)
+        checked=len(subject.layout.tree),
+        violations=_gap_violations(subject, limits, found, ~found.joined & ~overlap),
+        note=_without_recipe(subject),
     )
 
 
 def _gap_violations(
     subject: Subject, limits: Limits, found: Spacing, chosen: NDArray[np.bool_]
 ) -> tuple[Violation, ...]:
-    """Return a violation for each chosen pair of branches whose gap is below the limits."""
+    """Return a violation for each chosen pair of branches with too little film between them."""
     low = chosen & (found.gap_mm < max(limits["error"], limits["warning"]))
     nears, pairs = _nearest_pairs(subject, found, low)
     message = "too little film is left between the branches: move them apart"
@@ -148,10 +175,11 @@ OVERLAP = Rule(
 )
 CLEARANCE = Rule(
     id="VF-C01",
-    title="clearance between branches",
+    title="clearance between branches as made",
     unit="mm",
-    limits={"error": 3.0, "warning": 5.0},
-    reason="seam, kerf and heat of two outlines need room between them, or they melt into one",
+    limits={"error": 0.0, "warning": 2.0},
+    reason="where seam, web and kerf of both leave no film between them, a cut runs through a "
+    "neighbour's seam; a narrow strip melts (assumed)",
     remedy="widen angles, narrow or shorten the branches named, use fewer of them, or allow pieces",
     check=check_clearance,
 )
@@ -171,11 +199,12 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
     The capsules of VF-C01 leave fillets out; a large fillet can close the gap to a branch that is
     clear of both its sides. A fillet at a pouch's neck belongs to the joint of its branch.
     """
-    webs = list(_fillet_webs(subject))
-    reach_mm = max(limits["error"], limits["warning"])
+    webs, both_mm = list(_fillet_webs(subject)), 2.0 * subject.taken_mm
+    reach_mm = max(limits["error"], limits["warning"]) + both_mm
     hulls = _capsule_polygons(subject)
     nearest: dict[tuple[int, int], tuple[float, _Web, int]] = {}
-    for number, row, gap_mm in _near_webs(subject, webs, hulls, reach_mm):
+    for number, row, apart_mm in _near_webs(subject, webs, hulls, reach_mm):
+        gap_mm = apart_mm - both_mm
         web, other = webs[number], int(subject.capsules.branch[row])
         pair = min(web.branch, other), max(web.branch, other)
         if pair not in nearest or gap_mm < nearest[pair][0]:
@@ -187,7 +216,9 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
         if broken:
             violations.append(_violation(subject, (one, two), (web, hulls[row]), (gap_mm, broken)))
     rest = _remaining(len(order), "are reached by a fillet of another joint")
-    return RuleApplied(checked=len(webs), violations=(*violations, *rest))
+    return RuleApplied(
+        checked=len(webs), violations=(*violations, *rest), note=_without_recipe(subject)
+    )
 
 
 def _violation(
@@ -272,7 +303,7 @@ FOREIGN_FILLET = Rule(
     id="VF-C05",
     title="a fillet joins nothing but its own joint",
     unit="mm",
-    limits={"error": 0.0, "warning": 3.0},
+    limits={"error": 0.0, "warning": 2.0},
     reason="a fillet that swallows another branch's side changes the robot",
     remedy="a smaller fillet, or more distance between the joint and the branch beside it",
     check=check_foreign,
@@ -334,8 +365,7 @@ def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
     pouch = subject.design.build.pouch
     if pouch is None:
         return RuleApplied(checked=0)
-    reach_mm = max(limits["error"], limits["warning"])
-    found = spacing(subject.capsules, reach_mm)
+    found, _ = _film_left(subject, limits)
     near = _gap_violations(subject, limits, found, found.joined & found.pouch)
     violations = (*_confirmed(subject, limits, near),)
     width_mm = subject.design.build.end_widths_mm[-1]
@@ -378,13 +408,13 @@ def _confirmed(
             yield violation
             continue
         for severity in (Severity.ERROR, Severity.WARNING):
-            width_mm = limits[severity]
-            if violation.measured is None or violation.measured > width_mm:
+            if violation.measured is None or violation.measured > limits[severity]:
                 continue
+            width_mm = limits[severity] + 2.0 * subject.taken_mm
             if width_mm not in seen:
                 seen[width_mm] = notches(body, width_mm)
             if lies_between(subject, seen[width_mm], violation.branches, width_mm):
-                yield replace(violation, severity=severity, limit=width_mm)
+                yield replace(violation, severity=severity, limit=limits[severity])
                 break
 
 
@@ -392,7 +422,7 @@ POUCH = Rule(
     id="VF-C07",
     title="pouch wider and longer than its branch is wide, clear of its neighbours at the joint",
     unit="mm",
-    limits={"error": 3.0, "warning": 5.0},
+    limits={"error": 0.0, "warning": 2.0},
     reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",
     remedy="a pouch wider than its branch; a smaller one, or a wider fan, where two touch",
     check=check_pouch,

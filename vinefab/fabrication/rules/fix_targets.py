@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from vinefab.core.units import deg
-from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
+from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH, least_gap_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import (
@@ -30,7 +30,6 @@ from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
 from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
@@ -183,7 +182,8 @@ def _relative(
     )
 
 
-_LEAST = (LEAST_WIDTH, WIDTH_RATIO, CLEARANCE, ANGLE, FILLET, MOUTH, POUCH)
+_LEAST = (LEAST_WIDTH, WIDTH_RATIO, ANGLE, FILLET, MOUTH)
+_LEFT = (CLEARANCE, POUCH)
 _MOST = (PACKING, CROTCH, CLAMP)
 
 
@@ -223,6 +223,10 @@ class FixTargets:
             for rule in rules:
                 named = limits.setdefault(rule.id, {})
                 named["error"] = factor * named.get("error", rule.limits["error"])
+        for rule in _LEFT:  # film that is left: 0 at least, which no factor makes stricter
+            stricter_mm = margin * least_gap_mm(rule, limits, taken_mm(profile))
+            named = limits.setdefault(rule.id, {})
+            named["error"] = named.get("error", rule.limits["error"]) + stricter_mm
         return cls(profile=profile, limits=limits, window_share=window_share)
 
     def of_rule(self, rule: Rule) -> Limits:
@@ -239,7 +243,8 @@ class FixTargets:
             design,
             self.limits,
             film_mm=material.ply_mm.value * material.plies,
-            sheet_mm=self._sheet_mm(),
+            taken_mm=taken_mm(self.profile),
+            sheet_mm=bare_sheet_mm(self.profile),
             pieces=self._pieces(design.build),
         )
         build = design.build
@@ -258,7 +263,7 @@ class FixTargets:
         """Return what the pieces of a design must keep; None for one flat outline."""
         if build.pieces is None:
             return None
-        return PieceLimits.of(build.pieces, self.profile, self.limits, self._sheet_mm())
+        return PieceLimits.of(build.pieces, self.profile, self.limits, bare_sheet_mm(self.profile))
 
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""
@@ -289,16 +294,9 @@ class FixTargets:
         safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(BURST))
         return math.floor(1000.0 * min(safe, material.seam.pressure_kpa.value)) / 1000.0
 
-    def _sheet_mm(self) -> tuple[float, float]:
-        """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""
-        overcut_mm = self.profile.settings(Operation.CUT).overcut_mm.value
-        rim_mm = 2.0 * (weldcut_offset_mm(self.profile) + overcut_mm)
-        wide, high = self.profile.machine.usable_mm
-        return wide - rim_mm, high - rim_mm
-
     def least_fillet_mm(self) -> float:
         """Return the least fillet radius that the rules allow and the laser can run."""
-        least_run_mm = self.of_rule(PATHS)["radius_error"] + weldcut_offset_mm(self.profile)
+        least_run_mm = self.of_rule(PATHS)["radius_error"] + seal_offset_mm(self.profile)
         return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
 
     def _fillets(self, design: Design) -> float:

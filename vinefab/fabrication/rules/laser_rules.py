@@ -12,12 +12,15 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bodies_of_paths, frees
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
+from vinefab.fabrication.rules.as_built import flat_place_mm
+from vinefab.fabrication.rules.bands import meetings
 from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
     RuleApplied,
     RuleNotApplicable,
     Violation,
+    mark_point,
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
@@ -27,6 +30,7 @@ from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
 
 _NO_PATHS = RuleNotApplicable(reason="needs a recipe, which the paths follow from")
 _ORDER = tuple(Operation)
+_MOST_MEETINGS = 100
 
 
 def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -70,23 +74,58 @@ def _left_out(job: Job) -> Iterator[Violation]:
 
 
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-L02: no path runs over another, no segment is too small for the machine."""
-    if subject.job is None:
+    """VF-L02: no path runs into what another or itself takes, no segment is too small to be run."""
+    if subject.job is None or subject.profile is None:
         return _NO_PATHS
     paths = [path for path in subject.job.paths if path.operation.is_machined]
     violations = [violation for path in paths for violation in _small_segments(path, limits)]
+    violations += _meetings(subject, subject.profile, paths, limits)
+    violations += _marked_twice(paths, limits)
+    violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
+    return RuleApplied(checked=len(paths), violations=tuple(violations))
+
+
+def _meetings(
+    subject: Subject, profile: LaserProfile, paths: Sequence[LaserPath], limits: Limits
+) -> Iterator[Violation]:
+    """Yield a violation for every two places at which a kerf reaches into a kerf or a seam."""
+    found = list(meetings([p for p in paths if p.operation is not Operation.MARK], profile))
+    for meeting in found[:_MOST_MEETINGS]:
+        broken = limits.least(meeting.left_mm, "apart")
+        if broken:
+            other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
+            message = f"{meeting.two.label!r} runs into {other}"
+            at_mm = flat_place_mm(subject, meeting.one, meeting.at_mm)
+            yield Violation(
+                message=f"{message}: move the branches apart",
+                severity=broken.severity,
+                measured=meeting.left_mm,
+                limit=broken.limit,
+                branches=meeting.branches,
+                at_mm=at_mm,
+                marker=mark_point(at_mm) if at_mm else "",
+                aspect=f"{meeting.one.operation} {meeting.two.operation}",
+            )
+    if len(found) > _MOST_MEETINGS:
+        rest = f"{len(found) - _MOST_MEETINGS} more places at which paths run into each other"
+        yield Violation(message=rest, severity=Severity.INFO, aspect="rest")
+
+
+def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violation]:
+    """Yield a violation for every mark that another mark or a cut runs over."""
+    marks = [path.operation is Operation.MARK for path in paths]
     lines = np.array([_line(path) for path in paths], dtype=object)
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for one, two in zip(*(rows[first < second].tolist() for rows in (first, second)), strict=True):
+        if not (marks[one] or marks[two]):
+            continue
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         broken = limits.most(shared_mm, "shared")
         if broken:
             message = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
-            violations.append(
-                Violation(message=message, measured=shared_mm, limit=broken.limit, aspect="shared")
+            yield Violation(
+                message=message, measured=shared_mm, limit=broken.limit, aspect="shared"
             )
-    violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
-    return RuleApplied(checked=len(paths), violations=tuple(violations))
 
 
 def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -193,15 +232,16 @@ MARKS = Rule(
 )
 PATHS = Rule(
     id="VF-L02",
-    title="no overlapping paths, no piece too small",
+    title="no path runs into another or itself, no piece too small",
     unit="mm",
     limits={
         "segment_error": LEAST_CUT_MM,
         "radius_error": LEAST_ARC_RADIUS_MM,
+        "apart_error": 0.0,
         "shared_error": 0.2,
     },
-    reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
-    remedy="larger details: longer branches, larger fillets; no path given twice",
+    reason="a kerf in a neighbour's seam opens it; tiny pieces stop the head and burn",
+    remedy="branches farther apart; larger details: longer branches, larger fillets",
     check=check_paths,
 )
 ORDER = Rule(

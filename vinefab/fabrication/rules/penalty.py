@@ -9,7 +9,7 @@ from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
-from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
@@ -105,6 +105,9 @@ def window_penalty(
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
+DEFAULT_TAKEN_MM = 1.1
+"""Half a kerf of 0.3 mm beyond it, and a melted rim of 0.4 mm to both sides of that."""
+
 MOST_CHECKED_BRANCHES = 2000
 """Larger trees are penalized for their size, without checking their branches."""
 
@@ -114,6 +117,7 @@ def fabrication_penalty(
     limits: LimitChanges | None = None,
     *,
     film_mm: float = DEFAULT_FILM_MM,
+    taken_mm: float = DEFAULT_TAKEN_MM,
     sheet_mm: tuple[float, float] | None = None,
     pieces: PieceLimits | None = None,
 ) -> float:
@@ -126,6 +130,8 @@ def fabrication_penalty(
 
     Parameters
     ----------
+    taken_mm
+        How far outside its lumen the beams of each branch take film.
     sheet_mm
         Width and height that the flat robot must fit after a rotation, or None for any size.
         Subtract a few millimetres for seam, kerf and the overcut at the mouth.
@@ -144,9 +150,9 @@ def fabrication_penalty(
         width_violations(design.build, changed),
         _joints(design, changed),
         _packing(design, changed, film_mm),
-        _on_sheet(design, changed, sheet_mm)
+        _on_sheet(design, changed, sheet_mm, taken_mm)
         if pieces is None
-        else _in_pieces(design, pieces, changed),
+        else _in_pieces(design, pieces, changed, taken_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
 
@@ -196,19 +202,26 @@ def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
     return _over((100.0 * share for share in shares), _limit(PACKING, changed))
 
 
-def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
+def _on_sheet(
+    design: Design,
+    changed: LimitChanges,
+    sheet_mm: tuple[float, float] | None,
+    taken_mm: float,
+) -> float:
     if design.branch_count > MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
-    near = _too_near(capsules, _limit(CLEARANCE, changed))
+    near = _too_near(capsules, least_gap_mm(CLEARANCE, changed, taken_mm))
     if sheet_mm is None:
         return near
     return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
 
 
-def _in_pieces(design: Design, pieces: PieceLimits, changed: LimitChanges) -> float:
+def _in_pieces(
+    design: Design, pieces: PieceLimits, changed: LimitChanges, taken_mm: float
+) -> float:
     found = quick_cuts(design, pieces)
-    return _on_sheet(design, changed, pieces.sheet_mm) if found is None else found.left
+    return _on_sheet(design, changed, pieces.sheet_mm, taken_mm) if found is None else found.left
 
 
 def _too_near(capsules: Capsules, clearance_mm: float) -> float:

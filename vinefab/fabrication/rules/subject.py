@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import shapely
 
 from vinefab.fabrication.job.laser_job import check_size, laser_job
+from vinefab.fabrication.job.passes import taken_mm
 from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
 from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
@@ -86,6 +87,7 @@ class Subject:
     # The pieces as subjects of their own, each with its capsules and outline; none for a whole one.
     pieces: "tuple[Subject, ...]" = ()
     piece: Piece | None = None  # the piece that this is
+    separate: bool = False  # welded and cut in two passes, whatever else the recipe has
 
     @classmethod
     def of(
@@ -109,15 +111,23 @@ class Subject:
             capsules=capsules_of(layout, design.build),
             outline=body_outline(design),
             job=laser_job(design, profile, sheet) if profile else None,
+            separate=sheet.process == "weld+cut",
             readback=readback,
             deployments=deployments,
             map_names=map_names,
         )
 
     @classmethod
-    def on_sheet(cls, design: Design, profile: LaserProfile, job: Job) -> "Subject":
+    def on_sheet(
+        cls, design: Design, profile: LaserProfile, job: Job, *, separate: bool = False
+    ) -> "Subject":
         """Return a design with the job of its sheet, which may hold other designs too."""
-        return replace(cls.of(design), profile=profile, job=job)
+        return replace(cls.of(design), profile=profile, job=job, separate=separate)
+
+    @property
+    def taken_mm(self) -> float:
+        """How far outside the lumen's edge the beams take film; 0 without a recipe."""
+        return taken_mm(self.profile, separate=self.separate) if self.profile else 0.0
 
     @property
     def body(self) -> shapely.Polygon:

@@ -122,7 +122,7 @@ def draw_pair(subject: Subject, sketch: Sketch) -> None:
         return
     ends = shapely.get_coordinates(shapely.shortest_line(one, two))
     sketch.dimension(ends[0], ends[1])
-    sketch.says = "film between branches"
+    sketch.says = "film between lumens; beams take some of it"
 
 
 def draw_mouth(subject: Subject, sketch: Sketch) -> None:

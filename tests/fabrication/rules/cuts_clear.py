@@ -31,7 +31,9 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import names
 
-GEOMETRY = {f"VF-{name}" for name in ("T01", "T02", "T03", "T04", "C01", "C02", "C03", "C05", "L02")}
+GEOMETRY = {
+    f"VF-{name}" for name in ("T01", "T02", "T03", "T04", "C01", "C02", "C03", "C05", "L02")
+}
 SLACK_MM = 0.05
 
 

@@ -1,8 +1,12 @@
 """Clearance rules against the drawn outline: what closing it by a disc adds is a notch or gap."""
 
+import importlib.util
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 
@@ -19,6 +23,7 @@ Make = Callable[..., Design]
 ASKED_MM = {"error": 3.0, "warning": 5.0}
 """Of lumens: nothing is taken where there is no recipe."""
 
+SEEDED = np.random.default_rng(1), 2.0
 SPOILT = {"VF-T02", "VF-T03", "VF-C02", "VF-C03", "VF-C04", "VF-C05"}
 
 
@@ -86,3 +91,16 @@ def test_a_pouch_that_bends_back_to_its_parent_is_found(make: Make, profile: Las
     assert 0.0 < gap < 2.0
     assert shapely.is_valid(body)
     assert notches(body, gap + 2.0 * taken_mm(profile) + 0.3)
+
+
+def test_no_written_cut_comes_near_a_seam_that_is_not_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = Path(__file__).with_name("cuts_clear.py")
+    spec = importlib.util.spec_from_file_location("cuts_clear", path)
+    cuts_clear = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(cuts_clear)
+    assert cuts_clear.main(32, seed=2) == 0
+    passing = replace(run_checks(Subject.of(cuts_clear.near_the_limit(*SEEDED))), findings=())
+    monkeypatch.setattr(cuts_clear, "run_checks", lambda *_, **__: passing)
+    assert cuts_clear.main(32, seed=2) > 0, "without the rules some robot is cut wrongly"

@@ -170,9 +170,7 @@ def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
     return tuple(other for name, other in named.items() if name != design.name)
 
 
-def _beside(
-    design: Design, profile: LaserProfile, job: Job, *, separate: bool
-) -> CheckReport:
+def _beside(design: Design, profile: LaserProfile, job: Job, *, separate: bool) -> CheckReport:
     """Return the report on another robot of a sheet, measured in the sheet's own paths.
 
     Rules about the sheet as a whole are applied with the first robot only.

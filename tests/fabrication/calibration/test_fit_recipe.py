@@ -137,6 +137,17 @@ def test_sizes_that_are_off_the_more_the_larger_they_are_warn(tmp_path, text, wo
         assert "2 +- 0." in warned[0]
 
 
+def test_widths_tell_a_seam_that_is_sealed_alone(tmp_path):
+    recipe = "co2_60w__tpu_nylon_70d"
+    drawn_mm = read_profile(recipe).settings("weld").seam_width_mm.value
+    path = tmp_path / "results.csv"
+    lines = [f"width,{w},{w + drawn_mm - 2.6 + 0.01 * (w % 3)},mm" for w in (5, 8, 10, 16, 20)]
+    path.write_text("measure,setting,value,unit\n" + "\n".join(lines) + "\n")
+    found = fitted_recipe(read_results(path), read_profile(recipe))
+    assert found.numbers["weld.seam_width_mm"].value == pytest.approx(2.6, abs=0.03)
+    assert not found.refused
+
+
 def test_a_shrinkage_that_is_known_already_counts(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text(shrunk(2.0, ladder=False))

@@ -1,9 +1,10 @@
 """From coupon results to a calibrated recipe: fitted numbers, each with its uncertainty.
 
 A square cut on a path of 50 mm comes out a kerf too small; the hole that it leaves is a kerf too
-large. A finger of the ladder whose outline was offset by d is w + 2 (d - s - k / 2) wide. What is
-welded then shrinks: what measures m was m (1 + e) as drawn, with e = 1 / (1 - shrinkage) - 1.
-The sheet around a hole is taken not to shrink, nor is what is only cut (assumed).
+large. A finger of the ladder whose outline was offset by d is w + 2 (d - s - k / 2) wide; sealed
+alone, w + s (recipe) - s. What is welded then shrinks: what measures m was m (1 + e) as drawn, with
+e = 1 / (1 - shrinkage) - 1. The sheet around a hole is taken not to shrink, nor is what is only cut
+(assumed).
 """
 
 import math
@@ -27,6 +28,7 @@ from vinefab.fabrication.calibration.estimate import (
     mean_estimate,
     solve_equations,
 )
+from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.job import Operation
 from vinefab.model.laser import (
     SHRINKAGE_PERCENT,
@@ -66,7 +68,10 @@ def _known_shrinkage(profile: LaserProfile) -> Estimate:
     """Return e of the material's shrinkage."""
     known = profile.material.shrinkage_percent
     left = 1.0 - known.value / 100.0
-    uncertainty = (known.uncertainty or 0.0) / 100.0 / left**2
+    percent = known.uncertainty or 0.0
+    if known.uncertainty_95 is not None:  # readings may have been few
+        percent = known.uncertainty_95 / 1.96
+    uncertainty = percent / 100.0 / left**2
     return Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
 
 
@@ -109,7 +114,7 @@ def _kerfs(
     groups: dict[str, list[Reading]] = {}
     for reading in results.readings:
         if reading.measure in ("kerf_piece", "kerf_hole", "seam", "width"):
-            operation = "weldcut" if reading.measure == "width" else reading.setting
+            operation = _widths_by(profile) if reading.measure == "width" else reading.setting
             groups.setdefault(operation, []).append(reading)
     found: dict[str, Estimate] = {}
     remarks: list[str] = []
@@ -119,7 +124,7 @@ def _kerfs(
             equations = [_equation(reading, regain, results, profile) for reading in readings]
             numbers, spread = _block(equations, regain, key, like)
             found |= numbers
-            remarks += _growing(equations, regain, profile, results)
+            remarks += _growing(equations, regain, profile)
             like = like or (spread if equations[0].sigma is None else None)
     return found, remarks
 
@@ -144,7 +149,7 @@ def _block(
 
 
 def _growing(
-    equations: Sequence[Equation], regain: Estimate, profile: LaserProfile, results: Results
+    equations: Sequence[Equation], regain: Estimate, profile: LaserProfile
 ) -> Iterator[str]:
     """Yield a remark where sizes are off by more, the larger they are, than shrinkage explains."""
     try:
@@ -161,7 +166,7 @@ def _growing(
     percent = _shrinkage_percent(free)
     kerf = numbers.get("weldcut.kerf_mm")
     so = f" and a kerf of {kerf.value:.3g} mm" if kerf else ""
-    if results.of("length"):
+    if regain.readings:
         along = _shrinkage_percent(regain).value
         advice = f"the lengths say {along:.2g} %: the film shrinks unlike along and across"
     else:
@@ -182,11 +187,16 @@ def _equation(
     """Return a reading of a kerf, a seam or a width as an equation."""
     measure, value = reading.measure, reading.value
     if measure == "width":
-        offset_mm = _offset_mm(results, reading, profile)
+        grown_mm = value - _designed_mm(reading)
+        if _widths_by(profile) == Operation.WELD:
+            # The seam's middle runs s / 2 of the recipe outside: s = s (recipe) - what it grew by.
+            drawn_mm = profile.settings(Operation.WELD).seam_width_mm.value
+            factors = {"weld.seam_width_mm": 1.0, _REGAIN: value}
+            return Equation(factors=factors, value=drawn_mm - grown_mm, sigma=reading.sigma)
         # s + k / 2 = d - (measured (1 + e) - w) / 2; half a width has half its uncertainty.
         return Equation(
             factors={"weldcut.seam_width_mm": 1.0, "weldcut.kerf_mm": 0.5, _REGAIN: value / 2.0},
-            value=offset_mm - (value - _designed_mm(reading)) / 2.0,
+            value=_offset_mm(results, profile) - grown_mm / 2.0,
             sigma=None if reading.sigma is None else reading.sigma / 2.0,
         )
     makes = _SEALING if measure == "seam" else _CUTTING
@@ -218,12 +228,14 @@ def _designed_mm(reading: Reading) -> float:
     return designed
 
 
-def _offset_mm(results: Results, reading: Reading, profile: LaserProfile) -> float:
+def _widths_by(profile: LaserProfile) -> Operation:
+    """Return the operation that seals the fingers of the width ladder."""
+    return Operation.WELDCUT if in_one_pass(profile) else Operation.WELD
+
+
+def _offset_mm(results: Results, profile: LaserProfile) -> float:
     """Return the outline's offset on the coupons: that in their table, else the recipe's."""
-    settings = profile.recipe.operations.get(Operation.WELDCUT)
-    if settings is None:
-        raise reading.wrong(reading.setting, "a recipe that cuts and seals in one pass")
-    recipe_mm = settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
+    recipe_mm = weldcut_offset_mm(profile)
     if results.offset_mm is None:
         return recipe_mm
     if abs(results.offset_mm - recipe_mm) > 1e-6:
@@ -371,7 +383,7 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         numbers |= _laps(results)
         method = bond
         remarks += _lap_lines(results)
-    if not numbers and not windows:
+    if parts.refused and not numbers and not windows:
         _refuse(parts.refused)
     kept = [place for place, number in numbers.items() if number.readings == 0]
     if kept:

@@ -188,8 +188,8 @@ def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Iterator[V
     broken = limits.most(abs(share) * widest_mm)
     yield Violation(
         message=f"film shrinks by {shrinkage.value:.2g} % where it is welded "
-        f"({shrinkage.standing}), which the paths leave out: {longest_mm:.0f} mm to the farthest tip come out as "
-        f"{longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
+        f"({shrinkage.standing}), which the paths leave out: {longest_mm:.0f} mm to the farthest "
+        f"tip come out as {longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
         f"{widest_mm * (1.0 - share):.1f} if it shrinks alike across",
         severity=Severity.WARNING if broken else Severity.INFO,
         measured=abs(share) * widest_mm,

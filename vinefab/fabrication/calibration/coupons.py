@@ -26,6 +26,7 @@ from vinefab.model.outline import Contour
 from vinefab.physics.seam import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
+_LENGTH_WIDTH_MM = 10.0
 LENGTHS_MM = {40.0: 2, 160.0: 1, 280.0: 2}
 """Fingers of each length: most at the ends, which say most of a slope."""
 FILLETS_MM = (2.0, 4.0, 8.0)
@@ -40,7 +41,7 @@ LAP_MM = PieceSettings().lap_mm
 PORT_MM = 6.0
 LETTER_MM = 4.0
 LABEL_GAP_MM = 5.0
-_LADDER_LENGTH_MM, _LADDER_TAIL_MM, _LENGTH_WIDTH_MM = 40.0, 10.0, 10.0
+_LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
 _LAP_TUBE_MM = 45.0
 
 

@@ -66,9 +66,9 @@ def _within(low: float, high: float) -> Callable[[QuantityForm], QuantityForm]:
 
 
 Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
+Shrinkage = Annotated[QuantityForm, AfterValidator(_within(*SHRINKAGE_PERCENT))]
 NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
 Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
-Shrinkage = Annotated[QuantityForm, AfterValidator(_within(*SHRINKAGE_PERCENT))]
 Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
 FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
 

@@ -1220,7 +1220,7 @@ def calibrate(
     out: str | PathLike[str],
     force: bool = False,
 ) -> WrittenReport:
-    """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
+    """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
     Parameters
     ----------
@@ -1241,7 +1241,8 @@ def calibrate(
     Raises
     ------
     BadInputError
-        If a reading cannot be used, or readings cannot tell the unknowns apart.
+        If a row cannot be read, or no kind of readings can be fitted; the summary names those
+        that cannot.
     ForeignFileError
         If ``out`` is something else.
     UnreadableFileError

@@ -133,6 +133,32 @@ def test_peel_crotches_and_energies_are_kept_in_the_recipe(vinefab, tmp_path):
     assert "weldcut runs 120.0 mJ/mm, but the coupons say" in words
 
 
+def test_film_that_shrinks_is_measured_written_and_said_in_every_check(vinefab, tmp_path):
+    table, mine, record = (tmp_path / name for name in ("r.csv", "mine.toml", "fitted.json"))
+    lengths = (40.0, 40.1, 160.0, 280.1, 280.0)
+    rows = [f"length,{round(mm, -1):g},{0.98 * mm + 0.3:.2f},mm" for mm in lengths]
+    noise = [f"friction_incline,,{degrees},deg" for degrees in (20, 85)]
+    table.write_text("measure,setting,value,unit\n" + "\n".join([*rows, *noise]) + "\n")
+    code, words, complaint = vinefab("calibrate", table, "--out", mine, "--json", record)
+    assert (code, complaint) == (0, "")
+    assert "not fitted: friction: " in words
+    assert "85 deg" in json.loads(record.read_text())["refused"]["friction"]
+    shrinkage = read_profile(mine).material.shrinkage_percent
+    assert shrinkage.value == pytest.approx(2.0, abs=0.05)
+    assert shrinkage.standing is Standing.MEASURED
+    # Three degrees of freedom: 3.18 standard deviations, not 1.96.
+    assert shrinkage.uncertainty_95 == pytest.approx(3.18 * shrinkage.uncertainty, rel=1e-2)
+    code, words, _ = vinefab("check", "plain_vine", "--recipe", mine)
+    assert code == 0
+    assert "film shrinks by 2" in words
+    out = tmp_path / "package"
+    given = ("fabricate", "plain_vine", "--out", out, "--allow-uncalibrated", "--force", "-q")
+    assert vinefab(*given, "--recipe", mine)[0] == 0
+    assert json.loads((out / "job.json").read_text())["material"]["shrinkage_percent"]["value"]
+    assert vinefab(*given)[0] == 0
+    assert "shrinkage" not in (out / "job.json").read_text() + (out / "report.html").read_text()
+
+
 LAPS = "measure,setting,value,unit,uncertainty\n"
 
 

@@ -28,7 +28,7 @@ def calibrate_command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
-    """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
+    """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
     Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200
     --out my_recipe.toml

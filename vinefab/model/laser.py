@@ -32,27 +32,37 @@ class Quantity:
         Where it comes from, in words.
     uncertainty
         Standard uncertainty in the number's own unit, or None if unknown.
+    uncertainty_95
+        Half of its 95 % interval, wider than two standard uncertainties where readings were few;
+        None if unknown.
     """
 
     value: float
     standing: Standing
     source: str = ""
     uncertainty: float | None = None
+    # Like the other one it changes nothing that is predicted: no part of a recipe's fingerprint.
+    uncertainty_95: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         number("value", self.value, -1e12, 1e12)
-        if self.uncertainty is not None:
-            number("uncertainty", self.uncertainty, 0.0, 1e12)
+        for name in ("uncertainty", "uncertainty_95"):
+            if (given := getattr(self, name)) is not None:
+                number(name, given, 0.0, 1e12)
 
     def __float__(self) -> float:
         return self.value
 
     def words(self) -> str:
-        """Return the number and, if known, its uncertainty.
+        """Return the number and, if known, its 95 % interval or else its standard uncertainty.
 
         >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).words()
         '0.26 +- 0.013'
+        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty_95=0.056).words()
+        '0.26 +- 0.056 (95 %)'
         """
+        if self.uncertainty_95 is not None:
+            return f"{self.value:g} +- {self.uncertainty_95:.2g} (95 %)"
         spread = "" if self.uncertainty is None else f" +- {self.uncertainty:.2g}"
         return f"{self.value:g}{spread}"
 
@@ -113,6 +123,13 @@ class Machine:
         margin = 2.0 * self.margin_mm.value
         return self.bed_width_mm.value - margin, self.bed_height_mm.value - margin
 
+
+SHRINKAGE_PERCENT = (-20.0, 50.0)
+"""Least and greatest shrinkage of a film; below 0 it grows."""
+
+NO_SHRINKAGE = Quantity(
+    value=0.0, standing=Standing.ASSUMED, source="not given: film is taken to keep its size"
+)
 
 SEAM_KEYS = ("burst_kpa", "burst_width_mm", "survived_kpa", "survived_width_mm")
 """Fields of a material that say what is known of its seam."""
@@ -178,6 +195,9 @@ class Material:
         none was burst.
     weldable
         Whether a laser can weld it.
+    shrinkage_percent
+        By how much welded film comes out shorter than drawn. Predictions do not use it, so that it
+        is no part of the recipe's fingerprint in their reports.
     """
 
     name: str
@@ -194,6 +214,7 @@ class Material:
     survived_kpa: Quantity | None = None
     survived_width_mm: Quantity | None = None
     weldable: bool
+    shrinkage_percent: Quantity = field(default=NO_SHRINKAGE, repr=False)
 
     def __post_init__(self) -> None:
         burst = self.burst_kpa is not None, self.burst_width_mm is not None

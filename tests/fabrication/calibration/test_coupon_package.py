@@ -179,6 +179,22 @@ def test_the_ladder_has_every_width(coupons):
     assert [design.build.widths_mm[0] for design in ladder_designs()] == list(LADDER_MM)
 
 
+def test_the_ladder_of_lengths_has_every_length_as_a_robot_is_drawn(coupons, files):
+    offset = coupons.sheets[0].facts["weldcut_offset_mm"]
+    found = sorted(
+        round(path.contour.box_mm[2] - path.contour.box_mm[0] - offset, 6)
+        for path in coupons.sheets[0].along(Operation.WELDCUT)
+        if re.search(r" L\d", path.label)
+    )
+    assert found == [40.0, 40.0, 160.0, 280.0, 280.0]
+    lines = files["results.csv"].decode().splitlines()
+    rows = csv.DictReader(line for line in lines if line[0] != "#")
+    notes = [row for row in rows if row["measure"] == "length"]
+    assert [float(row["setting"]) for row in notes] == found
+    for row in notes:
+        assert any(row["note"].split()[-1] in p.label for p in coupons.sheets[0].paths)
+
+
 def test_crotches_have_three_fillets_and_squares_are_50_mm(coupons):
     paths = coupons.sheets[0].along(Operation.WELDCUT)
     offset = coupons.sheets[0].facts["weldcut_offset_mm"]

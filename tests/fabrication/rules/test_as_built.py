@@ -7,7 +7,7 @@ from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Collar, Design
 from vinefab.model.finding import Finding, Severity
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Quantity, Standing
 
 Make = Callable[..., Design]
 
@@ -79,3 +79,26 @@ def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(
 def test_a_taper_steeper_than_its_branch_is_found(make: Make, profile: LaserProfile) -> None:
     report = run_checks(Subject.of(make(trunk_mm=10.0, taper=(0.3,)), profile))
     assert "VF-C03" in {finding.rule for finding in report.blocking}
+
+
+@pytest.mark.parametrize(
+    ("percent", "severity"), [(0.0, None), (0.2, Severity.INFO), (2.0, Severity.WARNING)]
+)
+def test_a_known_shrinkage_is_said_and_moves_no_path(
+    make: Make, profile: LaserProfile, percent: float, severity: Severity | None
+) -> None:
+    shrinkage = Quantity(value=percent, standing=Standing.MEASURED)
+    material = replace(profile.material, shrinkage_percent=shrinkage)
+    shrinking = replace(profile, material=material)
+    design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
+    subject, plain = Subject.of(design, shrinking), Subject.of(design, profile)
+    assert subject.job is not None
+    assert plain.job is not None
+    boxes = ([path.contour.box_mm for path in job.paths] for job in (subject.job, plain.job))
+    assert next(boxes) == next(boxes)
+    found = run_checks(subject, only=("VF-W04",)).findings
+    assert [finding.severity for finding in found] == ([severity] if severity else [])
+    for finding in found:
+        assert finding.measured == pytest.approx(0.01 * percent * 40.0)
+        trunk_mm = subject.layout.tree.length_mm[0]
+        assert f"{(trunk_mm + 200.0) * (1.0 - 0.01 * percent):.0f}" in finding.message

@@ -65,14 +65,17 @@ def _bond(table: dict[str, Any], calibration: Calibration) -> None:
 
 
 def _number(estimate: Estimate, results: Path) -> dict[str, object]:
-    plural = "s" if estimate.readings > 1 else ""
     content: dict[str, object] = {
         "value": float(f"{estimate.value:.6g}"),
         "standing": "measured",
-        "source": f"{results.name}: {estimate.readings} reading{plural}",
+        "source": f"{results.name}: {counted(estimate.readings, 'reading')}",
     }
+    if estimate.readings == 0:
+        source = f"published fit, scaled to this tube: {results.name} does not say"
+        content |= {"standing": "assumed", "source": source}
     if estimate.uncertainty > 0.0:
         content["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+        content["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
     return content
 
 
@@ -105,16 +108,16 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     """Return the fitted numbers as lines for the user."""
     numbers = calibration.numbers
     width = max((len(name) for name in numbers), default=0)
-    lines = [
-        f"{name:<{width}}  {_words(number)}  measured, {counted(number.readings, 'reading')}"
-        for name, number in numbers.items()
-    ]
-    return [*lines, *calibration.remarks, f"status: {calibration.status}"]
+    lines = [f"{name:<{width}}  {_words(number)}" for name, number in numbers.items()]
+    refused = [f"not fitted: {group}: {why}" for group, why in calibration.refused.items()]
+    return [*lines, *calibration.remarks, *refused, f"status: {calibration.status}"]
 
 
 def _words(number: Estimate) -> str:
-    spread = f" +- {number.uncertainty:.2g}" if number.uncertainty > 0.0 else ""
-    return f"{number.value:.4g}{spread}"
+    if number.readings == 0:
+        return f"{number.value:.4g}  assumed"
+    half = f" +- {number.half_width():.2g} (95 %)" if number.uncertainty > 0.0 else ""
+    return f"{number.value:.4g}{half}  measured, {counted(number.readings, 'reading')}"
 
 
 def calibration_json(calibration: Calibration) -> str:
@@ -127,6 +130,7 @@ def calibration_json(calibration: Calibration) -> str:
                 name: {
                     "value": number.value,
                     "uncertainty": number.uncertainty,
+                    "uncertainty_95": number.half_width(),
                     "readings": number.readings,
                 }
                 for name, number in calibration.numbers.items()
@@ -146,5 +150,6 @@ def calibration_json(calibration: Calibration) -> str:
                 for window in calibration.windows
             ],
             "remarks": list(calibration.remarks),
+            "refused": dict(calibration.refused),
         },
     )

@@ -76,6 +76,9 @@ def _measuring(profile: LaserProfile) -> list[str]:
     steps += [
         "W5 to W40: lay-flat width of the open lumen, between the seams, in the middle of the"
         " finger.",
+        "L40 to L280: length of the finger, flat, along its middle, from the cut of its mouth to"
+        " the outer edge of its tip, to 0.2 mm: all in the same way. They say by how much film"
+        " shrinks where it is welded.",
         "BURST: blunt needle through the port, clamp it, raise the pressure slowly behind a shield;"
         " write down the pressure at which it bursts and where. Three balloons at least: one alone"
         " says nothing of the spread.",
@@ -83,9 +86,16 @@ def _measuring(profile: LaserProfile) -> list[str]:
         "PEEL: pull the two free plies apart, 90 degrees each; the largest force.",
         "CROTCH: inflate until it fails; the fillet that fails last is the one to use.",
         "friction_incline: a strip of film on the obstacle's material; tilt until it slides.",
-        "growth: one long tube of one width, along paths of straight pieces and turns; the pressure"
-        " at which it just grows at the end of each path. At least five paths that differ in length"
-        " and in turns. Setting: lengths in mm and turns in degrees, in turn: 300 90 300.",
+        "growth: one tube of one width, more than 2 m long, stored as your robots are, grown along"
+        " a course of straight pieces and a turn around a post; the pressure at which it just grows"
+        " at the course's end. Setting: lengths in mm and turns in degrees, in turn, base first:"
+        " 50 270 950.",
+        "growth_free: the same once the end of the film has left the store, so that nothing holds"
+        " it back: setting is the path from there to the tip that film still lies along. 50: a"
+        " straight tube all but grown, 50 mm of film still inside. 900 270 100: a tube of 2 m on a"
+        " course of 900, 270 and 100.",
+        "Pack the tube again for every reading. Stay below two thirds of what it bursts at: a cell"
+        " may stay empty. What the readings do not say, calibrate takes from the published tube.",
     ]
     return steps
 

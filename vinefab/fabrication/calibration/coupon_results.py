@@ -16,6 +16,7 @@ from vinefab.fabrication.calibration.coupons import (
     LADDER_MM,
     LAP_COPIES,
     LAP_WIDTHS_MM,
+    LENGTHS_MM,
     STRIP_MM,
     STRIPS,
     Matrix,
@@ -51,6 +52,7 @@ _MEASURES = {
     "kerf_hole": "mm",
     "seam": "mm",
     "width": "mm",
+    "length": "mm",
     "burst": "kPa",
     "peel": "N",
     "crotch_burst": "kPa",
@@ -60,9 +62,18 @@ _MEASURES = {
     "friction_incline": "rad",
     "growth_width": "mm",
     "growth": "kPa",
+    "growth_free": "kPa",
     "matrix": "",
 }
 """What may be measured, and the unit that the fit works in; empty for outcomes in words."""
+
+GROWTH_PATHS = {
+    "growth": ("1000", "1000", "50 270 950"),
+    "growth_free": ("50", "50", "50", "900 270 100", "900 270 100", "900 270 100"),
+}
+"""Paths that tell the growth constants apart best: by Fisher information, of those up to a metre
+with up to 270 degrees, for constants within a factor of two of the published ones.
+"""
 
 _LARGEST = 1e9
 """Of a reading, in any unit: profiles hold no larger number."""
@@ -101,6 +112,16 @@ def _rows(profile: LaserProfile) -> list[Row]:
     rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
     rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
     rows += [
+        (
+            "length",
+            f"{length:g}",
+            "mm",
+            f"cut of the mouth to outer edge of the tip: L{length:g}-{k}",
+        )
+        for length, copies in LENGTHS_MM.items()
+        for k in range(1, copies + 1)
+    ]
+    rows += [
         ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")
         for k in range(1, BALLOONS + 1)
     ]
@@ -113,8 +134,9 @@ def _rows(profile: LaserProfile) -> list[Row]:
     rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
     rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
     rows += [
-        ("growth", path, "kPa", "lengths mm and turns deg in turn")
-        for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
+        (measure, path, "kPa", "lengths mm and turns deg in turn")
+        for measure, paths in GROWTH_PATHS.items()
+        for path in paths
     ]
     return rows
 

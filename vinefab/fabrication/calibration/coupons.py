@@ -26,6 +26,9 @@ from vinefab.model.outline import Contour
 from vinefab.physics.seam import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
+_LENGTH_WIDTH_MM = 10.0
+LENGTHS_MM = {40.0: 2, 160.0: 1, 280.0: 2}
+"""Fingers of each length: most at the ends, which say most of a slope."""
 FILLETS_MM = (2.0, 4.0, 8.0)
 BALLOON_MM = (60.0, 20.0)
 BALLOONS = 3
@@ -68,7 +71,7 @@ class Coupon:
 
 def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return every coupon for a recipe but the energy matrix, each at a place of its own."""
-    robots = [*balloon_designs(), *crotch_designs(), *ladder_designs()]
+    robots = [*balloon_designs(), *crotch_designs(), *ladder_designs(), *length_designs()]
     return (
         *(robot_piece(design, profile) for design in robots),
         *lap_pieces(profile),
@@ -91,14 +94,22 @@ def balloon_designs() -> tuple[Design, ...]:
 
 def ladder_designs() -> tuple[Design, ...]:
     """Return the width ladder: plain fingers from 5 to 40 mm."""
+    return tuple(_finger(f"W{width:g}", width, _LADDER_LENGTH_MM) for width in LADDER_MM)
+
+
+def length_designs() -> tuple[Design, ...]:
+    """Return the ladder of lengths, mouth to tip: fingers of one width, which show shrinkage."""
+    tip_mm = _LENGTH_WIDTH_MM / 2
     return tuple(
-        Design(
-            name=f"W{width:g}",
-            trunk_length_mm=_LADDER_LENGTH_MM,
-            build=Build(widths_mm=(width,), fillet_mm=(), tail_mm=_LADDER_TAIL_MM),
-        )
-        for width in LADDER_MM
+        _finger(f"L{length:g}-{number}", _LENGTH_WIDTH_MM, length - _LADDER_TAIL_MM - tip_mm)
+        for length, copies in LENGTHS_MM.items()
+        for number in range(1, copies + 1)
     )
+
+
+def _finger(name: str, width_mm: float, trunk_mm: float) -> Design:
+    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=_LADDER_TAIL_MM)
+    return Design(name=name, trunk_length_mm=trunk_mm, build=build)
 
 
 def crotch_designs() -> tuple[Design, ...]:

@@ -1,28 +1,37 @@
 """From coupon results to a calibrated recipe: fitted numbers, each with its uncertainty.
 
 A square cut on a path of 50 mm comes out a kerf too small; the hole that it leaves is a kerf too
-large. A finger of the ladder whose outline was offset by d is w + 2 (d - s - k / 2) wide.
+large. A finger of the ladder whose outline was offset by d is w + 2 (d - s - k / 2) wide; sealed
+alone, w + s (recipe) - s. What is welded then shrinks: what measures m was m (1 + e) as drawn, with
+e = 1 / (1 - shrinkage) - 1. The sheet around a hole is taken not to shrink, nor is what is only cut
+(assumed).
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
+from typing import NoReturn
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
 from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
+    GROWTH_CONSTANTS,
     Equation,
     Estimate,
     GrownPath,
+    Scatter,
     fit_growth,
     mean_estimate,
     solve_equations,
 )
+from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.job import Operation
 from vinefab.model.laser import (
+    SHRINKAGE_PERCENT,
     EnergyWindow,
     LapMethod,
     LaserProfile,
@@ -30,76 +39,203 @@ from vinefab.model.laser import (
     RecipeStatus,
     Standing,
 )
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
 from vinefab.physics.seam import allowed_line_load_n_mm, lap_load_n_mm, line_load_n_mm
+from vinefab.physics.tube import inflated_diameter_mm
 
 _CUTTING = (Operation.WELDCUT, Operation.CUT)
 _SEALING = (Operation.WELDCUT, Operation.WELD)
+_REGAIN, _ENDS = "regain", "ends"
+"""Unknowns: e, and by how much all lengths of the ladder are off alike, from seam and kerf."""
 
 
-def fit_kerfs(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
-    """Return the kerfs and seam widths that readings give, by ``OPERATION.kerf_mm`` and so on."""
-    equations = list(_equations(results, profile))
-    if not equations:
-        return {}
-    found = solve_equations(equations, "kerf and seam")
-    for name, estimate in found.items():
-        if estimate.value < 0.0:
-            allowed = "0 or more: look for readings of the wrong piece, unit or operation"
-            raise BadInputError(name, f"{estimate.value:.3f} mm", allowed)
+class _Parts:
+    """Groups of readings, each fitted alone: one that cannot be fitted costs its own numbers."""
+
+    def __init__(self) -> None:
+        self.refused: dict[str, BadInputError] = {}
+
+    @contextmanager
+    def group(self, name: str) -> Iterator[str]:
+        """Give a group's name, and note why it cannot be fitted."""
+        try:
+            yield name
+        except BadInputError as error:
+            self.refused[name] = error
+
+
+def _known_shrinkage(profile: LaserProfile) -> Estimate:
+    """Return e of the material's shrinkage."""
+    known = profile.material.shrinkage_percent
+    left = 1.0 - known.value / 100.0
+    percent = known.uncertainty or 0.0
+    if known.uncertainty_95 is not None:  # readings may have been few
+        percent = known.uncertainty_95 / 1.96
+    uncertainty = percent / 100.0 / left**2
+    return Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
+
+
+def _ladder_shrinkage(results: Results) -> Estimate:
+    """Return e of the ladder of lengths."""
+    equations = [
+        Equation(
+            factors={_REGAIN: reading.value, _ENDS: 1.0},
+            value=_designed_mm(reading) - reading.value,
+            sigma=reading.sigma,
+        )
+        for reading in results.of("length")
+    ]
+    found = solve_equations(equations, "length")[0][_REGAIN]
+    percent = _shrinkage_percent(found).value
+    low, high = SHRINKAGE_PERCENT
+    if not low <= percent <= high:
+        raise BadInputError("shrinkage", f"{percent:.3g} %", f"{low:g} to {high:g} %")
     return found
 
 
-def _equations(results: Results, profile: LaserProfile) -> Iterator[Equation]:
-    for reading in results.of("kerf_piece"):
-        yield _equation(reading, {_kerf(reading, profile): 1.0}, SQUARE_MM - reading.value)
-    for reading in results.of("kerf_hole"):
-        yield _equation(reading, {_kerf(reading, profile): 1.0}, reading.value - SQUARE_MM)
-    for reading in results.of("seam"):
-        operation = _operation(reading, _SEALING, profile)
-        yield _equation(reading, {f"{operation}.seam_width_mm": 1.0}, reading.value)
-    for reading in results.of("width"):
-        offset_mm = _offset_mm(results, reading, profile)
-        # s + k / 2 = d - (measured - w) / 2; half a width has half its uncertainty.
-        target = offset_mm - (reading.value - _width_mm(reading)) / 2.0
-        sigma = None if reading.sigma is None else reading.sigma / 2.0
-        factors = {"weldcut.seam_width_mm": 1.0, "weldcut.kerf_mm": 0.5}
-        yield Equation(factors=factors, value=target, sigma=sigma)
+def _shrinkage_percent(regain: Estimate) -> Estimate:
+    left = 1.0 / (1.0 + regain.value)
+    return Estimate(
+        value=100.0 * (1.0 - left),
+        uncertainty=100.0 * regain.uncertainty * left**2,
+        readings=regain.readings,
+        degrees=regain.degrees,
+    )
 
 
-def _equation(reading: Reading, factors: dict[str, float], value: float) -> Equation:
-    if value < 0.0:
-        allowed = f"a square of {SQUARE_MM:g} mm comes out smaller, its hole larger"
-        raise reading.wrong(f"{reading.value:g} mm, a kerf of {value:.3f} mm", allowed)
-    return Equation(factors=factors, value=value, sigma=reading.sigma)
+def _kerfs(
+    results: Results, profile: LaserProfile, regain: Estimate, parts: _Parts
+) -> tuple[dict[str, Estimate], list[str]]:
+    """Return kerfs and seam widths, by ``OPERATION.kerf_mm`` and so on, and remarks on them.
+
+    Operations are fitted one by one. Where one has too few readings to scatter, and states no
+    uncertainties, it takes the scatter of the operation with most.
+    """
+    groups: dict[str, list[Reading]] = {}
+    for reading in results.readings:
+        if reading.measure in ("kerf_piece", "kerf_hole", "seam", "width"):
+            operation = _widths_by(profile) if reading.measure == "width" else reading.setting
+            groups.setdefault(operation, []).append(reading)
+    found: dict[str, Estimate] = {}
+    remarks: list[str] = []
+    like: Scatter | None = None
+    for operation, readings in sorted(groups.items(), key=lambda item: -len(item[1])):
+        with parts.group(f"kerf and seam of {operation}") as key:
+            equations = [_equation(reading, regain, results, profile) for reading in readings]
+            numbers, spread = _block(equations, regain, key, like)
+            found |= numbers
+            remarks += _growing(equations, regain, profile)
+            like = like or (spread if equations[0].sigma is None else None)
+    return found, remarks
 
 
-def _kerf(reading: Reading, profile: LaserProfile) -> str:
-    return f"{_operation(reading, _CUTTING, profile)}.kerf_mm"
+def _block(
+    equations: Sequence[Equation], regain: Estimate, key: str, like: Scatter | None
+) -> tuple[dict[str, Estimate], Scatter]:
+    """Return the fit of one operation for a known e, its uncertainty included."""
+
+    def solved(value: float) -> tuple[dict[str, Estimate], Scatter]:
+        return solve_equations([e.knowing(_REGAIN, value) for e in equations], key, like)
+
+    numbers, spread = solved(regain.value)
+    moved, _ = solved(regain.value + regain.uncertainty)
+    for name, estimate in numbers.items():
+        if estimate.value < 0.0:
+            allowed = "0 or more: look for readings of the wrong piece, unit or operation"
+            raise BadInputError(name, f"{estimate.value:.3f} mm", allowed)
+        by = abs(moved[name].value - estimate.value)
+        numbers[name] = estimate.widened(by, regain.degrees)
+    return numbers, spread
 
 
-def _operation(reading: Reading, allowed: tuple[Operation, ...], profile: LaserProfile) -> str:
-    known = [str(operation) for operation in allowed if operation in profile.recipe.operations]
+def _growing(
+    equations: Sequence[Equation], regain: Estimate, profile: LaserProfile
+) -> Iterator[str]:
+    """Yield a remark where sizes are off by more, the larger they are, than shrinkage explains."""
+    try:
+        numbers, _ = solve_equations(equations, "")
+    except BadInputError:  # too few readings to tell
+        return
+    free = numbers.get(_REGAIN)
+    if free is None:
+        return
+    beyond = replace(free, value=free.value - regain.value)
+    beyond = beyond.widened(regain.uncertainty, regain.degrees)
+    if abs(beyond.value) <= beyond.half_width(0.99):
+        return
+    percent = _shrinkage_percent(free)
+    kerf = numbers.get("weldcut.kerf_mm")
+    so = f" and a kerf of {kerf.value:.3g} mm" if kerf else ""
+    if regain.readings:
+        along = _shrinkage_percent(regain).value
+        advice = f"the lengths say {along:.2g} %: the film shrinks unlike along and across"
+    else:
+        known = profile.material.shrinkage_percent
+        advice = (
+            f"kerf and seam above are for {known.value:g} % ({known.standing}): measure the"
+            " fingers L (rows length) before you trust them"
+        )
+    yield (
+        "warning: the larger a welded size, the more it is off; a fit of its shrinkage gives"
+        f" {percent.value:.2g} +- {percent.half_width():.2g} %{so}. {advice[0].upper()}{advice[1:]}"
+    )
+
+
+def _equation(
+    reading: Reading, regain: Estimate, results: Results, profile: LaserProfile
+) -> Equation:
+    """Return a reading of a kerf, a seam or a width as an equation."""
+    measure, value = reading.measure, reading.value
+    if measure == "width":
+        grown_mm = value - _designed_mm(reading)
+        if _widths_by(profile) == Operation.WELD:
+            # The seam's middle runs s / 2 of the recipe outside: s = s (recipe) - what it grew by.
+            drawn_mm = profile.settings(Operation.WELD).seam_width_mm.value
+            factors = {"weld.seam_width_mm": 1.0, _REGAIN: value}
+            return Equation(factors=factors, value=drawn_mm - grown_mm, sigma=reading.sigma)
+        # s + k / 2 = d - (measured (1 + e) - w) / 2; half a width has half its uncertainty.
+        return Equation(
+            factors={"weldcut.seam_width_mm": 1.0, "weldcut.kerf_mm": 0.5, _REGAIN: value / 2.0},
+            value=_offset_mm(results, profile) - grown_mm / 2.0,
+            sigma=None if reading.sigma is None else reading.sigma / 2.0,
+        )
+    makes = _SEALING if measure == "seam" else _CUTTING
+    known = [str(operation) for operation in makes if operation in profile.recipe.operations]
     if reading.setting not in known:
         raise reading.wrong(reading.setting, f"one of {', '.join(known)}, as setting")
-    return reading.setting
+    if measure == "seam":
+        factors = {f"{reading.setting}.seam_width_mm": 1.0, _REGAIN: -value}
+        return Equation(factors=factors, value=value, sigma=reading.sigma)
+    factors = {f"{reading.setting}.kerf_mm": 1.0}
+    kerf_mm = value - SQUARE_MM
+    if measure == "kerf_piece":
+        kerf_mm = SQUARE_MM - value
+        factors |= {_REGAIN: value} if reading.setting in _SEALING else {}
+    regained_mm = kerf_mm - regain.value * factors.get(_REGAIN, 0.0)
+    if regained_mm < 0.0:
+        allowed = f"a square of {SQUARE_MM:g} mm comes out smaller, its hole larger"
+        raise reading.wrong(f"{value:g} mm, a kerf of {regained_mm:.3f} mm", allowed)
+    return Equation(factors=factors, value=kerf_mm, sigma=reading.sigma)
 
 
-def _width_mm(reading: Reading) -> float:
+def _designed_mm(reading: Reading) -> float:
     try:
-        width = float(reading.setting)
+        designed = float(reading.setting)
     except ValueError as error:
-        raise reading.wrong(reading.setting, "the designed width in mm, as setting") from error
-    if not 0.5 * width < reading.value < 1.5 * width:
-        raise reading.wrong(f"{reading.value:g} mm", f"near the designed {width:g} mm")
-    return width
+        raise reading.wrong(reading.setting, "the designed size in mm, as setting") from error
+    if not 0.5 * designed < reading.value < 1.5 * designed:
+        raise reading.wrong(f"{reading.value:g} mm", f"near the designed {designed:g} mm")
+    return designed
 
 
-def _offset_mm(results: Results, reading: Reading, profile: LaserProfile) -> float:
+def _widths_by(profile: LaserProfile) -> Operation:
+    """Return the operation that seals the fingers of the width ladder."""
+    return Operation.WELDCUT if in_one_pass(profile) else Operation.WELD
+
+
+def _offset_mm(results: Results, profile: LaserProfile) -> float:
     """Return the outline's offset on the coupons: that in their table, else the recipe's."""
-    settings = profile.recipe.operations.get(Operation.WELDCUT)
-    if settings is None:
-        raise reading.wrong(reading.setting, "a recipe that cuts and seals in one pass")
-    recipe_mm = settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
+    recipe_mm = weldcut_offset_mm(profile)
     if results.offset_mm is None:
         return recipe_mm
     if abs(results.offset_mm - recipe_mm) > 1e-6:
@@ -183,7 +319,7 @@ def _cell(reading: Reading) -> tuple[float, float]:
 BALLOONS_TESTED = 3
 """Least number of burst balloons for a burst-tested recipe; fewer show no spread (our choice)."""
 
-_LARGEST_TURN_DEG = 3600.0
+_MOST_TURNS_DEG = 3600.0
 
 _LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
 """Of a lap: far less and far more than any film bears."""
@@ -200,6 +336,7 @@ class Calibration:
     status: RecipeStatus
     remarks: tuple[str, ...]  # further results, for people
     lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
+    refused: Mapping[str, str] = field(default_factory=dict)  # groups not fitted, and why
 
 
 def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
@@ -215,8 +352,8 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     Raises
     ------
     BadInputError
-        If the table is for another recipe, holds no value, or readings contradict each other or
-        are too few; the error names the row.
+        If the table is for another recipe, or no group of its readings can be fitted; the error
+        names group and row.
     """
     name = profile.recipe.name
     if results.recipe and results.recipe != name:
@@ -224,24 +361,53 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         raise BadInputError("recipe of the coupons", results.recipe, allowed)
     if not results.readings:
         raise BadInputError("results", "no row with a value", "at least one reading")
-    numbers = {
-        **fit_kerfs(results, profile),
-        **_burst(results),
-        **_friction(results),
-        **_growth(results),
-        **_peel(results),
-        **_crotches(results),
-        **_laps(results),
-    }
-    windows = energy_windows(results, profile)
-    method = _lap_method(results, profile)
+    parts, numbers, remarks = _Parts(), dict[str, Estimate](), list[str]()
+    regain = _known_shrinkage(profile)
+    with parts.group("shrinkage"):
+        if results.of("length"):
+            regain = _ladder_shrinkage(results)
+            numbers["measured.shrinkage_percent"] = _shrinkage_percent(regain)
+    kerfs, found = _kerfs(results, profile, regain, parts)
+    numbers |= kerfs
+    remarks += found
+    for group, fit in _FITS.items():
+        with parts.group(group):
+            numbers |= fit(results)
+    windows: tuple[EnergyWindow, ...] = ()
+    with parts.group("energy matrix"):
+        windows = energy_windows(results, profile)
+        remarks += window_lines(windows, profile)
+    method = None
+    with parts.group("laps"):
+        bond = _lap_method(results, profile)
+        numbers |= _laps(results)
+        method = bond
+        remarks += _lap_lines(results)
+    if parts.refused and not numbers and not windows:
+        _refuse(parts.refused)
+    kept = [place for place, number in numbers.items() if number.readings == 0]
+    if kept:
+        remarks.append(
+            f"{' and '.join(kept)}: the readings say less than the published fit (assumed for this"
+            " tube), which is kept; grow the paths of the table of vinefab coupon"
+        )
     return Calibration(
         numbers=numbers,
         windows=windows,
         status=_status(numbers, profile),
-        remarks=(*window_lines(windows, profile), *_lap_lines(results)),
+        remarks=tuple(remarks),
         lap_method=method,
+        refused={group: str(error) for group, error in parts.refused.items()},
     )
+
+
+def _refuse(refused: Mapping[str, BadInputError]) -> NoReturn:
+    """Raise the error of the only group, or one that names all."""
+    errors = list(refused.values())
+    if len(errors) == 1:
+        raise errors[0]
+    reasons = "; ".join(f"{group}: {error}" for group, error in refused.items())
+    raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
 
 
 def _burst(results: Results) -> dict[str, Estimate]:
@@ -259,13 +425,8 @@ def _burst(results: Results) -> dict[str, Estimate]:
         "burst",
     )
     width_mm = math.fsum(widths) / len(widths)
-    per_load = 1.0 / line_load_n_mm(1.0, width_mm)
     return {
-        "measured.burst_kpa": Estimate(
-            value=load.value * per_load,
-            uncertainty=load.uncertainty * per_load,
-            readings=len(readings),
-        ),
+        "measured.burst_kpa": load.times(1.0 / line_load_n_mm(1.0, width_mm)),
         "measured.burst_width_mm": Estimate(
             value=width_mm, uncertainty=0.0, readings=len(readings)
         ),
@@ -372,6 +533,7 @@ def _friction(results: Results) -> dict[str, Estimate]:
 
 def _growth(results: Results) -> dict[str, Estimate]:
     readings, widths = results.of("growth"), results.of("growth_width")
+    readings += results.of("growth_free")
     if not readings and not widths:
         return {}
     if len(widths) != 1 or not readings:
@@ -379,10 +541,11 @@ def _growth(results: Results) -> dict[str, Estimate]:
         raise BadInputError(
             "growth", f"{counted(len(widths), 'width')}, {counted(len(readings), 'path')}", allowed
         )
-    _positive(widths[0], "mm", "a width")
-    fitted = fit_growth([_path(reading) for reading in readings])
-    sigma = widths[0].sigma or 0.0
-    width = Estimate(value=widths[0].value, uncertainty=sigma, readings=1)
+    width_mm = _positive(widths[0], "mm", "a width")
+    published = FITTED.at_diameter(inflated_diameter_mm(width_mm), FITTED_DIAMETER_MM.value)
+    usual = {name: getattr(published, name).value for name in GROWTH_CONSTANTS}
+    fitted = fit_growth([_path(reading) for reading in readings], usual)
+    width = Estimate(value=width_mm, uncertainty=widths[0].sigma or 0.0, readings=1)
     return {**{f"growth.{name}": e for name, e in fitted.items()}, "growth.width_mm": width}
 
 
@@ -394,13 +557,14 @@ def _path(reading: Reading) -> GrownPath:
         raise reading.wrong(reading.setting, allowed) from error
     lengths, turns = numbers[::2], numbers[1::2]
     sound = len(numbers) % 2 == 1 and all(0.0 < length < 1e6 for length in lengths)
-    if not sound or not all(abs(turn) <= _LARGEST_TURN_DEG for turn in turns):
+    if not sound or not sum(map(abs, turns)) <= _MOST_TURNS_DEG:
         raise reading.wrong(reading.setting, allowed)
     return GrownPath(
         lengths_mm=tuple(lengths),
         turns_rad=tuple(math.radians(turn) for turn in turns),
         pressure_kpa=_pressure(reading),
         sigma_kpa=reading.sigma,
+        is_free=reading.measure == "growth_free",
     )
 
 
@@ -475,4 +639,19 @@ def _average(values: Sequence[float], sigmas: Sequence[float | None]) -> Estimat
     count = len(values)
     scatter = stdev(values) / math.sqrt(count) if count > 1 else 0.0
     stated = math.hypot(*(sigma or 0.0 for sigma in sigmas)) / count
-    return Estimate(value=fmean(values), uncertainty=max(scatter, stated), readings=count)
+    return Estimate(
+        value=fmean(values),
+        uncertainty=max(scatter, stated),
+        readings=count,
+        degrees=count - 1.0 if scatter > stated else math.inf,
+    )
+
+
+_FITS = {
+    "burst": _burst,
+    "friction": _friction,
+    "growth": _growth,
+    "peel": _peel,
+    "crotch": _crotches,
+}
+"""Fits of groups that need nothing but their own readings."""

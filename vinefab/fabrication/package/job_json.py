@@ -13,6 +13,7 @@ from vinefab.fabrication.package.bom import weakest
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
+    NO_SHRINKAGE,
     LapBond,
     LaserProfile,
     Machine,
@@ -199,7 +200,8 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
 
 
 def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
-    return {field.name: _plain(getattr(noun, field.name)) for field in fields(noun)}
+    values = {field.name: getattr(noun, field.name) for field in fields(noun)}
+    return {name: _plain(value) for name, value in values.items() if value is not NO_SHRINKAGE}
 
 
 def _plain(value: object) -> object:
@@ -213,6 +215,7 @@ def plain_quantity(quantity: Quantity) -> dict[str, object]:
         "standing": str(quantity.standing),
         "source": quantity.source,
     }
-    if quantity.uncertainty is not None:
-        content["uncertainty"] = quantity.uncertainty
+    for name in ("uncertainty", "uncertainty_95"):
+        if (given := getattr(quantity, name)) is not None:
+            content[name] = given
     return content

@@ -21,6 +21,7 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.job import Job
 from vinefab.model.laser import (
+    NO_SHRINKAGE,
     LaserProfile,
     Machine,
     Material,
@@ -300,7 +301,7 @@ def _numbers(profile: LaserProfile) -> Iterator[tuple[str, Quantity]]:
     for owner, noun in owned:
         for field in fields(noun):
             value = getattr(noun, field.name)
-            if isinstance(value, Quantity):
+            if isinstance(value, Quantity) and value is not NO_SHRINKAGE:
                 yield f"{owner}.{field.name}", value
 
 

@@ -25,8 +25,9 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile, OperationSettings
+from vinefab.model.laser import LaserProfile, OperationSettings, Quantity
 from vinefab.model.outline import Contour, Part, Segment
+from vinefab.physics.growth_pressure import planned_paths
 
 _NEAR_MM = 1e-3
 
@@ -163,7 +164,28 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
         broken = limits.most(abs(excess_mm))
         if broken:
             violations.append(_too_wide(subject, row, excess_mm, of, broken))
+    violations += _shrunk(subject, subject.profile.material.shrinkage_percent, limits)
     return RuleApplied(checked=checked, violations=tuple(violations))
+
+
+def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Iterator[Violation]:
+    """Yield how far sizes fall short where film shrinks: the paths are drawn as designed."""
+    layout, share = subject.layout, shrinkage.value / 100.0
+    if share == 0.0:
+        return
+    widest_mm = float(layout.width_mm.max())
+    longest_mm = max(path.length_mm for path in planned_paths(layout.tree))
+    broken = limits.most(abs(share) * widest_mm)
+    yield Violation(
+        message=f"film shrinks by {shrinkage.value:.2g} % where it is welded "
+        f"({shrinkage.standing}), which the paths leave out: {longest_mm:.0f} mm to the farthest "
+        f"tip come out as {longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
+        f"{widest_mm * (1.0 - share):.1f} if it shrinks alike across",
+        severity=Severity.WARNING if broken else Severity.INFO,
+        measured=abs(share) * widest_mm,
+        limit=broken.limit if broken else None,
+        aspect="shrinkage",
+    )
 
 
 def _too_wide(

@@ -12,6 +12,7 @@ from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
     SEAM_KEYS,
+    SHRINKAGE_PERCENT,
     EnergyWindow,
     LapBond,
     LapMethod,
@@ -32,7 +33,7 @@ from vinefab.model.laser import (
 class QuantityForm(Form):
     """Inline table ``{ value, standing, source }``: a number is never without its standing.
 
-    ``uncertainty`` may be added: one standard deviation, in the number's own unit.
+    ``uncertainty`` and ``uncertainty_95`` may be added, in the number's own unit.
     """
 
     value: float  # in the unit that ends the key
@@ -41,6 +42,8 @@ class QuantityForm(Form):
     source: Annotated[str, Field(min_length=1)]  # who says so, or how it was found
     # one standard deviation, in the same unit
     uncertainty: Annotated[float, Field(ge=0)] | None = None
+    # half of the 95 % interval, in the same unit
+    uncertainty_95: Annotated[float, Field(ge=0)] | None = None
 
     def noun(self) -> Quantity:
         """Return the number with its standing."""
@@ -49,6 +52,7 @@ class QuantityForm(Form):
             standing=self.standing,
             source=self.source,
             uncertainty=self.uncertainty,
+            uncertainty_95=self.uncertainty_95,
         )
 
 
@@ -62,6 +66,7 @@ def _within(low: float, high: float) -> Callable[[QuantityForm], QuantityForm]:
 
 
 Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
+Shrinkage = Annotated[QuantityForm, AfterValidator(_within(*SHRINKAGE_PERCENT))]
 NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
 Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
 Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
@@ -111,6 +116,8 @@ class MaterialForm(NamedForm):
     burst_width_mm: Positive | None = None  # lay-flat width of that tube
     survived_kpa: Positive | None = None  # that a tube bore
     survived_width_mm: Positive | None = None  # lay-flat width of that tube
+    # by how much welded film comes out shorter than drawn; none: taken as 0 (assumed)
+    shrinkage_percent: Shrinkage | None = None
 
 
 class OperationForm(Form):
@@ -154,6 +161,7 @@ class MeasuredForm(Form):
     survived_kpa: Positive | None = None  # that a tube of yours bore
     survived_width_mm: Positive | None = None  # lay-flat width of that tube
     friction: NotNegative | None = None  # of your film on your obstacles
+    shrinkage_percent: Shrinkage | None = None  # of your film where it is welded
 
 
 class GrowthForm(Form):
@@ -255,18 +263,18 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
 def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
     """Return a material with its measured values replaced."""
     found = _nouns(form) if form else {}
-    friction = found.pop("friction", material.friction)
-    if not found:
-        return replace(material, friction=friction)
-    known = material.seam
-    burst = "burst_kpa" in found or ("survived_kpa" not in found and known.burst)
-    kind = "burst" if burst else "survived"
-    # A width alone is that of the tube whose pressure is known, whether it burst or not.
-    alone = next((found[name] for name in found if name.endswith("_width_mm")), known.width_mm)
-    seam: dict[str, Any] = dict.fromkeys(SEAM_KEYS)
-    seam[f"{kind}_kpa"] = found.get(f"{kind}_kpa", known.pressure_kpa)
-    seam[f"{kind}_width_mm"] = found.get(f"{kind}_width_mm", alone)
-    return replace(material, friction=friction, **seam)
+    seam = {name: found.pop(name) for name in SEAM_KEYS if name in found}
+    changed: dict[str, Any] = dict(found)
+    if seam:
+        known = material.seam
+        burst = "burst_kpa" in seam or ("survived_kpa" not in seam and known.burst)
+        kind = "burst" if burst else "survived"
+        # A width alone is that of the tube whose pressure is known, whether it burst or not.
+        alone = next((seam[name] for name in seam if name.endswith("_width_mm")), known.width_mm)
+        changed |= dict.fromkeys(SEAM_KEYS)
+        changed[f"{kind}_kpa"] = seam.get(f"{kind}_kpa", known.pressure_kpa)
+        changed[f"{kind}_width_mm"] = seam.get(f"{kind}_width_mm", alone)
+    return replace(material, **changed)
 
 
 def _windows(form: CouponsForm | None) -> tuple[EnergyWindow, ...]:

@@ -279,14 +279,14 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         violations.append(_violation(subject, worst, message, broken))
     working_kpa = subject.design.build.pressure_kpa
     worse = Severity.ERROR if gauge.growth_measured else Severity.WARNING
-    if broken := Limits({worse.value: working_kpa}).most(loose.pressure_kpa):
+    if weak := Limits({worse.value: working_kpa}).most(loose.pressure_kpa):
         message = (
             f"its working pressure of {working_kpa:g} kPa does not grow it to this tip "
             f"{loose.place}, which takes {takes}"
         )
         if loose.pressure_kpa <= top_kpa:
             message += f"; set build.pressure_kpa, to at most {top_kpa:.1f}"
-        violations.append(replace(_violation(subject, loose, message, broken), aspect="working"))
+        violations.append(replace(_violation(subject, loose, message, weak), aspect="working"))
     note = "" if subject.deployments else _FREE
     return RuleApplied(
         checked=max(1, len(subject.deployments)), violations=tuple(violations), note=note

@@ -230,6 +230,14 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     return profile_of(read_toml(path), path)
 
 
+def profile_files(recipe: str | Path) -> dict[str, Path]:
+    """Return the files that `read_profile` reads: ``recipe``, ``machine`` and ``material``."""
+    path = locate("recipe", recipe)
+    form = _read(RecipeForm, path)
+    named = {"machine": form.machine, "material": form.material}
+    return {"recipe": path, **{kind: _beside(path, kind, name) for kind, name in named.items()}}
+
+
 def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     """Return the profile of a recipe file's content."""
     form = _formed(RecipeForm, document, path)

@@ -259,12 +259,12 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
     return RuleApplied(checked=len(subject.profile.recipe.operations), violations=tuple(violations))
 
 
-def check_status(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
     if subject.profile is None:
         return _NO_RECIPE
     recipe = subject.profile.recipe
-    violations = [*_energy_violations(subject.profile), *_kerf_violations(recipe)]
+    violations = [*_energy_violations(subject.profile), *_kerf_violations(recipe, limits)]
     if recipe.status is RecipeStatus.UNVERIFIED:
         message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
         violations.insert(0, _warning(message, ""))
@@ -283,16 +283,19 @@ def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
             yield _warning(f"{message}{window.words()}", f"energy {window.operation}")
 
 
-def _kerf_violations(recipe: Recipe) -> Iterator[Violation]:
+def _kerf_violations(recipe: Recipe, limits: Limits) -> Iterator[Violation]:
     """Yield a violation where one pass removes a wider band of film than it fuses beside it."""
     settings = recipe.operations.get(Operation.WELDCUT)
-    if settings is not None and settings.kerf_mm.value > settings.seam_width_mm.value:
-        kerf, seam = settings.kerf_mm, settings.seam_width_mm
+    if settings is None:
+        return
+    kerf, seam = settings.kerf_mm, settings.seam_width_mm
+    ratio = kerf.value / seam.value if seam.value else math.inf
+    if broken := limits.most(ratio, "kerf"):
         message = (
             f"weldcut removes {kerf.value:g} mm ({kerf.standing}) and fuses only {seam.value:g} mm "
             f"({seam.standing}) beside it: measure both on coupons, or focus less"
         )
-        yield _warning(message, "kerf", (kerf.value, seam.value))
+        yield _warning(message, "kerf", (ratio, broken.limit))
 
 
 def _warning(
@@ -334,7 +337,7 @@ MACHINE = Rule(
 STATUS = Rule(
     id="VF-L06",
     title="the recipe is calibrated",
-    unit="mm",
+    limits={"kerf_warning": 1.0},
     reason="no laser settings for this film were found in any source; only coupons tell. A kerf "
     "wider than the seam leaves little that holds (assumed)",
     remedy="cut the coupons of `vinefab coupon`, measure them, and run `vinefab calibrate`",

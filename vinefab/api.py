@@ -1660,5 +1660,7 @@ def _searched(
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
     search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
-    result = search.run(progress=progress, workers=workers).with_recipe(recipe_of(settings))
+    result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
+    if recipe is not None:
+        result = result.with_recipe(recipe)
     return result.with_prediction(predict_winner(search, result))

@@ -105,9 +105,12 @@ def penalty_of(settings: RunSettings) -> Penalty | None:
     return penalty
 
 
-def recipe_of(settings: RunSettings) -> RunRecipe:
-    """Return the recipe that a run's designs are judged by, with its files."""
-    return RunRecipe.of(settings.evaluation.recipe or DEFAULT_RECIPE)
+def recipe_of(settings: RunSettings) -> RunRecipe | None:
+    """Return the recipe of a run with its files; None where it names and asks for none."""
+    evaluation = settings.evaluation
+    if not (evaluation.fabricable or evaluation.recipe):
+        return None
+    return RunRecipe.of(evaluation.recipe or DEFAULT_RECIPE)
 
 
 def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
@@ -193,11 +196,12 @@ def run_search(  # noqa: PLR0913  options by keyword
     ):
         kept = store.kept("recipe")
         recipe = RunRecipe(**kept) if kept else recipe_of(settings)
-        if not kept:
+        if recipe is not None and not kept:
             store.keep("recipe", asdict(recipe))
-        found = search.run(store=store, progress=progress, workers=workers)
-        recipe.write(folder)
-        result = found.with_recipe(recipe, folder)
+        result = search.run(store=store, progress=progress, workers=workers)
+        if recipe is not None:
+            recipe.write(folder)
+            result = result.with_recipe(recipe, folder)
         prediction = store.kept("prediction")
         if predict is not None and not prediction:
             prediction = predict(search, result)

@@ -169,7 +169,8 @@ class RunResult:
     prediction
         What is predicted of the winner elsewhere, in plain values (`prediction.run_winner`).
     recipe
-        The recipe by which designs were judged; None in a record of an older vinefab.
+        The recipe by which designs were judged; None where none was asked for, and in a record of
+        an older vinefab.
     """
 
     run_id: str

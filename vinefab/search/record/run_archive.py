@@ -380,7 +380,7 @@ class RunArchive:
     repair: str = ""  # message on the feasibility repair
     extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
     prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
-    recipe: RunRecipe | None = None  # of the run; None in a record of an older vinefab
+    recipe: RunRecipe | None = None  # as in `RunResult`
 
     @classmethod
     def read(cls, path: Path) -> "RunArchive":

@@ -47,6 +47,7 @@ from vinefab.inputs import (
     name_or_path,
     options_given,
     progress_given,
+    recipe_for,
     recipe_given,
     run_given,
     several_given,
@@ -904,7 +905,7 @@ def runs(*folders: str | PathLike[str]) -> RunListing:
 
 def check(
     design: DesignLike,
-    recipe: RecipeLike = DEFAULT_RECIPE,
+    recipe: RecipeLike | None = None,
     *,
     maps: MapLike | Iterable[MapLike] = (),
     rig: str | PathLike[str] | None = None,
@@ -920,7 +921,8 @@ def check(
     design
         A design, its path or its name.
     recipe
-        A recipe's name or path, or a laser profile.
+        A recipe's name or path, or a laser profile; None for that of the run that found the design,
+        or else the default.
     maps
         Maps or paths of map files; the design is deployed from their starts first (simulated).
     rig
@@ -958,7 +960,8 @@ def check(
 
     flags_given(force=force)
     picture = _file_asked_for("out", out, (".svg", ".png", ".dxf"), force=force)
-    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    robot, worlds = design_given(design), maps_given(maps)
+    profile = recipe_for(robot, recipe).profile
     changed = limits_given(limits)
     facts, deployed = None, tuple[tuple[str, Deployment], ...]()
     if rig is not None:
@@ -980,7 +983,7 @@ def check(
 
 def fix(
     design: DesignLike,
-    recipe: RecipeLike = DEFAULT_RECIPE,
+    recipe: RecipeLike | None = None,
     *,
     maps: MapLike | Iterable[MapLike] = (),
     keep: str | Iterable[str] = (),
@@ -997,7 +1000,8 @@ def fix(
     design
         A design, its path or its name.
     recipe
-        A recipe's name or path, or a laser profile.
+        A recipe's name or path, or a laser profile; None for that of the run that found the design,
+        or else the default.
     maps
         As in `check`; with maps the ``summary`` says what the fix costs in score, too.
     keep
@@ -1030,7 +1034,8 @@ def fix(
     from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
 
-    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    robot, worlds = design_given(design), maps_given(maps)
+    profile = recipe_for(robot, recipe).profile
     changed, options = limits_given(limits), growth_given(growth)
     words = [name_given("keep", word) for word in several_given(keep, str)]
     with python_words(), progress_given("fix", progress) as tell:
@@ -1065,7 +1070,7 @@ def rules() -> Mapping[str, Rule]:
 
 def fabricate(
     design: DesignLike,
-    recipe: RecipeLike = DEFAULT_RECIPE,
+    recipe: RecipeLike | None = None,
     *,
     out: str | PathLike[str],
     allow_uncalibrated: bool = False,
@@ -1084,7 +1089,8 @@ def fabricate(
     design
         A design, its path or its name.
     recipe
-        A recipe's name or path, or a laser profile.
+        A recipe's name or path, or a laser profile; None for that of the run that found the design,
+        or else the default.
     out
         The folder to write; one of an earlier package is replaced.
     allow_uncalibrated
@@ -1145,7 +1151,8 @@ def fabricate(
         ensure_writable(archive, force=force)
     others = tuple(design_given(other, "beside") for other in several_given(beside, Design))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    prepared = prepare(design_given(design), recipe_given(recipe), sheet=sheet, r12=r12)
+    robot = design_given(design)
+    prepared = prepare(robot, recipe_for(robot, recipe).profile, sheet=sheet, r12=r12)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
         raise ExportRefusedError(prepared.design.name, as_parameters(why), prepared.report)
     files = package(prepared)
@@ -1533,7 +1540,7 @@ def fit_observations(
 
 def report(
     design: DesignLike,
-    recipe: RecipeLike = DEFAULT_RECIPE,
+    recipe: RecipeLike | None = None,
     *,
     out: str | PathLike[str],
     maps: MapLike | Iterable[MapLike] = (),
@@ -1556,7 +1563,8 @@ def report(
     design
         A design, its path or its name.
     recipe
-        A recipe's name or path, or a laser profile.
+        A recipe's name or path, or a laser profile; None for that of the run that found the design,
+        or else the default.
     out
         The page to write.
     maps
@@ -1612,7 +1620,9 @@ def report(
 
     flags_given(force=force)
     path = _file_to_write("out", out, (".html",), force=force)
-    robot, profile = design_given(design), recipe_given(recipe)
+    robot = design_given(design)
+    chosen = recipe_for(robot, recipe)
+    profile = chosen.profile
     given = growth_given(
         growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg, contacts=contacts
     )
@@ -1623,7 +1633,8 @@ def report(
         options=grown,
     )
     families, places = _families(maps, environment, count, seed, options)
-    call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, {places}, "
+    made = call_text(chosen.recipe or profile)
+    call = f"vf.report({call_text(design)}, {made}, out={str(path)!r}, {places}, "
     call += f"{poses=}, {seed=}, growth={grown.content})"
     origin = origin_of(call, [robot], profile, families)
     with progress_given("report", progress) as tell:
@@ -1646,9 +1657,11 @@ def _searched(
     """Return the result of a search that is not recorded."""
     from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
-    from vinefab.search.run import fresh_maps, penalty_of, training_maps
+    from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
 
     maps, fresh = training_maps(settings), fresh_maps(settings)
     search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
-    result = search.run(progress=progress, workers=workers)
+    result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
+    if recipe is not None:
+        result = result.with_recipe(recipe)
     return result.with_prediction(predict_winner(search, result))

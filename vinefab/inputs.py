@@ -6,6 +6,7 @@ A design, map, recipe or printer may be an object, a path or a name.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
@@ -18,6 +19,7 @@ from vinefab.core.progress_lines import progress_shown
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.files.shipped import locate, names, path_given, user_names
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
@@ -58,6 +60,18 @@ def recipe_given(given: RecipeLike) -> LaserProfile:
         return given
     allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
     return read_profile(name_or_path("recipe", given, allowed))
+
+
+def recipe_for(design: Design, given: RecipeLike | None) -> ChosenRecipe:
+    """Return the recipe to make a design with: the one given, that of its run, or the default."""
+    if isinstance(given, LaserProfile):
+        return ChosenRecipe(recipe="", profile=given)
+    if given is not None:
+        return ChosenRecipe(recipe=str(given), profile=recipe_given(given))
+    chosen = ChosenRecipe.of(design)
+    if chosen.is_other:
+        warnings.warn(chosen.note, stacklevel=3)
+    return chosen
 
 
 def map_given(given: MapLike, key: str = "map") -> Map:

@@ -142,11 +142,21 @@ def test_a_large_change_names_the_other_way(profile):
     assert kept.lines()[1:] == large.lines()[1:-1]
 
 
+def test_a_working_pressure_that_grows_no_leaf_is_raised(profile):
+    profile = measured_film(profile, 0.0)
+    weak = fork((24.0, 12.0), pressure_kpa=1.0)
+    found = propose_fix(weak, profile)
+    assert {finding.rule for finding in found.before.blocking} == {"VF-P03"}
+    (pressed,) = found.changes
+    assert (pressed.what, pressed.before) == ("the pressure", 1.0)
+    assert replace(found.design.build, pressure_kpa=1.0) == weak.build
+
+
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     world, limits = grid_map(seed=8), {}
     profile = measured_film(profile, 6.5)
     trained = {"growth": GrowthOptions(storage_kpa=0.0).content}
-    design = replace(fork((24.0, 12.0)), origin=trained)
+    design = replace(fork((24.0, 12.0), pressure_kpa=35.0), origin=trained)
     free, grown = (
         check_design(design, profile, limits, deployed)
         for deployed in ((), deploy_from_starts(design, [world]))
@@ -161,7 +171,7 @@ def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     words = score_change_lines(design, found.design, [world])
     assert words[0] == (
         "  scores of inflated body, head-on half-angle 1 deg (assumed), "
-        "stops at 20 kPa (film stored loosely, assumed):"
+        "stops at 35 kPa (film stored loosely, assumed):"
     )
     tasks = [line.split(",")[0].strip() for line in words[1:]]
     assert tasks == ["coverage", "reach", "anchoring"]

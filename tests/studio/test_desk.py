@@ -5,14 +5,16 @@ import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.maps.make_map import generate
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.shipped import locate
+from vinefab.model.files.run_recipe import RunRecipe, recipe_digest
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.recovery import MOST_RECOVERIES, recovery_folder
 
@@ -460,3 +462,29 @@ def test_every_function_of_the_desk_takes_what_a_page_may_send(desk):
             with suppress(VinefabError):
                 json.dumps(function(desk, ask))
     assert design_content(read_design("mine.toml"))["name"] == "mine"
+
+
+def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
+    shipped = RunRecipe.of(DEFAULT_RECIPE)
+    recipe = RunRecipe(
+        name="mine",
+        digest="",
+        files={
+            name.replace(DEFAULT_RECIPE, "mine"): text.replace(f'"{DEFAULT_RECIPE}"', '"mine"')
+            for name, text in shipped.files.items()
+        },
+    )
+    recipe.write(tmp_path)
+    file = next(iter(recipe.files))
+    digest = recipe_digest(tmp_path / file)
+    for given, opened, note in (
+        (digest, file, "of the design's run"),
+        ("other", file, "has changed since"),
+    ):
+        origin = {"recipe": {"name": "mine", "file": file, "digest": given}}
+        path = tmp_path / "best.toml"
+        path.write_text(design_text(replace(read_design("plain_vine"), origin=origin)))
+        answer = Desk(tmp_path).open_design({"design": "best.toml"})
+        assert answer["recipe"] == opened
+        assert note in answer["recipe_note"]
+    assert "recipe" not in Desk(tmp_path).open_design({"design": "plain_vine"})

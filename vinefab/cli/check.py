@@ -11,11 +11,11 @@ from vinefab.cli.common_options import (
     EXIT_FINDINGS,
     CommandOutput,
     DesignIn,
+    DesignRecipeIn,
     Force,
     GrowthIn,
     JsonOut,
     Quiet,
-    RecipeIn,
     StartIn,
     ensure_apart,
     ensure_kind,
@@ -40,8 +40,7 @@ from vinefab.fabrication.rules.subject import RigFacts
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.files.shipped import locate
 from vinefab.model.map import Map
 from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
 
@@ -49,7 +48,7 @@ from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_chan
 def check_command(
     *,
     design: DesignIn,
-    recipe: RecipeIn = DEFAULT_RECIPE,
+    recipe: DesignRecipeIn = None,
     maps: Annotated[
         list[Path] | None,
         typer.Option(
@@ -108,7 +107,8 @@ def check_command(
     Example: vinefab check mine.toml --fix fixed.toml --keep branches,length --map grid.geojson
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
+    robot, limits = read_design(design), parsed_limits(limit or [])
+    profile = output.recipe_of(robot, recipe).profile
     worlds, given = started_maps([read_map(p) for p in maps or []], start), growth_from(growth)
     _refuse_without_map(worlds, {"--growth": ", ".join(given), "--start": ", ".join(start or [])})
     kept = _kept(keep, fix)

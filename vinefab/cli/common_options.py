@@ -24,7 +24,8 @@ from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
 from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
-from vinefab.model.files.shipped import locate, names, user_names
+from vinefab.model.files.run_recipe import ChosenRecipe
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, names, user_names
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.start_place import StartPlace, start_from, with_starts
 
@@ -67,6 +68,15 @@ RecipeIn = Annotated[
     typer.Option(
         "--recipe",
         help="A recipe file, or a shipped one's name.",
+        autocompletion=_recipes_like,
+    ),
+]
+DesignRecipeIn = Annotated[
+    str | None,
+    typer.Option(
+        "--recipe",
+        help="A recipe file, or a shipped one's name; default: that of the run that found the "
+        f"design, else {DEFAULT_RECIPE}.",
         autocompletion=_recipes_like,
     ),
 ]
@@ -165,6 +175,13 @@ class CommandOutput:
         """Print a line for the user; on a terminal its first word gives it a colour."""
         style = _STYLES.get(text.partition(" ")[0])
         self.console.print(text, soft_wrap=True, style=style)
+
+    def recipe_of(self, design: Design, recipe: str | None) -> ChosenRecipe:
+        """Return the recipe to make a design with, and say why where it was not named."""
+        chosen = ChosenRecipe.of(design, recipe)
+        if chosen.note:
+            self.say(chosen.note)
+        return chosen
 
     def show(self, table: Table) -> None:
         """Print a table for the user."""

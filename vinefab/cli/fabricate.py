@@ -10,9 +10,9 @@ from vinefab.cli.common_options import (
     EXIT_FINDINGS,
     CommandOutput,
     DesignIn,
+    DesignRecipeIn,
     Force,
     Quiet,
-    RecipeIn,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.plain_text import counted
@@ -21,15 +21,13 @@ from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import PACKAGE_MARK, Prepared, package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 
 def fabricate_command(
     *,
     design: DesignIn,
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")],
-    recipe: RecipeIn = DEFAULT_RECIPE,
+    recipe: DesignRecipeIn = None,
     make_zip: Annotated[bool, typer.Option("--zip", help="Also write the folder as DIR.zip.")] = (
         False
     ),
@@ -67,7 +65,8 @@ def fabricate_command(
         ensure_writable(archive, force=force)
     others = tuple(read_design(name) for name in beside or ())
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
+    robot = read_design(design)
+    prepared = prepare(robot, output.recipe_of(robot, recipe).profile, sheet=sheet, r12=r12)
     for line in _report_lines(prepared):
         output.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):

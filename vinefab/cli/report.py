@@ -13,6 +13,7 @@ from vinefab.cli.common_options import (
     ContactsIn,
     Count,
     DesignIn,
+    DesignRecipeIn,
     EnvironmentIn,
     Force,
     GrowthIn,
@@ -20,7 +21,6 @@ from vinefab.cli.common_options import (
     JsonOut,
     MapsOptional,
     Quiet,
-    RecipeIn,
     SetIn,
     StartIn,
     contacts_arguments,
@@ -35,8 +35,6 @@ from vinefab.core.atomic import write_text
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import part_of, predict
 from vinefab.prediction.prediction_json import prediction_text, summary_lines
@@ -52,7 +50,7 @@ def report_command(
     environment: EnvironmentIn = None,
     count: Count = 100,
     parameter: SetIn = None,
-    recipe: RecipeIn = DEFAULT_RECIPE,
+    recipe: DesignRecipeIn = None,
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
     growth: GrowthIn = None,
@@ -74,7 +72,9 @@ def report_command(
     ensure_text_kind("--out", out, (".html", ".htm"), force=force)
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
-        robot, profile = read_design(design), read_profile(recipe)
+        robot = read_design(design)
+        chosen = output.recipe_of(robot, recipe)
+        profile = chosen.profile
         given = started_maps([read_map(path) for path in maps or []], start)
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
@@ -84,7 +84,7 @@ def report_command(
         options = growth_choice([design], [robot], given_growth).options
         plan = PredictionPlan(poses=poses, seed=seed, options=options)
         found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
-        arguments = ["vinefab", "report", design, "--recipe", recipe]
+        arguments = ["vinefab", "report", design, "--recipe", chosen.recipe]
         arguments += map_arguments(maps, environment, count, parameter, start)
         arguments += ["--poses", str(poses), "--seed", str(seed)]
         arguments += [*contacts_arguments(contacts), *growth_arguments(options), "--out", str(out)]

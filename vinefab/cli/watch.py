@@ -12,10 +12,10 @@ from vinefab.cli.common_options import (
     EXIT_FINDINGS,
     CommandOutput,
     DesignIn,
+    DesignRecipeIn,
     Force,
     GrowthIn,
     Quiet,
-    RecipeIn,
     growth_choice,
     growth_from,
 )
@@ -24,7 +24,7 @@ from vinefab.core.errors import VinefabError
 from vinefab.core.interruption import stops_expected
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE, existing_file, locate
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def watch_command(
         Path | None,
         typer.Option(help="Folder for the pictures; default: the design's name and _watch."),
     ] = None,
-    recipe: RecipeIn = DEFAULT_RECIPE,
+    recipe: DesignRecipeIn = None,
     task: Annotated[str, typer.Option(help="coverage, reach or anchoring.")] = "coverage",
     growth: GrowthIn = None,
     once: Annotated[
@@ -85,7 +85,7 @@ class _Watched:
 
     design: str
     map_file: Path
-    recipe: str
+    recipe: str | None  # None: as the design says
     task: str
     given: Mapping[str, object]  # growth options
 
@@ -95,9 +95,17 @@ class _Watched:
         found = (
             locate("design", self.design),
             existing_file(self.map_file),
-            locate("recipe", self.recipe),
+            locate("recipe", self._recipe),
         )
         return tuple(path.resolve() for path in found)
+
+    @property
+    def _recipe(self) -> str:
+        """What the recipe is read by; the default where the design cannot be read, as is shown."""
+        try:
+            return self.recipe or ChosenRecipe.of(read_design(self.design)).recipe
+        except VinefabError:
+            return DEFAULT_RECIPE
 
     def check(self) -> None:
         """Refuse what no save could mend: files that are not there, unknown names."""
@@ -108,7 +116,7 @@ class _Watched:
         make_task(self.task)
         GrowthOptions.of(self.given)
 
-    def version(self) -> "DesignVersion":
+    def version(self, output: CommandOutput) -> "DesignVersion":
         """Return what the files give now."""
         # The simulator is loaded when it is needed.
         from vinefab.prediction.design_version import DesignVersion  # noqa: PLC0415
@@ -117,7 +125,8 @@ class _Watched:
         robot, world = read_design(self.design), read_map(self.map_file)
         growth_choice([self.design], [robot], self.given)
         plan = ScorePlan(task=self.task)
-        return DesignVersion.of(robot, world, read_profile(self.recipe), plan, self.given)
+        profile = output.recipe_of(robot, self.recipe).profile
+        return DesignVersion.of(robot, world, profile, plan, self.given)
 
 
 def _watch(output: CommandOutput, watched: _Watched, folder: Path) -> None:
@@ -136,7 +145,7 @@ def _shown(
 ) -> "DesignVersion":
     """Show what the files give now beside what they gave before, and replace the pictures."""
     began = time.monotonic()
-    version = watched.version()
+    version = watched.version(output)
     for name, draw in version.pictures().items():
         write_bytes(folder / name, draw(), force=output.force)
     lines = version.lines(before)

@@ -33,6 +33,9 @@ DEFAULT_PRESSURE_KPA = 20.0
 ORIGIN_GROWTH = "growth"
 """Key of a design's origin under which the growth options stand that it was trained with."""
 
+ORIGIN_RECIPE = "recipe"
+"""Key under which the recipe of the design's run stands."""
+
 
 def _make_plain(noun: object, *names: str) -> None:
     """Turn the numbers of numpy in some fields into Python's, which every file form takes."""
@@ -365,10 +368,13 @@ class Design:
         Findings that the designer accepts.
     origin
         How the design was made: run id, seed, scores; free-form plain values. Under ``growth`` are
-        the growth options that it was trained with: commands grow it with them.
+        the growth options that it was trained with: commands grow it with them. Under ``recipe``
+        is the recipe of its run: commands check and make it with that one.
     limits
         Limits of design rules that differ for this design: rule id to name to value. They override
         the recipe's.
+    folder
+        Folder of the file that it was read from, in which its origin names files; None for none.
     """
 
     name: str
@@ -378,6 +384,7 @@ class Design:
     waivers: tuple[Waiver, ...] = ()
     origin: Mapping[str, object] = field(default_factory=dict)
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    folder: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if (

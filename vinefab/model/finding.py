@@ -89,7 +89,7 @@ class RuleRun:
     findings
         Number of findings.
     note
-        What the rule could not check, or empty.
+        What else to know: what the rule could not check, what the design gets; or empty.
     """
 
     rule: str

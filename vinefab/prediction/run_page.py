@@ -19,7 +19,7 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
@@ -107,7 +107,8 @@ class EndedRun:
 
     def profile(self) -> LaserProfile:
         """Return the recipe that the winner is checked with."""
-        return read_profile(self.settings.evaluation.recipe or DEFAULT_RECIPE)
+        named = self.settings.evaluation.recipe or DEFAULT_RECIPE
+        return ChosenRecipe.of(self.design, None if self.result.recipe else named).profile
 
 
 def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:

@@ -16,7 +16,7 @@ from vinefab.core.validation import Floats
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -177,7 +177,7 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     bend = knee(fitness[rows], along[rows])
     return tuple(
         FrontMember(
-            design=_named(finalists[row].design, settings, result.run_id, place + 1),
+            design=_named(finalists[row].design, settings, result, place + 1),
             score=finalists[row].score,
             fitness=float(fitness[row]),
             further=tuple((signs * costs[row]).tolist()),
@@ -188,9 +188,11 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     )
 
 
-def _named(design: Design, settings: RunSettings, run_id: str, place: int) -> Design:
-    origin: dict[str, object] = {"run": run_id, "task": settings.task.name, "front": place}
+def _named(design: Design, settings: RunSettings, result: RunResult, place: int) -> Design:
+    origin: dict[str, object] = {"run": result.run_id, "task": settings.task.name, "front": place}
     origin[ORIGIN_GROWTH] = settings.growth.content
+    if result.recipe is not None:
+        origin[ORIGIN_RECIPE] = result.recipe.origin
     return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
 
 
@@ -228,6 +230,8 @@ def write_front(
 ) -> tuple[FrontMember, ...]:
     """Write the designs of a front, ``front.json`` and its picture; return the designs."""
     members = front_of(result, settings)
+    if result.recipe is not None:
+        result.recipe.write(out / "front")
     for member in members:
         path = out / "front" / f"{member.design.name}.toml"
         write_text(path, design_text(member.design), force=force)

@@ -283,6 +283,11 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         allowed = f"fewer, or a wider trunk: their film would fill {full:.0f} % of it"
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
     if window_penalty(design, query.profile, query.changed) > 0.0:
+        pressed = replace(design, build=replace(design.build, pressure_kpa=10_000.0))
+        if window_penalty(pressed, query.profile, query.changed) == 0.0:
+            allowed = "more: no leaf of the space grows to its tip with it"
+            yield _no(WINDOW, "build.pressure_kpa", design.build.pressure_kpa, allowed)
+            return
         allowed = (
             "another trunk or ratio: growth through the leaves needs the trunk's burst pressure"
         )

@@ -27,7 +27,7 @@ from vinefab.fabrication.rules.penalty import (
     MOST_OF_ONE,
     width_violations,
 )
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
@@ -185,7 +185,7 @@ class BatchPenalty:
             tail_mm=space.build.tail_mm,
             sheet_wide_mm=sheet_mm[0],
             sheet_high_mm=sheet_mm[1],
-            most_kpa=growth_limit_kpa(builds[-1].widest_mm, material, window),
+            most_kpa=most_growth_kpa(builds[-1], profile, window),
             yield_kpa=fit.loose.yield_kpa.value,
             drag_kpa_mm=fit.loose.drag_kpa_m.value / 1000.0,
             storage_kpa=fit.loose.storage_kpa.value,

@@ -20,6 +20,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.start_place import with_starts
@@ -104,6 +105,14 @@ def penalty_of(settings: RunSettings) -> Penalty | None:
     return penalty
 
 
+def recipe_of(settings: RunSettings) -> RunRecipe | None:
+    """Return the recipe of a run with its files; None where it names and asks for none."""
+    evaluation = settings.evaluation
+    if not (evaluation.fabricable or evaluation.recipe):
+        return None
+    return RunRecipe.of(evaluation.recipe or DEFAULT_RECIPE)
+
+
 def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
     return ManufacturabilityPenalty(
         profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
@@ -185,11 +194,18 @@ def run_search(  # noqa: PLR0913  options by keyword
             folder, identity, maps=maps, resume=resume, raises_limits=limits is not None
         ) as store,
     ):
+        kept = store.kept("recipe")
+        recipe = RunRecipe(**kept) if kept else recipe_of(settings)
+        if recipe is not None and not kept:
+            store.keep("recipe", asdict(recipe))
         result = search.run(store=store, progress=progress, workers=workers)
-        prediction = store.prediction()
+        if recipe is not None:
+            recipe.write(folder)
+            result = result.with_recipe(recipe, folder)
+        prediction = store.kept("prediction")
         if predict is not None and not prediction:
             prediction = predict(search, result)
-            store.keep_prediction(prediction)
+            store.keep("prediction", prediction)
     return result.with_prediction(prediction) if prediction else result
 
 

@@ -205,7 +205,8 @@ class EvaluationForm(Form):
     reference_deviation: float = EvaluationSettings().reference_deviation
     redraw: bool = True  # new poses for every generation
     fabricable: bool = True  # designs that break rules rank below all others
-    recipe: str = ""  # whose limits decide that; empty: the shipped one
+    # whose limits decide that: a file, relative to the run file, or a name; empty: the shipped one
+    recipe: str = ""
     # fitness that every head-on stop costs
     head_on_weight: float = EvaluationSettings().head_on_weight
     penalty_weight: float = EvaluationSettings().penalty_weight  # of broken rules
@@ -241,6 +242,7 @@ def read_run(name_or_path: str | Path) -> RunSettings:
 def _settings(form: RunForm, path: Path) -> RunSettings:
     search = form.optimizer.model_dump(include=set(SearchSettings.__dataclass_fields__))
     parameters, others = _task_tables(form.task)
+    evaluation = EvaluationSettings(**form.evaluation.model_dump())
     settings = RunSettings(
         name=_name(form, path),
         maps=_maps(form.maps, path.parent),
@@ -253,7 +255,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
             parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),
-        evaluation=EvaluationSettings(**form.evaluation.model_dump()),
+        evaluation=replace(evaluation, recipe=_beside(path.parent, evaluation.recipe)),
         objectives=tuple(form.task.objectives),
         other_parameters=others,
     )
@@ -271,9 +273,13 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
 def _growth(form: RunGrowthForm, folder: Path) -> GrowthOptions:
     given = form.model_dump(exclude_none=True)
     if isinstance(given.get("contacts"), str):
-        beside = folder / given["contacts"]
-        given["contacts"] = str(beside) if beside.is_file() else given["contacts"]
+        given["contacts"] = _beside(folder, given["contacts"])
     return GrowthOptions.of(given)
+
+
+def _beside(folder: Path, given: str) -> str:
+    """Return the path of a file beside the run file, or what was given if there is none."""
+    return str(folder / given) if (folder / given).is_file() else given
 
 
 def _default_optimizer(form: RunForm) -> str:

@@ -197,6 +197,8 @@ def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
         raise BadInputError("--best", "no run that has ended", "once a run has ended")
     archive = RunArchive.read(Path(summary.ended[0]["folder"]) / RECORD_FILE)
     write_text(path, design_text(archive.result().best), force=force)
+    if archive.recipe is not None:
+        archive.recipe.write(path.parent)
     return not (summary.unended or listing.broken)
 
 
@@ -205,6 +207,8 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
     archive = RunArchive.read(folder / RECORD_FILE)
     best = design_text(archive.result().best)
     written = [write_text(out / "best.toml", best, force=force)]
+    if archive.recipe is not None:
+        archive.recipe.write(out)
     pictures = {"history.svg": svg_bytes(history_figure(archive.history))}
     for world in archive.maps:
         plan = map_plan(world, targets_mm=targets_mm(archive.settings))

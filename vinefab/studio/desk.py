@@ -28,11 +28,12 @@ from vinefab.core.errors import (
 from vinefab.core.hashing import sha256_of
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design
+from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.design_toml import design_content, design_of, design_text
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.files.shipped import (
     KINDS,
     existing_file,
@@ -155,7 +156,21 @@ class Desk:
             "writable": self.is_writable(path),
             "stamp": version.stamp,
             "text": version.text,
+            **self._run_recipe(replace(version.design, folder=path.parent)),
         }
+
+    def _run_recipe(self, design: Design) -> dict[str, Any]:
+        """Return what the recipe of a design's run is opened by, and why; nothing without one."""
+        if ORIGIN_RECIPE not in design.origin:
+            return {}
+        try:
+            chosen = ChosenRecipe.of(design)
+            file = Path(chosen.recipe)
+            name = file.stem if _is_library(file) else self.open_recipe({"recipe": str(file)})
+        except VinefabError as error:
+            return {"recipe_note": str(error)}
+        recipe = name if isinstance(name, str) else name["recipe"]
+        return {"recipe": recipe, "recipe_note": chosen.note}
 
     def open_map(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Return the source of a map file that can be read; ``path`` is its path."""

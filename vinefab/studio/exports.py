@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_arguments
-from vinefab.model.design import Design
+from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
@@ -54,7 +54,8 @@ class ExportSource:
     @property
     def recipe_words(self) -> list[str]:
         """The option that chooses the recipe, if it is not the default."""
-        return [] if self.recipe == DEFAULT_RECIPE else ["--recipe", self.recipe]
+        usual = self.recipe == DEFAULT_RECIPE and ORIGIN_RECIPE not in self.design.origin
+        return [] if usual else ["--recipe", self.recipe]
 
     @property
     def growth_given(self) -> dict[str, object]:

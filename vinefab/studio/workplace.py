@@ -168,13 +168,14 @@ class Workplace:
         """Return the state of the files that were named, and the design's file."""
         opened = self._opened
         file = self.desk.open_design({"design": opened.design})
+        run_recipe = file.pop("recipe", None)
         source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
         if opened.map_file is not None:
             source = self.desk.open_map({"path": str(opened.map_file)})["source"]
         state = {
             "design": file.pop("design"),
             "map": {"source": source, "edits": []},
-            "recipe": opened.recipe or None,
+            "recipe": opened.recipe or run_recipe,
             "family": {"environment": opened.environment, "count": 40, "seed": 1000},
         }
         return state, file

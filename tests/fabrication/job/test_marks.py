@@ -8,8 +8,9 @@ import pytest
 import shapely
 
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.job.marks import region, text_strokes_mm, text_width_mm
+from vinefab.fabrication.job.marks import region, short_name, text_strokes_mm, text_width_mm
 from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.package.bom import film_piece_mm
 from vinefab.model.job import Operation
 
 
@@ -163,3 +164,18 @@ def test_labels_of_nested_robots_lie_beside_their_own(make_plan, make_fan, marki
     said = " ".join(job.facts.get("marks_left_out", ()))
     for number in bodies.keys() - labels.keys():
         assert f"no room for the label of {job.name}, part {number} of" in said
+
+
+def test_long_names_take_no_film(make_plan, make_fan, marking):
+    def film_of(name):
+        design = dataclasses.replace(
+            make_plan((40.0, 24.0), (6.0,), (make_fan(3, 150.0, 120.0),)), name=name
+        )
+        recipe = dataclasses.replace(marking.recipe, name=name)
+        job = laser_job(design, dataclasses.replace(marking, recipe=recipe))
+        assert labels(job) == {f"label of {name}"}
+        return film_piece_mm(job, marking)
+
+    short = film_of("a" * 24)
+    assert film_of("a" * 100) == short
+    assert short_name(f"{'a' * 60}_1") != short_name(f"{'a' * 60}_2")

@@ -182,7 +182,7 @@ def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(
     (assumed,) = findings(Subject.of(design, profile))
     assert assumed.severity is Severity.WARNING
     names = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction", "width_mm")
-    for storage_kpa, severities in ((10.0, [Severity.WARNING]), (1.0, [])):
+    for storage_kpa, severities in ((10.0, [Severity.WARNING, Severity.ERROR]), (1.0, [])):
         values = (2.0, 1.0, storage_kpa, 0.25, 30.0)
         fit = {
             name: Quantity(value=value, standing=Standing.MEASURED)

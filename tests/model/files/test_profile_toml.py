@@ -312,16 +312,35 @@ def test_an_unknown_recipe_offers_the_nearest_name() -> None:
         read_profile("co2_60w__stretchlon_20")
 
 
+WELD_KERF = (
+    'kerf_mm = { value = 0.0, standing = "assumed", source = "nothing is removed" }\n'
+    "seam_width_mm = { value = 1.0"
+)
+REVERSED_WINDOW = """[[coupons.windows]]
+operation = "weld"
+focus_mm = 0.0
+least_mj_mm = { value = 30.0, standing = "measured", source = "coupons" }
+most_mj_mm = { value = 20.0, standing = "measured", source = "coupons" }
+"""
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
         (f"recipes/{SHIPPED}.toml", "kerf_mm", "kerf_um", "kerf_um"),
         (f"recipes/{SHIPPED}.toml", "kerf_mm", "kerf_in", "did you mean 'kerf_mm'"),
         (f"recipes/{SHIPPED}.toml", '"unverified"', '"fine"', "burst_tested"),
-        (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 120.0", "0 to 100"),
+        (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 120.0", "to 100"),
         (f"recipes/{SHIPPED}.toml", "value = 60.0", "value = nan", "finite"),
         (f"recipes/{SHIPPED}.toml", "[operations.cut]", "[operations.mark2]", "mark2"),
         (f"recipes/{SHIPPED}.toml", f'name = "{SHIPPED}"', 'name = "other"', "name of the file"),
+        (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 0.0", "weldcut.power_percent"),
+        (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 9.0", "min_power_percent is 10.0"),
+        (f"recipes/{SHIPPED}.toml", "value = 0.4,", "value = 0.0,", "weldcut.seam_width_mm is 0.0"),
+        (f"recipes/{SHIPPED}.toml", "value = 1.0,", "value = 0.0,", "weld.seam_width_mm is 0.0"),
+        (f"recipes/{SHIPPED}.toml", WELD_KERF, WELD_KERF.replace("0.0", "0.1"), "weld.kerf_mm"),
+        (f"recipes/{SHIPPED}.toml", "[lap]", f"{REVERSED_WINDOW}\n[lap]", "windows[1].least_mj_mm"),
+        ("machines/co2_60w.toml", "value = 5.0", "value = 300.0", "margin_mm is 300.0"),
         ("machines/co2_60w.toml", ', standing = "assumed"', "", "standing"),
         ("machines/co2_60w.toml", '"assumed"', '"guessed"', "measured"),
         ("machines/co2_60w.toml", "value = 1000.0", "value = 0.0", "bed_width_mm"),

@@ -140,10 +140,30 @@ def fold_ticks(design: Design, reach_mm: float) -> list[Contour]:
     return [Contour.polyline(np.array(line), closed=False) for line in ends]
 
 
+MOST_LETTERS = 24
+"""Longest name on a label, about as long as its last line: a longer one would cost film."""
+
+
+def short_name(name: str) -> str:
+    """Return a name as it is written on the film: of a long one, its beginning and its end.
+
+    >>> short_name("a_robot_with_a_very_long_name_02")
+    'a_robot_with..ng_name_02'
+    """
+    if len(name) <= MOST_LETTERS:
+        return name
+    half = MOST_LETTERS // 2
+    return f"{name[:half]}..{name[2 - half :]}"
+
+
 def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list[str]:
     """Return the lines of a robot's label: name, recipe, version and part number."""
     version = GENERATOR.removeprefix("written by ")
-    return [name, profile.recipe.name, f"{version} part {part[0]} of {part[1]}"]
+    return [
+        short_name(name),
+        short_name(profile.recipe.name),
+        f"{version} part {part[0]} of {part[1]}",
+    ]
 
 
 BESIDE_MM = 40.0

@@ -22,6 +22,7 @@ from vinefab.fabrication.job.marks import (
     fold_marking,
     label_paths,
     mark,
+    short_name,
     unwritten,
 )
 from vinefab.fabrication.job.placement import SheetRobot
@@ -166,7 +167,7 @@ def _label_lines(design: Design, robot: SheetRobot, profile: LaserProfile, count
     version = GENERATOR.removeprefix("written by ")
     return [
         f"{robot.piece} of {counted(count, 'piece')}{copy}",
-        design.name,
-        profile.recipe.name,
+        short_name(design.name),
+        short_name(profile.recipe.name),
         version,
     ]

@@ -130,12 +130,8 @@ class FixSpace:
         )
         build = self._build(depth, scale)
         trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale.get("length", {}).get(0, 1.0))
-        return replace(
-            self.design,
-            trunk_length_mm=trunk_mm,
-            levels=levels,
-            build=self.targets.settled(build),
-        )
+        changed = replace(self.design, trunk_length_mm=trunk_mm, levels=levels, build=build)
+        return self.targets.settled(changed)
 
     def penalty(self, x: Floats) -> float:
         """Return how far the design at a vector is from its targets; 0 if it meets them."""

@@ -274,19 +274,22 @@ class FixTargets:
         """Return the least flat width of a design's pouches, 0 where it has none."""
         return 1.01 * build.widths_mm[-1] if build.pouch else 0.0
 
-    def settled(self, build: Build) -> Build:
-        """Return a build whose fillets, tail and pressure keep the limits at its widths."""
-        fillet, widths = self.of_rule(FILLET), build.widths_mm
+    def settled(self, design: Design) -> Design:
+        """Return a design whose fillets, tail and pressure keep the limits at its widths."""
+        build, fillet = design.build, self.of_rule(FILLET)
         fillets_mm = tuple(
             max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
-            for radius, width in zip(build.fillet_mm, widths[1:], strict=True)
+            for radius, width in zip(build.fillet_mm, build.widths_mm[1:], strict=True)
         )
-        return replace(
+        settled = replace(
             build,
             fillet_mm=fillets_mm,
             tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
-            pressure_kpa=min(build.pressure_kpa, self.most_kpa(build)),
+            pressure_kpa=min(
+                max(build.pressure_kpa, self._least_kpa(design)), self.most_kpa(build)
+            ),
         )
+        return replace(design, build=settled)
 
     def most_kpa(self, build: Build) -> float:
         """Return the largest working pressure that the seams stand at a build's widths."""
@@ -318,13 +321,23 @@ class FixTargets:
         """Return the relative excess of the pressure that growth in free space takes."""
         limits = self.of_rule(WINDOW)
         allowed = growth_limit_kpa(design.build.widest_mm, self.profile.material, limits)
-        fit = GrowthConstantsRange.of(self.profile, limits)
+        return relative_excess(self._growth_kpa(design), self.window_share * allowed)
+
+    def _least_kpa(self, design: Design) -> float:
+        """Return the working pressure that growth takes where that was measured, else 0."""
+        if not GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW)).measured:
+            return 0.0
+        return math.ceil(1000.0 * self._growth_kpa(design) / self.window_share) / 1000.0
+
+    def _growth_kpa(self, design: Design) -> float:
+        """Return the pressure that growth of the worst branch takes in free space."""
+        fit = GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW))
         worst = 0.0
         for depth, end_mm in enumerate(design.build.end_widths_mm):
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
             path = _worst_path(design, depth)
             worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
-        return relative_excess(worst, self.window_share * allowed)
+        return worst
 
 
 def _drawn_fillets_mm(design: Design) -> list[float]:

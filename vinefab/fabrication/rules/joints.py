@@ -145,8 +145,16 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
                 if 0 in (gap.first.owner, gap.second.owner):
                     predicate = "almost folded onto its parent: narrow the fan"
                 violations.append(_violation(subject, (joint, gap), predicate, (angle_deg, broken)))
+    alone = [
+        f"level {number} has one child per branch, which grows straight on: its angle_deg of "
+        f"{math.degrees(level.fan_rad):g} changes nothing"
+        for number, level in enumerate(subject.design.levels, start=2)
+        if level.branches == 1 and level.fan_rad > 0.0
+    ]
     return RuleApplied(
-        checked=sum(len(joint.gaps) for joint in joints), violations=tuple(violations)
+        checked=sum(len(joint.gaps) for joint in joints),
+        violations=tuple(violations),
+        note="; ".join(alone),
     )
 
 

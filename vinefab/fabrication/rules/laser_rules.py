@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bodies_of_paths, frees
 from vinefab.fabrication.outline.exactness import ProblemKind
@@ -26,7 +27,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
+from vinefab.model.laser import LaserProfile, Machine, Recipe, RecipeStatus
 
 _NO_PATHS = RuleNotApplicable(reason="needs a recipe, which the paths follow from")
 _ORDER = tuple(Operation)
@@ -288,22 +289,22 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
         top = machine.speed_max_mm_s.value
         if speed > top:
             message = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
-            violations.append(_warning(message, f"speed {operation}"))
+            violations.append(_warning(message, f"speed {operation}", (speed, top)))
         radius_mm = _sharpest_mm(subject, operation)
         if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
             fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
             message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
             message += f" there and burns; run it at {fit:.0f} mm/s or less"
-            violations.append(_warning(message, f"arcs {operation}"))
+            violations.append(_warning(message, f"arcs {operation}", (speed, fit)))
     return RuleApplied(checked=len(subject.profile.recipe.operations), violations=tuple(violations))
 
 
-def check_status(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
     if subject.profile is None:
         return _NO_RECIPE
     recipe = subject.profile.recipe
-    violations = [*_energy_violations(subject.profile)]
+    violations = [*_energy_violations(subject.profile), *_kerf_violations(recipe, limits)]
     if recipe.status is RecipeStatus.UNVERIFIED:
         message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
         violations.insert(0, _warning(message, ""))
@@ -322,8 +323,32 @@ def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
             yield _warning(f"{message}{window.words()}", f"energy {window.operation}")
 
 
-def _warning(message: str, aspect: str) -> Violation:
-    return Violation(message=message, severity=Severity.WARNING, aspect=aspect)
+def _kerf_violations(recipe: Recipe, limits: Limits) -> Iterator[Violation]:
+    """Yield a violation where one pass removes a wider band of film than it fuses beside it."""
+    settings = recipe.operations.get(Operation.WELDCUT)
+    if settings is None:
+        return
+    kerf, seam = settings.kerf_mm, settings.seam_width_mm
+    ratio = kerf.value / seam.value if seam.value else math.inf
+    if broken := limits.most(ratio, "kerf"):
+        message = (
+            f"weldcut removes {kerf.value:g} mm ({kerf.standing}) and fuses only {seam.value:g} mm "
+            f"({seam.standing}) beside it: measure both on coupons, or focus less"
+        )
+        yield _warning(message, "kerf", (ratio, broken.limit))
+
+
+def _warning(
+    message: str, aspect: str, found: tuple[float, float] | tuple[None, None] = (None, None)
+) -> Violation:
+    """Return a warning; ``found`` is the measured value and its limit."""
+    return Violation(
+        message=message,
+        severity=Severity.WARNING,
+        measured=found[0],
+        limit=found[1],
+        aspect=aspect,
+    )
 
 
 def _sharpest_mm(subject: Subject, operation: str) -> float:
@@ -344,6 +369,7 @@ PLY = Rule(
 MACHINE = Rule(
     id="VF-L05",
     title="speeds and accelerations within the machine",
+    unit="mm/s",
     reason="a head that must slow down in an arc puts more energy there than the recipe says",
     remedy="a lower speed in the recipe, or larger radii",
     check=check_machine,
@@ -351,7 +377,9 @@ MACHINE = Rule(
 STATUS = Rule(
     id="VF-L06",
     title="the recipe is calibrated",
-    reason="no laser settings for this film were found in any source; only coupons tell",
+    limits={"kerf_warning": 1.0},
+    reason="no laser settings for this film were found in any source; only coupons tell. A kerf "
+    "wider than the seam leaves little that holds (assumed)",
     remedy="cut the coupons of `vinefab coupon`, measure them, and run `vinefab calibrate`",
     check=check_status,
 )
@@ -371,9 +399,11 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         message = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
         return RuleApplied(checked=1, violations=(Violation(message=message, aspect="copies"),))
     if subject.job.tiles:
-        return RuleApplied(
-            checked=len(subject.job.tiles), violations=tuple(_tile_violations(subject.job, machine))
-        )
+        count = len(subject.job.tiles)
+        note = f"the robot is larger than the bed and cut in {counted(count, 'tile')}, one after "
+        note += "the other: its film is moved and aligned between them"
+        found = tuple(_tile_violations(subject.job, machine))
+        return RuleApplied(checked=count, violations=found, note=note)
     over_mm, checked = -math.inf, 0
     for sheet in subject.job.runs:
         sheet_over_mm, count = _over_mm(sheet, machine)
@@ -419,25 +449,52 @@ def _tile_violations(job: Job, machine: Machine) -> Iterator[Violation]:
 
 
 def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-S02: the robot, in its best rotation, is no wider than the roll of film."""
+    """VF-S02: what is cut from one sheet of film, in its best rotation, fits the roll's width."""
     if subject.profile is None:
         return _NO_PROFILE
     roll_mm = subject.profile.material.roll_width_mm.value
-    box = shapely.minimum_rotated_rectangle(
-        shapely.multipoints(subject.outline.contour.flattened_mm())
-    )
-    x, y = shapely.get_coordinates(box)[:3].T
-    sides = ((x[1:] - x[:-1]) ** 2 + (y[1:] - y[:-1]) ** 2) ** 0.5
-    width_mm = float(sides.min())
-    if width_mm <= roll_mm:
-        return RuleApplied(checked=1)
-    violation = Violation(
-        message="the robot is wider than the roll of film: shorten branches or narrow fans",
-        severity=Severity.WARNING,
-        measured=width_mm,
-        limit=roll_mm,
-    )
-    return RuleApplied(checked=1, violations=(violation,))
+    if subject.job is None:
+        cut = {"the robot": [subject.outline.contour]}
+    else:
+        # Tiles lie on one film; marks may be made shorter or left out.
+        sheets = subject.job.sheets or (subject.job,)
+        cut = {
+            f"sheet {number}" if len(sheets) > 1 else "the robot": [
+                path.contour
+                for path in sheet.paths
+                if path.operation.is_machined and path.operation is not Operation.MARK
+            ]
+            for number, sheet in enumerate(sheets, start=1)
+        }
+    violations = []
+    for name, contours in cut.items():
+        width_mm = least_width_mm(np.concatenate([c.flattened_mm(0.05) for c in contours]))
+        if width_mm > roll_mm:
+            violations.append(
+                Violation(
+                    message=f"{name} is wider than the roll of film: shorten branches, narrow fans "
+                    "or nest less on one sheet",
+                    severity=Severity.WARNING,
+                    measured=width_mm,
+                    limit=roll_mm,
+                    aspect="" if name == "the robot" else name,
+                )
+            )
+    return RuleApplied(checked=len(cut), violations=tuple(violations))
+
+
+def least_width_mm(points_mm: Floats) -> float:
+    """Return the width of the narrowest strip that holds some points, shape (n, 2).
+
+    One side of it lies along an edge of their convex hull.
+
+    >>> float(least_width_mm(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])))
+    2.4
+    """
+    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points_mm)))
+    along_x, along_y = np.diff(hull, axis=0).T
+    across = np.array([-along_y, along_x]) / np.hypot(along_x, along_y)
+    return float(np.ptp(hull @ across, axis=0).min())
 
 
 BED = Rule(
@@ -452,7 +509,7 @@ FILM = Rule(
     id="VF-S02",
     title="fits the roll of film",
     unit="mm",
-    reason="a robot wider than the roll needs a seam across the film",
-    remedy="shorten or narrow the robot, allow pieces, or use a wider roll",
+    reason="a robot or sheet wider than the roll needs a seam across the film",
+    remedy="shorten or narrow the robot, allow pieces, nest fewer, or use a wider roll",
     check=check_film,
 )

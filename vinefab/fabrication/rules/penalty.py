@@ -11,7 +11,7 @@ from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import (
     Capsules,
@@ -90,7 +90,7 @@ def window_penalty(
     -------
     float
         ``log(1 + excess)``: the relative excess, at most 10, of the pressure that growth to the
-        worst tip takes over the one that the widest tube stands with safety factor and margin.
+        worst tip takes over `most_growth_kpa`.
     """
     values = WINDOW.limits_with((limits or {}).get(WINDOW.id, {}))
     fit = GrowthConstantsRange.of(profile, values)
@@ -98,7 +98,7 @@ def window_penalty(
     takes_kpa = planned_growth_kpa(
         branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
     ).max()
-    most_kpa = growth_limit_kpa(build.widest_mm, profile.material, values)
+    most_kpa = most_growth_kpa(build, profile, values)
     return math.log1p(min(MOST_OF_ONE, max(0.0, takes_kpa / most_kpa - 1.0)))
 
 

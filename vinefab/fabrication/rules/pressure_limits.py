@@ -18,6 +18,7 @@ from vinefab.fabrication.rules.rule import (
     branch_violation,
 )
 from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Build
 from vinefab.model.finding import Severity
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.physics.growth_pressure import (
@@ -205,6 +206,16 @@ class GrowthConstantsRange:
         )
 
 
+def most_growth_kpa(build: Build, profile: LaserProfile, limits: Limits) -> float:
+    """Return the pressure above which rule VF-P03 forbids growth, were all of it measured.
+
+    That is what the widest tube stands and, where growth was measured, the working pressure.
+    """
+    stands_kpa = growth_limit_kpa(build.widest_mm, profile.material, limits)
+    measured = GrowthConstantsRange.of(profile, limits).measured
+    return min(stands_kpa, build.pressure_kpa) if measured else stands_kpa
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureGauge:
     """What growth to the worst tip takes beside what the widest part stands."""
@@ -249,7 +260,8 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     Checked are the paths in free space and, where there are deployments, those on the maps.
 
     Film that leaves its store without tension gives the least pressure that growth can take, a
-    tight spool the most. Even the least is an error only where seam and growth were measured.
+    tight spool the most. Even the least is an error only where seam and growth were measured; a
+    working pressure below it is one where growth was.
     """
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the seam")
@@ -265,14 +277,16 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
             "the narrow branches, or shorten and straighten the way"
         )
         violations.append(_violation(subject, worst, message, broken))
-    elif subject.design.build.pressure_kpa < loose.pressure_kpa:
-        working_kpa = subject.design.build.pressure_kpa
+    working_kpa = subject.design.build.pressure_kpa
+    worse = Severity.ERROR if gauge.growth_measured else Severity.WARNING
+    if weak := Limits({worse.value: working_kpa}).most(loose.pressure_kpa):
         message = (
-            f"at its working pressure it does not grow to this tip {loose.place}: that takes "
-            f"{takes}; set build.pressure_kpa, to at most {top_kpa:.1f}"
+            f"its working pressure of {working_kpa:g} kPa does not grow it to this tip "
+            f"{loose.place}, which takes {takes}"
         )
-        broken = BrokenLimit(severity=Severity.WARNING, limit=working_kpa)
-        violations.append(replace(_violation(subject, loose, message, broken), aspect="working"))
+        if loose.pressure_kpa <= top_kpa:
+            message += f"; set build.pressure_kpa, to at most {top_kpa:.1f}"
+        violations.append(replace(_violation(subject, loose, message, weak), aspect="working"))
     note = "" if subject.deployments else _FREE
     return RuleApplied(
         checked=max(1, len(subject.deployments)), violations=tuple(violations), note=note

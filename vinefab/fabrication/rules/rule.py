@@ -79,8 +79,8 @@ class RuleApplied:
 
     checked: int  # how many items were checked
     violations: tuple[Violation, ...] = ()
-    # What the check could not take into account. The report shows it, so that an empty report does
-    # not promise more than was checked.
+    # What the check could not take into account, so that an empty report does not promise more than
+    # was checked; and what no finding says, such as a robot that is cut in tiles.
     note: str = ""
 
 

@@ -1,6 +1,7 @@
 """Design files: TOML, schema ``vinefab/design-1``."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -139,7 +140,7 @@ def read_design(name_or_path: str | PathLike[str]) -> Design:
     in ``[build]`` is in millimetres already.
     """
     path = locate("design", name_or_path)
-    return design_of(read_toml(path), path)
+    return replace(design_of(read_toml(path), path), folder=path.parent)
 
 
 def design_of(content: Mapping[str, Any], source: str | Path) -> Design:

@@ -69,6 +69,7 @@ Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
 Shrinkage = Annotated[QuantityForm, AfterValidator(_within(*SHRINKAGE_PERCENT))]
 NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
 Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
+Power = Annotated[QuantityForm, AfterValidator(_within(1e-6, 100.0))]
 Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
 FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
 
@@ -125,7 +126,7 @@ class OperationForm(Form):
 
     passes: Annotated[int, Field(ge=1, le=100)]  # over the same path
     air_assist: bool  # whether air blows on the cut
-    power_percent: Percent  # of the laser
+    power_percent: Power  # of the laser
     min_power_percent: Percent  # in corners
     speed_mm_s: Positive  # of the head
     focus_offset_mm: Offset  # above the focus; widens the spot
@@ -237,13 +238,23 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     return profile_of(read_toml(path), path)
 
 
+def profile_files(recipe: str | Path) -> dict[str, Path]:
+    """Return the files that `read_profile` reads: ``recipe``, ``machine`` and ``material``."""
+    path = locate("recipe", recipe)
+    form = _read(RecipeForm, path)
+    named = {"machine": form.machine, "material": form.material}
+    return {"recipe": path, **{kind: _beside(path, kind, name) for kind, name in named.items()}}
+
+
 def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     """Return the profile of a recipe file's content."""
     form = _formed(RecipeForm, document, path)
-    _ensure_seals(form, path)
+    with located(path):
+        _ensure_seals(form)
+        _ensure_consistent(form)
     material = _material_at(_beside(path, "material", form.material))
     return LaserProfile(
-        machine=_machine(_read(MachineForm, _beside(path, "machine", form.machine))),
+        machine=_machine_at(_beside(path, "machine", form.machine)),
         material=_with_measured(material, form.measured),
         recipe=Recipe(
             name=form.name,
@@ -298,7 +309,7 @@ def _lap(form: LapForm | None, path: Path) -> LapBond | None:
 
 def read_machine(name_or_path: str | Path) -> Machine:
     """Return a machine; errors as in `read_profile`."""
-    return _machine(_read(MachineForm, locate("machine", name_or_path)))
+    return _machine_at(locate("machine", name_or_path))
 
 
 def read_material(name_or_path: str | Path) -> Material:
@@ -306,15 +317,35 @@ def read_material(name_or_path: str | Path) -> Material:
     return _material_at(locate("material", name_or_path))
 
 
-def _ensure_seals(form: RecipeForm, path: Path) -> None:
+def _ensure_seals(form: RecipeForm) -> None:
     """Refuse a recipe without a seam, or with two tools for the same seam."""
     welded = form.operations.weld is not None
     if form.sealer is None and not welded and form.operations.weldcut is None:
-        raise BadInputError(
-            "operations", "cut only", "weldcut, weld or a [sealer], for the seam", path
-        )
+        raise BadInputError("operations", "cut only", "weldcut, weld or a [sealer], for the seam")
     if form.sealer is not None and welded:
-        raise BadInputError("sealer", "given with operations.weld", "one of the two", path)
+        raise BadInputError("sealer", "given with operations.weld", "one of the two")
+
+
+def _ensure_consistent(form: RecipeForm) -> None:
+    """Refuse settings that contradict each other or their operation."""
+    for name, settings in form.operations:
+        if settings is None:
+            continue
+        power, least = settings.power_percent.value, settings.min_power_percent.value
+        if least > power:
+            allowed = f"at most power_percent, {power:g}"
+            raise BadInputError(f"operations.{name}.min_power_percent", least, allowed)
+        seam, kerf = settings.seam_width_mm.value, settings.kerf_mm.value
+        if name in ("weld", "weldcut") and seam == 0.0:
+            raise BadInputError(f"operations.{name}.seam_width_mm", seam, "more than 0: it seals")
+        if name == "weld" and kerf > 0.0:
+            allowed = "0: a weld removes nothing; what seals and cuts is a weldcut"
+            raise BadInputError("operations.weld.kerf_mm", kerf, allowed)
+    for number, window in enumerate(form.coupons.windows if form.coupons else (), start=1):
+        least_energy, most = window.least_mj_mm, window.most_mj_mm
+        if least_energy and most and least_energy.value > most.value:
+            key = f"coupons.windows[{number}].least_mj_mm"
+            raise BadInputError(key, least_energy.value, f"at most most_mj_mm, {most.value:g}")
 
 
 def _operations(form: RecipeForm) -> dict[str, OperationSettings]:
@@ -373,14 +404,20 @@ def _nouns(form: Form) -> dict[str, Quantity]:
     return {name: value.noun() for name, value in values if isinstance(value, QuantityForm)}
 
 
-def _machine(form: MachineForm) -> Machine:
-    return Machine(
+def _machine_at(path: Path) -> Machine:
+    form = _read(MachineForm, path)
+    machine = Machine(
         name=form.name,
         title=form.title,
         colours=form.colours,
         hairline_mm=form.hairline_mm,
         **_nouns(form),
     )
+    if min(machine.usable_mm) <= 0.0:
+        least_mm = min(form.bed_width_mm.value, form.bed_height_mm.value)
+        allowed = f"less than {least_mm / 2.0:g}, half the bed"
+        raise BadInputError("margin_mm", form.margin_mm.value, allowed, path)
+    return machine
 
 
 def _material_at(path: Path) -> Material:

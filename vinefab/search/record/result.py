@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +19,8 @@ from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -166,6 +168,9 @@ class RunResult:
         Each time that its limits were raised.
     prediction
         What is predicted of the winner elsewhere, in plain values (`prediction.run_winner`).
+    recipe
+        The recipe by which designs were judged; None where none was asked for, and in a record of
+        an older vinefab.
     """
 
     run_id: str
@@ -180,6 +185,7 @@ class RunResult:
     drift: tuple[str, ...] = ()
     extensions: tuple[Extension, ...] = ()
     prediction: Mapping[str, Any] = field(default_factory=dict)
+    recipe: RunRecipe | None = None
 
     def __repr__(self) -> str:
         return f"<RunResult {self.headline}>"
@@ -236,6 +242,11 @@ class RunResult:
         """Return the result with what is predicted of the winner, also in the winner's origin."""
         best = replace(self.best, origin={**self.best.origin, **prediction.get("origin", {})})
         return replace(self, best=best, prediction=prediction)
+
+    def with_recipe(self, recipe: RunRecipe, folder: Path | None = None) -> "RunResult":
+        """Return the result with the recipe of the run, which is copied into its folder."""
+        origin = {**self.best.origin, ORIGIN_RECIPE: recipe.origin}
+        return replace(self, recipe=recipe, best=replace(self.best, origin=origin, folder=folder))
 
     @property
     def pieces_words(self) -> str:

@@ -18,6 +18,7 @@ from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
 from vinefab.model.start_place import start_of_record, start_record
@@ -379,6 +380,7 @@ class RunArchive:
     repair: str = ""  # message on the feasibility repair
     extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
     prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
+    recipe: RunRecipe | None = None  # as in `RunResult`
 
     @classmethod
     def read(cls, path: Path) -> "RunArchive":
@@ -417,6 +419,7 @@ class RunArchive:
             repair=entries.get("repair", ""),
             extensions=read_extensions(connection),
             prediction=json.loads(entries.get("prediction", "{}")),
+            recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
         )
 
     @property
@@ -443,6 +446,8 @@ class RunArchive:
             repair=self.repair,
             extensions=self.extensions,
         )
+        if self.recipe is not None:
+            result = result.with_recipe(self.recipe, self.path.parent)
         return result.with_prediction(self.prediction) if self.prediction else result
 
 

@@ -208,16 +208,16 @@ class RunStore:
             row = self._connection.execute(query).fetchone()
         return "" if row is None else str(row[0])
 
-    def prediction(self) -> Mapping[str, Any]:
-        """Return what was predicted of the winner; nothing where that is not recorded."""
+    def kept(self, key: str) -> Mapping[str, Any]:
+        """Return what `keep` recorded under a key; nothing where that is not recorded."""
         with damage_errors(self.path):
-            query = "SELECT value FROM run WHERE key = 'prediction'"
-            row = self._connection.execute(query).fetchone()
+            query = "SELECT value FROM run WHERE key = ?"
+            row = self._connection.execute(query, (key,)).fetchone()
             return {} if row is None else dict(json.loads(row[0]))
 
-    def keep_prediction(self, prediction: Mapping[str, Any]) -> None:
-        """Record what is predicted of the winner."""
-        row = ("prediction", json.dumps(prediction, allow_nan=False))
+    def keep(self, key: str, content: Mapping[str, Any]) -> None:
+        """Record plain values: the ``recipe``, or the ``prediction`` of the winner."""
+        row = (key, json.dumps(content, allow_nan=False))
         with self._transaction() as connection:
             connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", row)
 

@@ -112,9 +112,11 @@ function mountLive(root, app, name, mark) {
     store.change(`open ${file.name}`, (state) => {
       state.design = file.design;
       state.opened = file.path;
+      if (file.recipe) state.recipe = file.recipe;
     });
     setFile(fileOf(file, file.design));
-    app.say(`Opened ${file.path}; Undo goes back to the design before`);
+    const note = file.recipe_note ? `; ${file.recipe_note}` : "";
+    app.say(`Opened ${file.path}; Undo goes back to the design before${note}`);
     return true;
   }
 
@@ -363,6 +365,7 @@ function mountLive(root, app, name, mark) {
   });
   show();
   if (app.hello.problem) notes.show("disk", `${app.hello.problem}. Shown is what was read before.`, []);
+  else if (app.file.recipe_note) app.say(app.file.recipe_note);
   if (restored) lookAgain();
   findUnsaved().catch((error) => { if (error.message) app.say(error.message, "error"); });
 }

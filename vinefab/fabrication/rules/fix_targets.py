@@ -258,7 +258,7 @@ class FixTargets:
         """Return what the pieces of a design must keep; None for one flat outline."""
         if build.pieces is None:
             return None
-        return PieceLimits.of(build.pieces, self.profile, self.limits, self._sheet_mm())
+        return PieceLimits.of(build, self.profile, self.limits, self._sheet_mm())
 
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""

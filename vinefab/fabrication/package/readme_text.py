@@ -339,7 +339,8 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     ]
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
-        " setting. The mouth may be welded shut: trim it open by hand."
+        " setting. The mouth may be welded shut: trim it open by hand"
+        f"{', and plugs and sockets as section 6a says' if job.sheets else ''}."
         for group in operations_by_style(job, colours)
         if len(group) > 1
     )

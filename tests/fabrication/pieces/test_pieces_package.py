@@ -171,11 +171,7 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
         assert (*ends, branch) == (joint["plug_on"], joint["socket_on"], joint["branch"])
         assert float(wide) == pytest.approx(joint["lumen_width_mm"], abs=0.05)
         assert float(deep) == pytest.approx(abs(joint["plug_rim_mm"] - joint["socket_rim_mm"]))
-        on_outer = {
-            label
-            for label, other in joints.items()
-            if outer in (other["plug_on"], other["socket_on"]) and label != outer
-        }
+        on_outer = {label for label, other in joints.items() if other["inner"] == outer}
         assert on_outer <= made_already
         made_already.add(socket)
     bill = {row["item"]: row for row in csv.DictReader(io.StringIO(files["bom.csv"].decode()))}

@@ -198,6 +198,7 @@ def _piece_facts(
         "joints": [
             {
                 "label": sleeve.label,
+                "inner": sleeve.inner,
                 "socket_on": sleeve.socket_on,
                 "plug_on": sleeve.plug_on,
                 "branch": ids[sleeve.branch],

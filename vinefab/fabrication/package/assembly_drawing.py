@@ -697,8 +697,8 @@ class _LapSketch:
         below = y - 56.0
         self._section(below, "growing", on_stub=False)
         arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
-        ends = (self.right - 4.0, below + 2.0), (self.left + 90.0, below + 2.0)
-        self.axes.annotate("", *ends, arrowprops=arrow)
+        head, foot = (self.right - 4.0, below + 2.0), (self.left + 90.0, below + 2.0)
+        self.axes.annotate("", head, foot, arrowprops=arrow)
         lines = [
             "Film that is still inside runs away from the base (arrow) and off the rim of",
             "the stub, which trails; the other way round it would catch.",

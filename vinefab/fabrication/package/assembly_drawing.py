@@ -689,13 +689,13 @@ class _LapSketch:
 
     def sections(self, y: float) -> None:
         """Draw the lap cut lengthwise as it is sealed and, below, while the robot grows."""
-        sealed = "sealed, faces as cut" + (" or turned twice" if not self.on_stub else "")
-        self._section(y, sealed, on_stub=self.on_stub)
+        self._section(y, "sealed, as cut", on_stub=self.on_stub)
         if self.strip:
             ends = [self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0)]
             self.axes.plot(ends, [y] * 2, ":", color=INK, lw=1.6)
         below = y - 56.0
-        self._section(below, "growing", on_stub=False)
+        growing = f"growing{', every face turned' if self.on_stub else ''}"
+        self._section(below, growing, on_stub=False)
         arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
         head, foot = (self.right - 4.0, below + 2.0), (self.left + 90.0, below + 2.0)
         self.axes.annotate("", head, foot, arrowprops=arrow)

@@ -33,7 +33,7 @@ from rule_subjects import (
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Collar, Pouch
+from vinefab.model.design import Collar, PieceSettings, Pouch
 from vinefab.model.finding import Finding
 from vinefab.model.job import Operation
 from vinefab.model.laser import RecipeStatus
@@ -163,10 +163,14 @@ SCENES = {
     ),
     "VF-B03": RuleScene(wrong=of(trunk_mm=150.0), right=of(trunk_mm=400.0), draw=drawn.draw_reach),
     "VF-J01": RuleScene(
-        wrong=pieced(*CROSSING, lap_mm=90.0), right=pieced(*CROSSING), draw=drawn.draw_sleeve_room
+        wrong=pieced(*CROSSING, cut=PieceSettings(lap_mm=90.0)),
+        right=pieced(*CROSSING),
+        draw=drawn.draw_sleeve_room,
     ),
     "VF-J02": RuleScene(
-        wrong=pieced(*CROSSING, most=1), right=pieced(*CROSSING), draw=drawn.draw_pieces
+        wrong=pieced(*CROSSING, cut=PieceSettings(most=1)),
+        right=pieced(*CROSSING),
+        draw=drawn.draw_pieces,
     ),
     "VF-J03": RuleScene(
         wrong=pieced(*CROSSING, widths_mm=(40.0, 34.0, 26.0), pressure_kpa=80.0),
@@ -182,6 +186,11 @@ SCENES = {
         wrong=pieced(*CROSSING, unmarked="socket B"),
         right=pieced(*CROSSING),
         draw=drawn.draw_labels,
+    ),
+    "VF-J06": RuleScene(
+        wrong=pieced(*CROSSING, cut=PieceSettings(ease_mm=14.0)),
+        right=pieced(*CROSSING),
+        draw=drawn.draw_ease,
     ),
     "VF-S01": RuleScene(
         wrong=of((2, 700.0, 90.0), pouch=Pouch(shape="round", radius_mm=310.0)),

@@ -9,7 +9,7 @@ from rule_subjects import CROSSING, block, open_block, pieced, profile
 from shapely.affinity import scale as scaled_shape
 
 from vinefab.fabrication.calibration.coupons import coupon_pieces
-from vinefab.fabrication.job.sleeve import sleeve_size
+from vinefab.fabrication.job.sleeve import STRAIGHT_BEFORE_MM, sleeve_size
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.joints import level_joints
 from vinefab.fabrication.rules.pressure_limits import pressure_gauge, safe_pressure_kpa, widest
@@ -150,7 +150,7 @@ def draw_ratio(subject: Subject, sketch: Sketch) -> None:
 
 
 def film_mm(subject: Subject) -> float:
-    return subject.profile.material.ply_mm.value * subject.profile.material.plies
+    return subject.profile.material.film_mm
 
 
 def draw_packing(subject: Subject, sketch: Sketch) -> None:
@@ -346,7 +346,7 @@ def draw_sleeve_room(subject: Subject, sketch: Sketch) -> None:
     sketch.body(subject.outline.contour)
     sketch.box_mm = (380.0, -120.0, 520.0, 120.0)
     (row,) = rows(subject, "0.1.0")
-    size = sleeve_size(subject.design.build.pieces, profile())
+    size = sleeve_size(subject.design.build, profile())
     start, heading = subject.layout.start_mm[row], float(subject.layout.heading_rad[row])
     step = np.array([math.cos(heading), math.sin(heading)])
     unparted = subject.partition.unparted
@@ -357,7 +357,8 @@ def draw_sleeve_room(subject: Subject, sketch: Sketch) -> None:
         sketch.says = f"straight {room:.0f}, needed {needed:.0f} mm"
     else:
         sleeve = subject.partition.sleeve(subject.partition.sleeves[0].branch)
-        first, needed = start + (sleeve.socket_mm - 3.0) * step, size.room_mm
+        begin = min(sleeve.outer_from_mm, sleeve.blend_end_mm) - STRAIGHT_BEFORE_MM
+        first, needed = start + begin * step, size.room_mm
         sketch.says = f"a sleeve takes {needed:.0f} mm"
     sketch.dimension(first, first + needed * step, f"{needed:.0f} mm", aside_px=14.0)
 
@@ -383,10 +384,15 @@ def draw_lap(subject: Subject, sketch: Sketch) -> None:
     sketch.says = f"{sleeve.width_mm:.3g} mm at {subject.design.build.pressure_kpa:g} kPa"
 
 
+def draw_ease(subject: Subject, sketch: Sketch) -> None:
+    pieces, bond = subject.design.build.pieces, subject.profile.recipe.lap
+    most = pieces.lap_mm - bond.band_mm.value
+    bars(sketch, [("ease", pieces.ease_mm), ("lap less band", most)], "mm", 20.0)
+    sketch.says = f"at least {film_mm(subject):g} mm, the film"
+
+
 def draw_lap_packing(subject: Subject, sketch: Sketch) -> None:
-    shares = lap_occupancies(
-        subject.design, subject.partition.sleeves, subject.sleeve.rise_mm, film_mm(subject)
-    )
+    shares = lap_occupancies(subject.design, subject.partition.sleeves, film_mm(subject))
     count = len(subject.partition.sleeves)
     lumen(sketch, shares[0], f"film with {count} lap{'s' * (count != 1)} in the trunk")
 
@@ -397,7 +403,7 @@ def draw_labels(subject: Subject, sketch: Sketch) -> None:
     marks = [one for one in whole.along(Operation.MARK) if "socket B" in one.label]
     place = shapely.union_all([shapely.LineString(one.contour.flattened_mm()) for one in marks])
     x, y = place.centroid.coords[0]
-    sketch.box_mm = (x - 12.0, y - 48.0, x + 100.0, y + 28.0)
+    sketch.box_mm = (x - 62.0, y - 34.0, x + 50.0, y + 42.0)
     shown, is_there = shapely.box(*sketch.box_mm), False
     for one in subject.job.paths:
         line = shapely.LineString(one.contour.flattened_mm(0.05)) & shown

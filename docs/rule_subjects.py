@@ -132,13 +132,12 @@ def square(low: float, high: float) -> LaserPath:
 
 
 def pieced(
-    *fans: Fan, most: int = 6, lap_mm: float = 15.0, unmarked: str = "", **build: object
+    *fans: Fan, unmarked: str = "", cut: PieceSettings | None = None, **build: object
 ) -> Callable[[], Subject]:
     """Return a maker of a robot in the fewest pieces; labels named are missing on the film."""
 
     def made() -> Subject:
-        cut = PieceSettings(most=most, lap_mm=lap_mm)
-        robot = design(*fans, pieces=cut, **build)
+        robot = design(*fans, pieces=cut or PieceSettings(), **build)
         partition = partition_of(robot, profile())
         job = laser_job(robot, profile(), partition=partition)
         paths = tuple(one for one in job.paths if not unmarked or unmarked not in one.label)

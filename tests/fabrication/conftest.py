@@ -573,6 +573,14 @@ def content(design: Design, profile: LaserProfile, job: Job) -> PackageContent:
     )
 
 
+def _ends(begin_mm: float, lap_mm: float, *, on_stub: bool) -> dict[str, float]:
+    """Return where a joint's rims are, and where its socket's blend ends."""
+    end_mm = begin_mm + lap_mm
+    if on_stub:
+        return {"plug_mm": begin_mm, "socket_mm": end_mm, "blend_end_mm": begin_mm - 5.0}
+    return {"socket_mm": begin_mm, "plug_mm": end_mm, "blend_end_mm": end_mm + 5.0}
+
+
 def cut_robot(design: Design, cuts: tuple[int, ...], lap_mm: float = 15.0):
     """Return a design cut on some branches a third along them, and simple outlines of its pieces.
 
@@ -591,9 +599,8 @@ def cut_robot(design: Design, cuts: tuple[int, ...], lap_mm: float = 15.0):
             label=label[row],
             inner=label[home[parent[row]]],
             branch=row,
-            socket_mm=length[row] / 3.0,
-            plug_mm=length[row] / 3.0 + lap_mm,
-            blend_end_mm=length[row] / 3.0 + lap_mm + 5.0,
+            **_ends(length[row] / 3.0, lap_mm, on_stub=design.build.mounting != "turned"),
+            rise_mm=0.9,
             width_mm=float(layout.width_mm[row]),
         )
         for row in roots[1:]
@@ -604,8 +611,8 @@ def cut_robot(design: Design, cuts: tuple[int, ...], lap_mm: float = 15.0):
         branches = tuple(row for row, on in enumerate(home) if on == root)
         stubs = tuple(sleeve.branch for sleeve in sleeves if sleeve.inner == label[root])
         pieces.append(Piece(label=label[root], root=root, branches=branches, stubs=stubs))
-        begins = {root: at[root].socket_mm if root else -design.build.tail_mm}
-        ends = {row: at[row].plug_mm for row in stubs}
+        begins = {root: at[root].outer_from_mm if root else -design.build.tail_mm}
+        ends = {row: at[row].stub_to_mm for row in stubs}
         shapes = []
         for row in (*branches, *stubs):
             along = np.array([math.cos(layout.heading_rad[row]), math.sin(layout.heading_rad[row])])

@@ -100,14 +100,17 @@ CROSSING = SpaceSettings(
 
 
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
-@pytest.mark.parametrize("most", [2, 6])
+@pytest.mark.parametrize(
+    ("most", "mounting"), [(2, "tail_inverted"), (6, "tail_inverted"), (6, "turned")]
+)
 @pytest.mark.parametrize(
     "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
 )
 def test_penalties_in_pieces_at_once_are_those_one_by_one(
-    settings: SpaceSettings, most: int, pouch: Pouch | None
+    settings: SpaceSettings, most: int, mounting: str, pouch: Pouch | None
 ) -> None:
-    build = BuildSettings(pouch=pouch, trunk_width_mm=30.0, pieces=PieceSettings(most=most))
+    pieces = PieceSettings(most=most)
+    build = BuildSettings(pouch=pouch, trunk_width_mm=30.0, pieces=pieces, mounting=mounting)
     space = Space(settings, build)
     x = np.random.default_rng(6).random((40, len(space)))
     x[:10] = np.round(x[:10])

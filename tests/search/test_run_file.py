@@ -110,10 +110,11 @@ def test_widths_are_given_by_level_or_by_the_trunk(tmp_path: Path) -> None:
 
 
 def test_designs_may_be_cut_in_pieces(tmp_path: Path) -> None:
-    text = "[build]\npieces = { most = 4, ease_mm = 2 }\n[evaluation]\njoint_weight = 0.02"
-    settings = read_run(written(tmp_path, text))
+    build = '[build]\npieces = { most = 4, ease_mm = 2 }\nmounting = "turned"'
+    settings = read_run(written(tmp_path, f"{build}\n[evaluation]\njoint_weight = 0.02"))
     assert settings.build.pieces == PieceSettings(most=4, ease_mm=2.0)
     assert settings.build.build(3).pieces == settings.build.pieces
+    assert settings.build.build(3).mounting == "turned"
     assert settings.evaluation.joint_weight == 0.02
 
 
@@ -277,6 +278,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[evaluation]\nhead_on_weight = -1", "evaluation.head_on_weight", "0 to"),
         ('[build]\npouch = {shape = "round"}', "pouch.radius_mm", "a length"),
         ("[build]\npieces = {most = 0}", "build.pieces.most", "1"),
+        ('[build]\nmounting = "folded"', "build.mounting", "'tail_inverted' or 'turned'"),
         ("[evaluation]\njoint_weight = -1", "evaluation.joint_weight", "0"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),

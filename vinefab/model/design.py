@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
@@ -196,6 +196,19 @@ class Collar:
         return self.length_mm + self.flare_mm
 
 
+Mounting = Literal["tail_inverted", "turned"]
+"""How a robot as cut is put on its base: as it is, its tail inverted over the base, which turns
+every face when it grows; or first turned inside out as a whole."""
+
+DEFAULT_MOUNTING: Mounting = "tail_inverted"
+
+
+def check_mounting(given: object) -> None:
+    """Refuse what is no `Mounting`."""
+    if given not in get_args(Mounting):
+        raise BadInputError("build.mounting", given, " or ".join(map(repr, get_args(Mounting))))
+
+
 MOST_PIECES = 676
 """Labels of pieces have at most two letters."""
 
@@ -209,7 +222,7 @@ class PieceSettings:
     most
         Most pieces; the fewest that the tree needs are cut.
     lap_mm
-        Length along which the socket of one piece lies over the plug of another [assumed].
+        Length along which socket and plug of two pieces lie on each other [assumed].
     ease_mm
         How much wider than the plug's outside a socket is, flat [assumed].
     """
@@ -248,6 +261,9 @@ class Build:
         Transition from the tail to the clamp of a base, or None for a tail of the trunk's width.
     pieces
         How the robot may be cut in pieces, or None for one flat outline.
+    mounting
+        ``tail_inverted``: the faces that lie inside as cut end outside, and the outer part of a
+        sleeve goes into the stub; ``turned``: as cut, and over the stub.
     """
 
     widths_mm: tuple[float, ...]
@@ -258,6 +274,7 @@ class Build:
     pouch: Pouch | None = None
     collar: Collar | None = None
     pieces: PieceSettings | None = None
+    mounting: Mounting = DEFAULT_MOUNTING
 
     def __post_init__(self) -> None:
         for name in ("widths_mm", "fillet_mm", "taper"):
@@ -279,6 +296,7 @@ class Build:
             )
         number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
         number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
+        check_mounting(self.mounting)
 
     @property
     def end_widths_mm(self) -> tuple[float, ...]:

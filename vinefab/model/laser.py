@@ -216,6 +216,11 @@ class Material:
     weldable: bool
     shrinkage_percent: Quantity = field(default=NO_SHRINKAGE, repr=False)
 
+    @property
+    def film_mm(self) -> float:
+        """Thickness of all plies."""
+        return self.ply_mm.value * self.plies
+
     def __post_init__(self) -> None:
         burst = self.burst_kpa is not None, self.burst_width_mm is not None
         survived = self.survived_kpa is not None, self.survived_width_mm is not None

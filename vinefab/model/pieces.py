@@ -11,25 +11,57 @@ class Piece:
     """
 
     label: str  # A for the piece with the tail, then B, C, ...; AA after Z
-    root: int  # the branch that it begins with: the trunk (0), or one that begins in a socket
+    root: int  # the branch that it begins with: the trunk (0), or one that is cut
     branches: tuple[int, ...]  # the branches that end on it, its root among them, ascending
-    stubs: tuple[int, ...] = ()  # the branches of which only the stub with its plug is on it
+    stubs: tuple[int, ...] = ()  # the branches of which only the stub is on it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sleeve:
-    """Where two pieces meet: a socket over a plug, on a straight stretch of one branch.
+    """Where two pieces meet: a plug in a socket, on a straight stretch of one branch.
 
-    Distances are along the branch, from the joint or base where it begins.
+    Distances are along the branch, from the joint or base where it begins. The plug is the stub's
+    end, or where the stub has the socket the outer piece's base.
     """
 
-    label: str  # that of the outer piece, the one with the socket
-    inner: str  # label of the piece with the plug
+    label: str  # that of the outer piece
+    inner: str  # label of the piece with the stub
     branch: int  # index of the branch
-    socket_mm: float  # where the socket begins
-    plug_mm: float  # where the plug ends: one lap farther
+    socket_mm: float  # rim of the socket
+    plug_mm: float  # rim of the plug, one lap away
     blend_end_mm: float  # where the socket's blend ends and the branch has its own width
-    width_mm: float  # lay-flat lumen width of the branch where the socket begins
+    rise_mm: float  # how far the socket's lumen edge lies outside the branch's, on each side
+    width_mm: float  # lay-flat lumen width of the branch where the lap begins
+
+    @property
+    def socket_on_stub(self) -> bool:
+        """Whether the outer piece goes into the stub, not over it."""
+        return self.plug_mm < self.socket_mm
+
+    @property
+    def plug_on(self) -> str:
+        """Label of the piece with the plug."""
+        return self.label if self.socket_on_stub else self.inner
+
+    @property
+    def socket_on(self) -> str:
+        """Label of the piece with the socket."""
+        return self.inner if self.socket_on_stub else self.label
+
+    @property
+    def outer_from_mm(self) -> float:
+        """Where the outer piece begins, and the lap."""
+        return min(self.socket_mm, self.plug_mm)
+
+    @property
+    def stub_to_mm(self) -> float:
+        """Where the stub ends, and the lap."""
+        return max(self.socket_mm, self.plug_mm)
+
+    @property
+    def lap_mm(self) -> float:
+        """How deep the plug goes into the socket."""
+        return self.stub_to_mm - self.outer_from_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

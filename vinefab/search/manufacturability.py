@@ -67,11 +67,11 @@ class ManufacturabilityPenalty:
 
     def _pieces(self, design: Design) -> PieceLimits | None:
         """Return what the pieces of a design must keep; None if it may have but one."""
-        settings = design.build.pieces
-        if settings is None or settings.most == 1:
+        build = design.build
+        if build.pieces is None or build.pieces.most == 1:
             return None
         changed = by_rule(changed_limits(design, self.profile))
-        return PieceLimits.of(settings, self.profile, changed, self.sheet_mm)
+        return PieceLimits.of(build, self.profile, changed, self.sheet_mm)
 
     def within(self, space: Space) -> BatchPenalty:
         """Return the same penalty for batches of a space's designs."""

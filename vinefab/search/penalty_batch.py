@@ -14,6 +14,7 @@ from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.pieces.bodies import beside_mm
 from vinefab.fabrication.pieces.quick_cuts import (
     LEAST_DEPTH,
     MOST_CONFLICTS,
@@ -31,7 +32,7 @@ from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRan
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
-from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, PieceSettings
+from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.design_batch import DesignBatch, batch_branches
@@ -97,11 +98,13 @@ class PenaltyLimits(NamedTuple):
     most_steps: int  # of the search for the fewest cuts
     least_depth: float  # smaller depths of a pair are none
     reach_mm: float  # how far cuts lie outside the lumen
-    before_mm: float  # straight stub before the socket's rim
+    before_mm: float  # straight stub before the sleeve
     lap_mm: float
     blend_mm: float
-    after_mm: float  # straight branch beyond the blend
+    after_mm: float  # straight branch beyond the sleeve
     rise_mm: float  # how far a socket's lumen lies outside the branch's
+    beside_mm: float  # how far outside lumens sockets of one joint need room, cut and all
+    on_stub: bool  # whether sockets are on stubs, not on outer pieces
 
 
 class Scratch(NamedTuple):
@@ -174,7 +177,7 @@ class BatchPenalty:
         fit = GrowthConstantsRange.of(profile, window)
         packing = PACKING.limits_with(changed.get(PACKING.id, {}))
         material, settings = profile.material, space.build.pieces
-        size = sleeve_size(settings or PieceSettings(), profile)
+        size = sleeve_size(builds[-1], profile)
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
@@ -201,6 +204,8 @@ class BatchPenalty:
             blend_mm=size.blend_mm,
             after_mm=STRAIGHT_AFTER_MM,
             rise_mm=size.rise_mm,
+            beside_mm=beside_mm(size, reach_mm(profile)),
+            on_stub=size.socket_on_stub,
         )
         tables = _tables(builds, fit.diameter_mm, limits, changed)
         return cls(tables=tables, limits=limits)

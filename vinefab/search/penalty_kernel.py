@@ -400,12 +400,13 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
         cutting.can[k] = 1 if k > 0 and needed <= length + limits.least_depth else 0
         if cutting.can[k] == 0:
             continue
-        plug, half = begin + limits.lap_mm, capsule[k, 4]
-        row = capsules + 3 * k
-        _part(scratch, row + STUB, k, 0.0, plug / length, half, limits)
-        _part(scratch, row + OUTER, k, begin / length, 1.0, half, limits)
-        blend = (plug + limits.blend_mm) / length
-        _part(scratch, row + SOCKET, k, begin / length, blend, half + limits.rise_mm, limits)
+        outer, half = begin + (limits.blend_mm if limits.on_stub else 0.0), capsule[k, 4]
+        row, end = capsules + 3 * k, outer + limits.lap_mm
+        _part(scratch, row + STUB, k, 0.0, end / length, half, limits)
+        _part(scratch, row + OUTER, k, outer / length, 1.0, half, limits)
+        rim, blend = (end, begin) if limits.on_stub else (outer, end + limits.blend_mm)
+        wide = half + limits.rise_mm
+        _part(scratch, row + SOCKET, k, rim / length, blend / length, wide, limits)
 
 
 @inlined
@@ -433,18 +434,22 @@ def _find_straight_sides(designs, d, tables, limits, cutting):
             two_mm = designs.length[row] if before else above_mm
             reach_mm = max(0.5 * min(one_mm, two_mm), disc)
             fillet = min(tables.fillet[below + 1], _largest_fillet(angle, one, two, reach_mm))
-            for out in (0.0, limits.reach_mm):
+            for place in range(3):
+                # Sockets beside each other lie on children alone, beyond the straight and a blend.
+                out = (0.0, limits.reach_mm, limits.beside_mm)[place]
+                less = (0.0, 0.0, limits.before_mm + limits.blend_mm)[place]
+                none = (0.0, 0.0, math.inf)[place]
                 radius = max(0.0, max(0.0, fillet) - out)
                 a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
                 if after:
-                    begin[below + 1, gap - 1] = max(begin[below + 1, gap - 1], a)
+                    begin[below + 1, gap - 1] = max(begin[below + 1, gap - 1], a - less)
                     shortest_mm = min(shortest_mm, one_mm)
                 else:
-                    stop[below] = max(stop[below], a)
+                    stop[below] = max(stop[below], a - none)
                 if before:
-                    begin[below + 1, gap] = max(begin[below + 1, gap], b)
+                    begin[below + 1, gap] = max(begin[below + 1, gap], b - less)
                 else:
-                    stop[below] = max(stop[below], b)
+                    stop[below] = max(stop[below], b - none)
         count *= children
         first += count
         above_mm = shortest_mm
@@ -536,8 +541,9 @@ def _outer_clears(k, capsules, row, limits, scratch, cutting):
         return False
     outer, socket = capsules + 3 * k + OUTER, capsules + 3 * k + SOCKET
     clear = _pair_depth(scratch.capsule, outer, row, limits.clearance_mm) <= limits.least_depth
-    wide = _pair_depth(scratch.capsule, socket, row, limits.clearance_mm)
-    return clear and wide <= limits.least_depth
+    if limits.on_stub or not clear:
+        return clear
+    return _pair_depth(scratch.capsule, socket, row, limits.clearance_mm) <= limits.least_depth
 
 
 @called
@@ -685,16 +691,22 @@ def _sockets_left(designs, d, capsules, limits, scratch, cutting):
 def _socket_left(designs, d, capsules, a, limits, scratch, cutting):
     """Return the summed depths of a branch's socket in everything that is not joined to it."""
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    socket, left = capsules + 3 * a + SOCKET, 0.0
+    socket, left, above = capsules + 3 * a + SOCKET, 0.0, designs.parent[base + a]
+    home = above if limits.on_stub else a
     for row in range(capsules):
         b = scratch.owner[row]
-        if a != b and not (row < branches and designs.parent[base + b] == a):
-            left += _depth_in_piece(a, socket, b, row, -1, limits, scratch, cutting)
-    for b in range(a + 1, branches):
         up = designs.parent[base + b]
-        if cutting.cut[b] and up != a:
-            stub = capsules + 3 * b + STUB
-            left += _depth_in_piece(a, socket, up, stub, -1, limits, scratch, cutting)
+        joined = up == a or (limits.on_stub and above in (up, b))
+        if a != b and not (row < branches and joined):
+            left += _depth_in_piece(home, socket, b, row, -1, limits, scratch, cutting)
+    for b in range(1 if limits.on_stub else a + 1, branches):
+        up = designs.parent[base + b]
+        if a == b or not cutting.cut[b] or up == a or (limits.on_stub and up == above):
+            continue
+        stub, other = capsules + 3 * b + STUB, capsules + 3 * b + SOCKET
+        left += _depth_in_piece(home, socket, up, stub, -1, limits, scratch, cutting)
+        if limits.on_stub and b > a:
+            left += _depth_in_piece(home, socket, up, other, -1, limits, scratch, cutting)
     return left
 
 
@@ -721,13 +733,13 @@ def _sheet_left(designs, d, capsules, limits, scratch, cutting):
     left = 0.0
     for root in range(designs.first[d + 1] - designs.first[d]):
         if cutting.piece[root] == root:
-            _span_of_piece(designs, d, capsules, root, scratch, cutting)
+            _span_of_piece(designs, d, capsules, root, limits, scratch, cutting)
             left += _excess_of_span(limits, scratch)
     return left
 
 
 @inlined
-def _span_of_piece(designs, d, capsules, root, scratch, cutting):
+def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
     """Write how far a piece reaches across each rotation."""
     base, branches, piece = designs.first[d], designs.first[d + 1] - designs.first[d], cutting.piece
     if root == 0:
@@ -735,14 +747,16 @@ def _span_of_piece(designs, d, capsules, root, scratch, cutting):
     else:
         for t in range(scratch.turn.shape[1]):
             scratch.low[t], scratch.high[t] = math.inf, -math.inf
-        _widen_span(scratch, capsules + 3 * root + SOCKET, 0)
-        _widen_span(scratch, capsules + 3 * root + SOCKET, 2)
+        part = OUTER if limits.on_stub else SOCKET
+        _widen_span(scratch, capsules + 3 * root + part, 0)
+        _widen_span(scratch, capsules + 3 * root + part, 2)
     for k in range(capsules):
         if piece[scratch.owner[k]] == root:
             _widen_span(scratch, k, 2)
     for k in range(root + 1, branches):
         if cutting.cut[k] and piece[designs.parent[base + k]] == root:
-            _widen_span(scratch, capsules + 3 * k + STUB, 2)
+            part, end = (SOCKET, 0) if limits.on_stub else (STUB, 2)
+            _widen_span(scratch, capsules + 3 * k + part, end)
 
 
 @inlined

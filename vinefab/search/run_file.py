@@ -18,10 +18,12 @@ from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
+    DEFAULT_MOUNTING,
     DEFAULT_PRESSURE_KPA,
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
+    Mounting,
     PieceSettings,
     Pouch,
 )
@@ -160,6 +162,7 @@ class RunBuildForm(Form):
     pressure_kpa: float = DEFAULT_PRESSURE_KPA  # working gauge pressure
     pouch: PouchForm | None = None  # at the tip of every leaf
     pieces: PiecesForm | None = None  # robots may be cut in flat pieces
+    mounting: Mounting = DEFAULT_MOUNTING  # as in a design
 
 
 class RunGrowthForm(Form):

@@ -11,6 +11,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.model.design import (
+    DEFAULT_MOUNTING,
     DEFAULT_PRESSURE_KPA,
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
@@ -19,8 +20,10 @@ from vinefab.model.design import (
     Build,
     Design,
     Level,
+    Mounting,
     PieceSettings,
     Pouch,
+    check_mounting,
     default_fillets_mm,
 )
 from vinefab.search.costs import COSTS, cost_text, exceeded_limits, least_costs, limit_excess
@@ -134,6 +137,8 @@ class BuildSettings:
         Pouch at every leaf tip, or None.
     pieces
         How designs may be cut in pieces, or None for one flat outline.
+    mounting
+        As in `Build`.
     """
 
     trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
@@ -143,8 +148,10 @@ class BuildSettings:
     pouch: Pouch | None = None
     pieces: PieceSettings | None = field(default=None, metadata=LATER)
     widths_mm: tuple[float, ...] = field(default=(), metadata=LATER)
+    mounting: Mounting = field(default=DEFAULT_MOUNTING, metadata=LATER)
 
     def __post_init__(self) -> None:
+        check_mounting(self.mounting)
         positive("build.trunk_width_mm", self.trunk_width_mm)
         for width_mm in self.widths_mm:
             positive("build.widths_mm", width_mm)
@@ -180,6 +187,7 @@ class BuildSettings:
             pressure_kpa=self.pressure_kpa,
             pouch=self.pouch,
             pieces=self.pieces,
+            mounting=self.mounting,
         )
 
 

@@ -24,7 +24,7 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch
+from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
@@ -107,6 +107,7 @@ def plain_design(design: Design) -> dict[str, Any]:
             name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
         },
         **({} if pieces is None else {"pieces": asdict(pieces)}),
+        **({} if build.mounting == DEFAULT_MOUNTING else {"mounting": build.mounting}),
     }
 
 
@@ -124,6 +125,7 @@ def design_from(plain: Mapping[str, Any]) -> Design:
             pressure_kpa=plain["pressure_kpa"],
             pouch=None if pouch is None else Pouch(**pouch),
             pieces=None if pieces is None else PieceSettings(**pieces),
+            mounting=plain.get("mounting", DEFAULT_MOUNTING),
         ),
     )
 

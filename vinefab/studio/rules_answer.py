@@ -26,7 +26,7 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import growth_on_maps
@@ -237,8 +237,7 @@ def _bill(
     lines = bill_of_materials(job, profile)
     if subject.partition is None:
         return lines
-    separate = not job.along(Operation.WELDCUT)
-    return *lines, *joint_lines(design, subject.partition, profile, separate=separate)
+    return *lines, *joint_lines(design, subject.partition, profile)
 
 
 def _line_content(line: BomLine) -> dict[str, Any]:

@@ -288,7 +288,7 @@ def _levels(given: Any) -> tuple[int, int]:  # noqa: ANN401  JSON
 def _build(design: Design) -> dict[str, Any]:
     """Return the table of how all designs are built: as the page's, but for what no run has."""
     content = design_content(design)["build"]
-    names = ("widths_mm", "tail_mm", "pressure_kpa", "pouch", "pieces")
+    names = ("widths_mm", "tail_mm", "pressure_kpa", "pouch", "pieces", "mounting")
     return {name: content[name] for name in names if name in content}
 
 

@@ -113,23 +113,22 @@ def test_the_socket_of_a_lap_coupon_goes_over_its_plug_with_the_ease(name):
     kerf = profile.settings("weldcut").kerf_mm.value
     laps = parts_of_laps(profile)
     assert sorted(laps) == [f"LAP-{w}-{k}" for w in (10, 20) for k in (1, 2, 3)]
-    for lap, ((plug, inner), (socket, outer)) in laps.items():
+    for lap, ((socket, inner), (plug, outer)) in laps.items():
         width = float(lap.split("-")[1])
-        assert (plug.name[-1], socket.name[-1]) == ("A", "B")
-        # Where the tube is as wide as designed: 30 mm before the plug's end and 30 mm after it.
-        x = inner.bounds[2]
-        assert across(inner, x - 30.0) == pytest.approx(width + 2 * offset, abs=1e-3)
-        assert across(outer, outer.bounds[0] + 30.0) == pytest.approx(width + 2 * offset, abs=1e-3)
+        assert (socket.name[-1], plug.name[-1]) == ("A", "B")
+        # Where the tube is as wide as designed: 30 mm before the socket's rim, 30 mm into B, and at
+        # the open end, through which the whole tube is turned.
+        rim, x = inner.bounds[2], outer.bounds[0]
+        for body, at in ((inner, rim - 30.0), (outer, x + 30.0), (inner, inner.bounds[0] + 1.0)):
+            assert across(body, at) == pytest.approx(width + 2 * offset, abs=1e-3)
         # Half a kerf of the path is removed on each side of the plug's film.
-        film = across(inner, x - 1.0) - kerf
-        lumen = across(outer, outer.bounds[0] + 1.0) - 2 * offset
+        film = across(outer, x + 1.0) - kerf
+        lumen = across(inner, rim - 1.0) - 2 * offset
         assert lumen - film == pytest.approx(1.0, abs=1e-3)
-        assert across(outer, outer.bounds[0] + 14.9) - 2 * offset == pytest.approx(lumen, abs=1e-3)
+        assert across(inner, rim - 14.9) - 2 * offset == pytest.approx(lumen, abs=1e-3)
         # Joined, the plug ends 15 mm inside the socket, as the ticks beside it say.
         ticks = [path for path in plug.paths if path.label.startswith("depth")]
-        assert [path.contour.points_mm[0][0] for path in ticks] == pytest.approx([x - 15.0] * 2)
-        port = inner.bounds[0] + 1.0
-        assert across(inner, port) == pytest.approx(6.0 + 2 * offset, abs=1e-3)
+        assert [path.contour.points_mm[0][0] for path in ticks] == pytest.approx([x + 15.0] * 2)
 
 
 def across(outline, x):
@@ -137,12 +136,12 @@ def across(outline, x):
     return outline.intersection(shapely.LineString([(x, low - 1), (x, high + 1)])).length
 
 
-def test_a_lap_coupon_is_open_at_port_plug_and_socket_and_its_film_is_cut_free(coupons):
+def test_a_lap_coupon_is_open_at_tube_plug_and_socket_and_its_film_is_cut_free(coupons):
     for piece in lap_pieces(coupons.profile):
         cuts = [path for path in piece.paths if path.operation is Operation.CUT]
         seals = [path for path in piece.paths if path.operation is Operation.WELDCUT]
-        is_plug = piece.name.endswith("A")
-        assert (len(cuts), len(seals)) == ((2, 2) if is_plug else (1, 1))
+        is_tube = piece.name.endswith("A")
+        assert (len(cuts), len(seals)) == ((2, 2) if is_tube else (1, 1))
 
 
 def test_films_that_no_laser_welds_have_lap_coupons_too():
@@ -156,6 +155,7 @@ def test_the_instructions_say_how_laps_are_bonded_and_where_their_pressure_goes(
     text = " ".join(files["README.txt"].decode().split())
     assert "a band of 5 mm (assumed), impulse-sealed around the lap" in text
     assert "15 mm deep" in text
+    assert text.index("LAP, joining") < text.index("LAP, turning") < text.index("LAP, bursting")
     lines = files["results.csv"].decode().splitlines()
     rows = list(csv.DictReader(line for line in lines if line[0] != "#"))
     bursts = [row["note"] for row in rows if row["measure"] == "lap_burst"]

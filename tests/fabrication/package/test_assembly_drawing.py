@@ -3,11 +3,13 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from vinefab.fabrication.package import assembly_drawing as drawing
@@ -15,6 +17,7 @@ from vinefab.fabrication.package.assembly_drawing import (
     assembly_drawing,
     assembly_files,
     exploded_picture,
+    mounting_drawing,
     piece_colours,
 )
 from vinefab.fabrication.package.package_page import least_rectangle_mm, pieces_section
@@ -22,6 +25,7 @@ from vinefab.fabrication.package.piece_joining import joining_order
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.outline import Contour
+from vinefab.pages.colours import ALERT, INK
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +60,41 @@ def test_every_piece_joint_and_step_is_on_the_page(robot, parts, recipe) -> None
     listed = [text for text in words if re.match(r"\d+\.  ", text)]
     for step, text in zip(joining_order(robot, partition), listed, strict=True):
         assert words.count(str(step.number)) >= 1
-        assert text.startswith(f"{step.number}.  {step.sleeve.label} over {step.sleeve.inner}:")
+        assert text.startswith(f"{step.number}.  {step.sleeve.label} into {step.sleeve.inner}:")
         assert text.endswith("12 mm deep")
     page = " ".join(words)
     assert "millimetres" in page
     assert "lap 12 mm (assumed)" in page
     assert "band, all around, 5 mm (assumed)" in page
     assert "48 minutes (8 a joint, assumed)" in page
+    assert "socket: inner piece" in page
+    assert "the face that lies inside as cut is outside" in page
+
+
+def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
+    cut_at, robot, recipe
+) -> None:
+    turned = replace(robot, build=replace(robot.build, mounting="turned"))
+    partition, outlines = cut_at(turned, (1, 2), 12.0)
+    page = " ".join(
+        text.get_text() for text in words_of(assembly_drawing(turned, partition, outlines, recipe))
+    )
+    assert "B over A: plug and socket B" in page
+    assert "socket: outer piece" in page
+    assert "the face that lies outside as cut is outside again" in page
+    assert "turned inside out" in page
+
+
+def test_a_robot_in_one_piece_has_the_drawing_of_its_faces(robot, recipe) -> None:
+    """Which face is which is told from the drawn lines: the outer line as deployed, by colour."""
+    for mounting, outside in (("tail_inverted", ALERT), ("turned", INK)):
+        one = replace(robot, build=replace(robot.build, mounting=mounting))
+        figure = mounting_drawing(one)
+        faces = [line for line in figure.findobj(Line2D) if len(line.get_xdata()) > 8]
+        growing = sorted(faces, key=lambda line: max(line.get_xdata()))[-2:]
+        highest = max(growing, key=lambda line: max(line.get_ydata()))
+        assert highest.get_color() == outside
+    assert list(assembly_files(one, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
 
 
 def test_labels_lie_on_no_other_label(robot, parts, recipe) -> None:
@@ -114,7 +146,7 @@ build = Build(widths_mm=widths, fillet_mm=(4.0, 3.0), pieces=settings)
 fans = (Level.of(4, 260.0, 260.0), Level.of(4, 220.0, 260.0))
 design = Design(name="crossing", trunk_length_mm=220.0, levels=fans, build=build)
 partition = partition_of(design, profile)
-outlines = piece_lumens(design, partition, profile)
+outlines = piece_lumens(design, partition)
 print(len(partition.pieces))
 for data in assembly_files(design, partition, outlines, profile).values():
     print(sha256(data).hexdigest())

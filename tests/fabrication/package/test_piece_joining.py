@@ -13,6 +13,7 @@ from vinefab.fabrication.package.piece_joining import (
     STRIP_HANDLE_MM,
     joining_order,
     joining_words,
+    open_ends,
 )
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.model.design import PieceSettings
@@ -68,8 +69,44 @@ def test_the_way_of_a_strip_summed_by_hand(cut_at, robot) -> None:
     partition, _ = cut_at(robot, (1, 3, 5))
     ways = {step.branch: step.way_mm for step in joining_order(robot, partition)}
     assert ways["0.0"] == pytest.approx(50.0 + 15.0 + 120.0 + 60.0)  # out through the mouth
-    assert ways["0.0.0"] == pytest.approx(30.0 + 15.0 + 100.0)  # out through the socket
+    assert ways["0.0.0"] == pytest.approx(30.0 + 15.0 + 100.0)  # out through the base of its stub
     assert ways["0.1.0"] == pytest.approx(30.0 + 15.0 + 150.0 + 120.0 + 60.0)
+
+
+@pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
+def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, mounting) -> None:
+    """Played through: what is sealed is closed, and a strip passes no joint that is made."""
+    built = replace(robot, build=replace(robot.build, mounting=mounting))
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        cuts = 1 + rng.choice(robot.branch_count - 1, int(rng.integers(1, 7)), replace=False)
+        partition, _ = cut_at(built, tuple(cuts.tolist()))
+        steps = joining_order(built, partition)
+        # Every end that is open: the mouth, and of each joint not made its stub and its base.
+        ends = {("A", "mouth")}
+        for sleeve in partition.sleeves:
+            ends |= {(sleeve.inner, sleeve.label), (sleeve.label, sleeve.label)}
+        for step in steps:
+            ends -= {(step.sleeve.inner, step.sleeve.label), (step.sleeve.label, step.sleeve.label)}
+            inner = step.sleeve.inner
+            assert (inner, "mouth" if inner == "A" else inner) in ends
+            assert step.strip_leaves
+        words = joining_words(built, partition, recipe).steps
+        through = [re.search(r"through (?:the base of )?(.+)\.$", text) for text in words]
+        told = [match[1] for match in through if match]
+        first = {"A": "the mouth"}
+        assert told == [first.get(step.sleeve.inner, step.sleeve.inner) for step in steps]
+
+
+def test_a_strip_is_trapped_where_joints_are_made_from_the_base_outward(cut_at, robot) -> None:
+    partition, _ = cut_at(robot, (1, 3))
+    first, second = partition.sleeves
+    assert (second.inner, second.label) == ("B", "C")
+    assert open_ends(partition, second, ()) == {"B"}
+    # Through the plug's own piece nothing leaves, and once B is joined nothing through its base.
+    assert open_ends(partition, second, {"B"}) == set()
+    assert open_ends(partition, first, ()) == {"A", "C"}
+    assert open_ends(partition, first, {"C"}) == {"A"}
 
 
 def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe) -> None:
@@ -79,8 +116,8 @@ def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe) -> None:
     order = joining_order(robot, partition)
     assert len(told) == len(order)
     for number, (text, step) in enumerate(zip(told, order, strict=True), start=1):
-        assert text.startswith(f"Joint {number} of 4: socket {step.sleeve.label} over")
-        assert f"piece {step.sleeve.label} on piece {step.sleeve.inner}" in text
+        assert text.startswith(f"Joint {number} of 4: plug {step.sleeve.label} into socket")
+        assert f"piece {step.sleeve.label} into piece {step.sleeve.inner}" in text
         assert f"branch {step.branch}," in text
         assert "15 mm deep" in text
         assert f"Strip: {step.way_mm + STRIP_HANDLE_MM:.0f} mm long" in text
@@ -151,7 +188,7 @@ def test_bill_and_readme_hold_the_joints(cut_at, robot, profile, job) -> None:
     text = readme_text(robot, job, profile, DEFAULT, words)
     part = text.split("6a. Joining the pieces")[1].split("7. Mounting")[0]
     assert re.findall(r"^ ?(\d+)\.", part, re.MULTILINE) == [str(n + 1) for n in range(6)]
-    assert re.findall(r"^([a-z])\.", part, re.MULTILINE) == list("abcdef")
+    assert re.findall(r"^([a-z])\.", part, re.MULTILINE) == list("abcdefg")
     assert max(map(len, part.splitlines())) <= 96
     assert "section 6a says when" in text
     assert "6a." not in readme_text(robot, job, profile, DEFAULT)

@@ -50,11 +50,11 @@ def test_no_piece_lies_on_another(cut_at, seed: int) -> None:
         assert one.distance(two) > 0.15 * lead_mm
     assert view.moves_mm["A"].tolist() == [0.0, 0.0]
     for sleeve in partition.sleeves:
-        plug, socket = view.plugs_mm[sleeve.label], view.sockets_mm[sleeve.label]
-        assert math.dist(plug, socket) > 0.999 * lead_mm
+        stub, base = view.stubs_mm[sleeve.label], view.bases_mm[sleeve.label]
+        assert math.dist(stub, base) > 0.999 * lead_mm
         # The rims are on their pieces.
-        assert shapes[sleeve.inner].distance(shapely.Point(plug)) < 1e-6
-        assert shapes[sleeve.label].distance(shapely.Point(socket)) < 1e-6
+        assert shapes[sleeve.inner].distance(shapely.Point(stub)) < 1e-6
+        assert shapes[sleeve.label].distance(shapely.Point(base)) < 1e-6
 
 
 def test_a_piece_with_room_is_drawn_off_along_its_branch(cut_at, make_plan, make_fan) -> None:
@@ -63,7 +63,7 @@ def test_a_piece_with_room_is_drawn_off_along_its_branch(cut_at, make_plan, make
     layout = flat_layout(design)
     view = exploded_view(partition, layout, outlines, 50.0)
     for sleeve in partition.sleeves:
-        away = view.sockets_mm[sleeve.label] - view.plugs_mm[sleeve.label]
+        away = view.bases_mm[sleeve.label] - view.stubs_mm[sleeve.label]
         heading = layout.heading_rad[sleeve.branch]
         assert np.allclose(away, 50.0 * np.array([math.cos(heading), math.sin(heading)]))
 

@@ -6,14 +6,20 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import shapely
 
 from vinefab.fabrication.checking import check_design
+from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.sleeve import BESIDE_MM, piece_ends
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.pieces.partition import _Cutter, in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import ROOM_RULES
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build, Design, Level, PieceSettings, Waiver
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.outline import Part
 
 PROFILE = read_profile("co2_60w__stretchlon_200")
 
@@ -44,7 +50,7 @@ def test_one_cut_parts_one_crossing():
     # Either of the two that cross could be cut, or a parent: the narrowest has the least rim.
     assert sleeve.branch in (4, 5)
     assert (sleeve.inner, sleeve.label) == ("A", "B")
-    assert sleeve.plug_mm - sleeve.socket_mm == pytest.approx(15.0)
+    assert sleeve.socket_mm - sleeve.plug_mm == pytest.approx(15.0)
     assert sleeve.width_mm == pytest.approx(10.1)
     assert found.pieces[0].stubs == (sleeve.branch,)
     assert set(found.pieces[1].branches) == {sleeve.branch}
@@ -147,3 +153,73 @@ def test_no_fewer_cuts_pass(seed):
     rows = range(1, one.branch_count)
     fewer = [cut for size in range(cuts) for cut in combinations(rows, size)]
     assert not any(_passes(one, cut) for cut in fewer[:60])
+
+
+def halves_mm(contour, layout, sleeve, at_mm):
+    """How far a contour's sides are from a branch's axis at a place along it, both together."""
+    heading = float(layout.heading_rad[sleeve.branch])
+    along = np.array([math.cos(heading), math.sin(heading)])
+    place = layout.start_mm[sleeve.branch] + at_mm * along
+    across = 40.0 * np.array([-along[1], along[0]])
+    ring = shapely.Polygon(contour.flattened_mm(1e-4)).buffer(0.0)
+    cut = shapely.intersection(ring, shapely.LineString([place - across, place + across]))
+    part = min(shapely.get_parts(cut).tolist(), key=shapely.Point(place).distance)
+    return part.length
+
+
+@pytest.mark.parametrize("taper", [(), (0.95, 0.9, 0.8)], ids=["even", "tapered"])
+@pytest.mark.parametrize("separate", [False, True], ids=["one pass", "two passes"])
+@pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
+def test_a_plug_goes_into_its_socket_with_the_ease(mounting, separate, taper):
+    """Measured across the outlines: film of the plug and lumen of the socket, all along the lap."""
+    build = replace(CROSSED.build, mounting=mounting, taper=taper)
+    one, layout = replace(CROSSED, build=build), flat_layout(replace(CROSSED, build=build))
+    found = partition_of(one, PROFILE, separate=separate)
+    (sleeve,) = found.sleeves
+    assert sleeve.socket_on_stub == (mounting == "tail_inverted")
+    assert (sleeve.plug_on, sleeve.socket_on) == (
+        ("B", "A") if mounting == "tail_inverted" else ("A", "B")
+    )
+    film = reach_mm(PROFILE, separate=separate)
+    kerf = PROFILE.settings("cut" if separate else "weldcut").kerf_mm.value
+    pieces = {piece.label: piece_ends(found, piece) for piece in found.pieces}
+    plug = body_outline(one, film - kerf / 2.0, ends=pieces[sleeve.plug_on]).contour
+    socket = body_outline(one, ends=pieces[sleeve.socket_on]).contour
+    places = np.linspace(sleeve.outer_from_mm + 1e-3, sleeve.stub_to_mm - 1e-3, 9)
+    films, lumens = (
+        np.array([halves_mm(contour, layout, sleeve, at) for at in places])
+        for contour in (plug, socket)
+    )
+    assert (lumens - films > 1.0 - 1e-3).all()
+    if mounting == "tail_inverted":
+        # The plug's rim comes past the socket's, and not looser than it must.
+        assert lumens.min() - films.max() == pytest.approx(1.0, abs=2e-3)
+    elif not taper:
+        assert lumens - films == pytest.approx(np.ones(9), abs=2e-3)
+    blend = halves_mm(socket, layout, sleeve, sleeve.blend_end_mm)
+    whole = halves_mm(body_outline(one).contour, layout, sleeve, sleeve.blend_end_mm)
+    assert blend == pytest.approx(whole, abs=1e-3)
+
+
+@pytest.mark.parametrize("angle_deg", [16.0, 20.0, 30.0, 60.0])
+@pytest.mark.parametrize("separate", [False, True], ids=["one pass", "two passes"])
+def test_cuts_of_sockets_that_share_a_joint_keep_apart(separate, angle_deg):
+    one = design(fan(3, 300.0, 2.0 * angle_deg), widths=(40.0, 15.0))
+    cutter = _Cutter(one, one.build.pieces, PROFILE, None, separate=separate)
+    found = cutter._cut((1, 2, 3), proven_least=True)
+    inner = found.pieces[0]
+    offset = reach_mm(PROFILE, separate=separate)
+    around = body_outline(one, offset, ends=piece_ends(found, inner)).contour
+    assert shapely.LinearRing(around.flattened_mm(0.01)).is_simple
+    sockets = [
+        shapely.union_all(
+            [
+                shapely.LineString([segment.start_mm, segment.end_mm])
+                for segment in around.segments
+                if segment.branch == name and segment.part is Part.SOCKET
+            ]
+        )
+        for name in ("0.0", "0.1", "0.2")
+    ]
+    apart = min(one.distance(two) for one, two in combinations(sockets, 2))
+    assert apart > 2.0 * BESIDE_MM * math.cos(math.radians(angle_deg) / 2.0) - 0.5

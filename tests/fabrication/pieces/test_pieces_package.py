@@ -32,9 +32,22 @@ POUCHED = design(
 LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
 
 
-@pytest.fixture(scope="module", params=["CROSSED", "TREE", "LONG", "POUCHED"])
+TURNED, POUCHED_TURNED = (
+    replace(one, build=replace(one.build, mounting="turned")) for one in (TREE, POUCHED)
+)
+ROBOTS = {
+    "CROSSED": CROSSED,
+    "TREE": TREE,
+    "LONG": LONG,
+    "POUCHED": POUCHED,
+    "TURNED": TURNED,
+    "POUCHED_TURNED": POUCHED_TURNED,
+}
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
 def made(request):
-    one = {"CROSSED": CROSSED, "TREE": TREE, "LONG": LONG, "POUCHED": POUCHED}[request.param]
+    one = ROBOTS[request.param]
     waived = prepare(one, PROFILE)
     return one, waived, package(waived)
 
@@ -102,9 +115,10 @@ def test_the_pieces_put_together_are_the_whole_robot(made):
         along = np.array([math.cos(layout.heading_rad[row]), math.sin(layout.heading_rad[row])])
         ends = [
             layout.start_mm[row] + along * at
-            for at in (joint["socket_from_mm"] - 0.1, joint["blend_to_mm"] + 0.1)
+            for at in sorted((joint["socket_rim_mm"], joint["blend_to_mm"]))
         ]
-        wide = joint["lumen_width_mm"] / 2 + job["facts"]["socket_wider_mm"] / 2 + 1.0
+        ends = [ends[0] - 0.1 * along, ends[1] + 0.1 * along]
+        wide = joint["lumen_width_mm"] / 2 + joint["socket_wider_mm"] / 2 + 1.0
         laps.append(shapely.LineString(ends).buffer(wide, cap_style="flat"))
     lap = shapely.union_all(laps)
     difference = shapely.union_all(together).symmetric_difference(whole).difference(lap)
@@ -140,21 +154,24 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
     assert "pieces, joints: in job.json" in readme
     section = " ".join(readme.split("6a. Joining the pieces")[1].split("7. Mounting")[0].split())
     told = re.findall(
-        r"Joint (\d+) of (\d+): socket (\w+) over plug (\w+) \(piece (\w+) on piece (\w+), branch"
-        r" ([\d.]+), ([\d.]+) mm wide\), ([\d.]+) mm deep",
+        r"Joint (\d+) of (\d+): plug (\w+) into socket (\w+) \(piece (\w+) (into|over) piece"
+        r" (\w+), branch ([\d.]+), ([\d.]+) mm wide\), ([\d.]+) mm deep",
         section,
     )
     assert [int(step[0]) for step in told] == list(range(1, len(job["joints"]) + 1))
     joints = {joint["label"]: joint for joint in job["joints"]}
     assert {step[2] for step in told} == joints.keys()
     made_already: set[str] = set()
-    for _, count, socket, plug, outer, inner, branch, wide, deep in told:
+    for _, count, plug, socket, outer, way, inner, branch, wide, deep in told:
         joint = joints[socket]
         assert (count, plug, outer) == (str(len(joints)), socket, socket)
-        assert (inner, branch) == (joint["plug_on"], joint["branch"])
+        goes_over = one.build.mounting == "turned"
+        assert way == ("over" if goes_over else "into")
+        ends = (inner, outer) if goes_over else (outer, inner)
+        assert (*ends, branch) == (joint["plug_on"], joint["socket_on"], joint["branch"])
         assert float(wide) == pytest.approx(joint["lumen_width_mm"], abs=0.05)
-        assert float(deep) == pytest.approx(joint["plug_to_mm"] - joint["socket_from_mm"])
-        on_outer = {label for label, other in joints.items() if other["plug_on"] == outer}
+        assert float(deep) == pytest.approx(abs(joint["plug_rim_mm"] - joint["socket_rim_mm"]))
+        on_outer = {label for label, other in joints.items() if other["inner"] == outer}
         assert on_outer <= made_already
         made_already.add(socket)
     bill = {row["item"]: row for row in csv.DictReader(io.StringIO(files["bom.csv"].decode()))}
@@ -173,9 +190,26 @@ def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
     # The rules about pieces are run on the one and skipped on the other; its design asks for them.
     differ = {name for name in one if one[name] != other[name]}
-    assert not any(name.startswith("assembly") for name in one)
+    assert {"assembly.svg", "assembly.pdf"} <= one.keys()
     assert one.keys() == other.keys()
     assert differ <= {"design.toml", "checks.json", "report.html", "MANIFEST.sha256"}
+
+
+@pytest.mark.parametrize("pieces", [True, False], ids=["in pieces", "in one"])
+@pytest.mark.parametrize(("mounting", "face"), [("tail_inverted", "inside"), ("turned", "outside")])
+def test_every_package_says_which_face_ends_outside(mounting, face, pieces):
+    one = CROSSED if pieces else design(fan(3, 120.0, 150.0))
+    files = package(prepare(replace(one, build=replace(one.build, mounting=mounting)), PROFILE))
+    readme = " ".join(files["README.txt"].decode().split())
+    job = json.loads(files["job.json"])
+    told = f"the face that lies {face} as cut is outside"
+    assert told in readme.split("7. Mounting")[1]
+    assert told in job["design"]["build"]["faces"]
+    assert job["design"]["build"]["mounting"] == mounting
+    assert ("turn the whole robot inside out" in readme) == (mounting == "turned")
+    assert (b"mounting" in files["design.toml"]) == (mounting == "turned")
+    if pieces:
+        assert "Open plug and socket with a blunt tool" in readme
 
 
 def test_copies_share_sheets_and_keep_their_pieces_apart():
@@ -199,3 +233,4 @@ def test_sealed_and_cut_apart_the_socket_goes_over_the_web_too():
     facts = prepared.job.facts
     weld = PROFILE.recipe.operations["weld"].seam_width_mm.value
     assert facts["socket_wider_mm"] == pytest.approx(2.0 * (weld + 2.0) + 1.0)
+    assert facts["joints"][0]["socket_wider_mm"] == facts["socket_wider_mm"]

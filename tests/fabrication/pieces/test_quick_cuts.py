@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.pieces.bodies import straight_sides
+from vinefab.fabrication.pieces.bodies import sleeve_sides
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.fabrication.pieces.quick_cuts import (
     MOST_PIECE_BRANCHES,
@@ -18,7 +19,7 @@ from vinefab.fabrication.pieces.quick_cuts import (
     planned_sides,
     quick_cuts,
 )
-from vinefab.model.design import Design, Level, PieceSettings
+from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
@@ -36,7 +37,8 @@ CROSSING = Space(
 
 
 def limits(most: int = 6, sheet_mm: tuple[float, float] | None = (980.0, 580.0)) -> PieceLimits:
-    return PieceLimits.of(PieceSettings(most=most), PROFILE, {}, sheet_mm)
+    build = replace(Build.standard(1), pieces=PieceSettings(most=most))
+    return PieceLimits.of(build, PROFILE, {}, sheet_mm)
 
 
 def tree(*levels: Level) -> Design:
@@ -81,7 +83,8 @@ def test_with_too_few_pieces_something_is_left() -> None:
 
 
 def test_a_branch_without_room_for_a_sleeve_is_not_cut() -> None:
-    long = PieceLimits.of(PieceSettings(lap_mm=150.0), PROFILE, {})
+    build = replace(CROSSED.build, pieces=PieceSettings(lap_mm=150.0))
+    long = PieceLimits.of(build, PROFILE, {})
     found = quick_cuts(CROSSED, long)
     assert found is not None
     assert found.branches == ()
@@ -123,12 +126,14 @@ def test_no_smaller_set_of_cuts_leaves_nothing() -> None:
     assert missed <= 0.05 * tried
 
 
-def test_where_sides_are_straight_is_never_better_than_in_the_outlines() -> None:
+@pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
+def test_where_sides_are_straight_is_never_better_than_in_the_outlines(mounting: str) -> None:
     reach, differing, sides = reach_mm(PROFILE), 0, 0
+    size = sleeve_size(replace(CROSSED.build, mounting=mounting), PROFILE)
     for design in random_designs(40, seed=3):
         layout = flat_layout(design)
-        exact = straight_sides(design, layout, (0.0, reach))
-        planned = planned_sides(design, layout, reach)
+        exact = sleeve_sides(design, layout, size, reach)
+        planned = planned_sides(design, layout, size, reach)
         assert (planned.start_mm >= exact.start_mm - 1e-6).all()
         assert (planned.end_mm <= exact.end_mm + 1e-6)[1:].all()
         differing += int((planned.start_mm > exact.start_mm + 1e-3).sum())

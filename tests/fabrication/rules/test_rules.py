@@ -10,7 +10,6 @@ from shapely import box
 
 from vinefab.fabrication.checking import map_corridors
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
@@ -321,9 +320,10 @@ def sleeve_at(branch: int, number: int = 1) -> Sleeve:
         label=piece_label(number),
         inner="A",
         branch=branch,
-        socket_mm=40.0,
-        plug_mm=55.0,
-        blend_end_mm=60.0,
+        plug_mm=40.0,
+        socket_mm=55.0,
+        blend_end_mm=35.0,
+        rise_mm=1.0,
         width_mm=20.0,
     )
 
@@ -333,12 +333,13 @@ def cut(
     load: Quantity | None = None,
     bore: bool = False,
     lap_mm: float = 15.0,
+    ease_mm: float = 1.5,
     **build: object,
 ) -> Build:
     """A fan of children of 20 mm of which some are cut, by index; the trunk is 60 mm wide."""
 
     def built(make: Make, profile: LaserProfile) -> Subject:
-        settings = PieceSettings(lap_mm=lap_mm)
+        settings = PieceSettings(lap_mm=lap_mm, ease_mm=ease_mm)
         wide = {"widths_mm": (60.0, 20.0), **build}
         design = make((8, 200.0, 280.0), pieces=settings, **wide)
         sleeves = tuple(sleeve_at(branch, number) for number, branch in enumerate(branches, 1))
@@ -352,7 +353,6 @@ def cut(
         return replace(
             Subject.of(design, tested),
             partition=Partition(pieces=pieces, sleeves=sleeves),
-            sleeve=SleeveSize(lap_mm=lap_mm, rise_mm=1.0),
         )
 
     return built
@@ -522,6 +522,13 @@ CASES: Mapping[str, Case] = {
         branches=("0.1",),
         quiet=cut(2, pressure_kpa=41.85),
     ),
+    # The film is 0.075 mm thick; a lap of 15 mm has 5 mm on each side of a band of 5 mm.
+    "VF-J06": Case(
+        fires=cut(2, 3, ease_mm=0.074),
+        severity=E,
+        branches=("0.1", "0.2"),
+        quiet=cut(2, 3, ease_mm=0.076),
+    ),
     # 5 x 20 mm and three laps of 2 x 21 mm, times 0.75 mm, in a lumen of 29.8^2 / pi mm^2: 60 %
     "VF-J04": Case(
         fires=cut(1, 5, 6, widths_mm=(29.7, 20.0)),
@@ -592,6 +599,10 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-J03", cut(2, pressure_kpa=41.95, load=measured(0.2), bore=True), {W}),
     ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=4.9), {W}),
     ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=5.1), set()),
+    ("VF-J06", cut(2, ease_mm=0.0), {E}),
+    ("VF-J06", cut(2, ease_mm=10.1), {W}),
+    ("VF-J06", cut(2, ease_mm=9.9), set()),
+    ("VF-J06", cut(ease_mm=20.0), set()),
     ("VF-J04", cut(1, 5, 6, widths_mm=(29.9, 20.0)), {W}),
     ("VF-J04", cut(1, 5, 6, widths_mm=(42.0, 20.0)), {W}),
     ("VF-J04", cut(widths_mm=(25.2, 20.0)), set()),
@@ -648,9 +659,7 @@ def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(
         assert any(words in skip.reason for skip in skipped if skip.rule == "VF-J03")
 
 
-def test_a_weak_lap_is_named_and_marked_where_its_socket_begins(
-    make: Make, profile: LaserProfile
-) -> None:
+def test_a_weak_lap_is_named_and_marked_where_it_begins(make: Make, profile: LaserProfile) -> None:
     (finding,) = found(cut(0, widths_mm=(20.0, 12.0), pressure_kpa=42.0)(make, profile), "VF-J03")
     assert finding.message.startswith("the lap of plug B, 20.0 mm wide,")
     assert (finding.x_mm, finding.y_mm) == (40.0, 0.0)
@@ -667,8 +676,9 @@ def test_film_with_laps_that_add_nothing_packs_as_without(
     for seed in range(20):
         design = random_design(np.random.default_rng(seed), pouched=True)
         levels = branch_tree(design).level.tolist()
-        flat = [replace(sleeve_at(branch), width_mm=0.0) for branch in range(1, len(levels))]
-        shares = lap_occupancies(design, flat, 0.0, 0.075)
+        none = {"width_mm": 0.0, "rise_mm": 0.0}
+        flat = [replace(sleeve_at(branch), **none) for branch in range(1, len(levels))]
+        shares = lap_occupancies(design, flat, 0.075)
         expected = occupancies(design, 0.075)
         assert shares == {
             branch: pytest.approx(expected[level - 1])
@@ -682,7 +692,7 @@ def test_laps_count_where_they_are_and_below_one_parent_only(make: Make) -> None
     design = make((2, 200.0, 90.0), (2, 90.0, 60.0), widths_mm=(40.0, 24.0, 14.0))
     ids = branch_tree(design).ids
     sleeve = replace(sleeve_at(ids.index("0.1.0")), width_mm=14.0)
-    shares = lap_occupancies(design, [sleeve], 1.0, 0.075)
+    shares = lap_occupancies(design, [sleeve], 0.075)
     assert {ids[branch] for branch in shares} == {"0", "0.1"}
     level_3_mm = 3 * 14.0 + 2 * 15.0
     assert shares[ids.index("0")] == pytest.approx(level_3_mm * 0.75 * math.pi / 40.0**2)

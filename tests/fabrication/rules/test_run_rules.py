@@ -6,7 +6,6 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
-from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -43,15 +42,14 @@ def test_every_rule_is_either_run_or_skipped_with_a_reason(
 def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(
     make: Make, profile: LaserProfile
 ) -> None:
-    assert {"VF-J01", "VF-J02", "VF-J03", "VF-J04", "VF-J05"} == SLEEVE_RULES
+    assert {"VF-J01", "VF-J02", "VF-J03", "VF-J04", "VF-J05", "VF-J06"} == SLEEVE_RULES
     uncut = Subject.of(make(pieces=PieceSettings()), profile)
     skipped = {skip.rule: skip.reason for skip in run_checks(uncut).skipped}
     assert all(skipped[rule] for rule in SLEEVE_RULES)
     whole = Partition(pieces=(Piece(label="A", root=0, branches=(0,)),))
-    size = SleeveSize(lap_mm=15.0, rise_mm=1.0)
-    run = run_checks(replace(uncut, partition=whole, sleeve=size)).run
+    run = run_checks(replace(uncut, partition=whole)).run
     # One piece has no sleeve.
-    assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04")] == [0, 0]
+    assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04", "VF-J06")] == [0] * 3
 
 
 def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:

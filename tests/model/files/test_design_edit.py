@@ -1,5 +1,6 @@
 import tomllib
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
@@ -12,6 +13,7 @@ from vinefab.model.design import (
     Collar,
     Design,
     Level,
+    Mounting,
     PieceSettings,
     Pouch,
     Waiver,
@@ -337,6 +339,7 @@ def designs(draw) -> Design:
         pouch=draw(st.sampled_from(pouches)),
         collar=draw(st.none() | st.builds(Collar, clamp_diameter_mm=numbers)),
         pieces=draw(st.none() | st.builds(PieceSettings, most=st.integers(1, 9))),
+        mounting=draw(st.sampled_from(get_args(Mounting))),
     )
     waivers = st.lists(
         st.builds(Waiver, fingerprint=st.sampled_from(["abc", "d"]), reason=st.just("tested")),

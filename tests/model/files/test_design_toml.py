@@ -105,6 +105,7 @@ BAD = {
     "other schema": ("design-1", "design-9", "schema is 'vinefab/design-9'"),
     "two ways at once": ("[build]", "[build]\nwidth_ratio = 0.5", "not beside build.widths_mm"),
     "waiver without reason": ('"tested on the bench"', '" "', "waive.reason is ' '"),
+    "unknown mounting": ("[build]", '[build]\nmounting = "folded"', "'tail_inverted' or 'turned'"),
     "pouch of no shape": ('"round"', '"heart"', "'round' or 'rectangle'"),
     "name as a path": ('"six"', '"../six"', "name is '../six'"),
     "fan beyond a circle": ("100.0", "400.0", "level[1].angle_deg is 400.0"),

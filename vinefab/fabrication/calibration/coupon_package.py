@@ -109,11 +109,15 @@ def _lap_steps(bond: LapBond | None) -> list[str]:
     else:
         how = f"with adhesive film, {bond.band_mm.value:g} mm ({bond.band_mm.standing}) all around"
     return [
-        f"LAP, joining: A is the tube with the needle port, its open end the plug; B goes over it,"
-        f" {LAP_MM:g} mm deep: carry the ticks beside A over to the plug before you lift it out."
+        f"LAP, joining: the open end of B, the plug, goes into the widened end of A, {LAP_MM:g} mm"
+        f" deep: carry the ticks beside B over to the plug before you lift it out."
         f" Bond {how}; write the width of the band down (lap_band). The side seams of A and B lie"
         f" on each other, as on a robot: seal their corners with care, there it leaks first.",
-        "LAP, bursting: as BURST, through the port. If the lap opened or leaked, write the pressure"
+        "LAP, turning: push the closed end of B with a blunt rod through A and out of its open end,"
+        " until the whole tube is inside out. So does a robot that is mounted as cut when it grows;"
+        ' one with mounting = "turned" grows as it was sealed: for that, leave this step out.',
+        "LAP, bursting: close A's open end around an air tube and go on as with BURST. If the lap"
+        " opened or leaked, write the pressure"
         " down as lap_burst; if anything else gave way, or nothing, as lap_survived: such a lap"
         " bears more, nobody knows how much. One of the two rows of each coupon stays empty.",
     ]

@@ -18,8 +18,8 @@ from vinefab.fabrication.job.passes import body_paths, weldcut_offset_mm
 from vinefab.fabrication.job.piece_jobs import recipe_facts
 from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
-from vinefab.fabrication.outline.ends import Socket
-from vinefab.model.design import Build, Collar, Design, Level, PieceSettings, Pouch
+from vinefab.fabrication.outline.ends import OpenEnd
+from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, Standing
 from vinefab.model.outline import Contour
@@ -42,7 +42,7 @@ PORT_MM = 6.0
 LETTER_MM = 4.0
 LABEL_GAP_MM = 5.0
 _LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
-_LAP_TUBE_MM = 45.0
+_LAP_TUBE_MM, _LAP_CLAMP_MM = 45.0, 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,42 +144,40 @@ def lap_name(width_mm: float, number: int) -> str:
 
 
 def lap_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
-    """Return the lap coupons, each in two parts: a tube with a port and a plug, and its end.
+    """Return the lap coupons, each in two parts: an open tube with a socket, and its end, the plug.
 
-    The lap is that of a robot in pieces as it is by default. Seen from the port, part B begins
-    where the trunk does, so that the fold line of part A is how deep its plug goes.
+    The lap is that of a robot in pieces as it is by default. The socket's rim is where the trunk
+    begins, so that the fold line beside part B is how deep its plug goes.
     """
-    size = sleeve_size(PieceSettings(), profile)
-    socket = Socket(
-        start_mm=0.0,
-        blend_start_mm=size.lap_mm,
-        blend_end_mm=size.lap_mm + size.blend_mm,
-        rise_mm=size.rise_mm,
+    size = sleeve_size(Build.standard(1), profile)
+    socket = OpenEnd(
+        rim_mm=0.0, blend_mm=(-size.lap_mm, -size.lap_mm - size.blend_mm), rise_mm=size.rise_mm
     )
-    plug, end = PieceEnds(plugs={0: size.lap_mm}), PieceEnds(socket=socket)
+    tube, end = PieceEnds(stubs={0: socket}), PieceEnds(base=OpenEnd(rim_mm=-size.lap_mm))
     found = []
     for width in LAP_WIDTHS_MM:
         for number in range(1, LAP_COPIES + 1):
-            for part, ends in (("A", plug), ("B", end)):
+            for part, ends in (("A", tube), ("B", end)):
                 design = lap_design(f"{lap_name(width, number)}{part}", width, size.blend_mm)
                 found.append(_part_piece(design, ends, profile))
     return tuple(found)
 
 
 def lap_design(name: str, width_mm: float, blend_mm: float) -> Design:
-    """Return the whole tube of a lap coupon, as long beyond its lap as before it."""
-    port = Collar(clamp_diameter_mm=2.0 * PORT_MM / math.pi, length_mm=15.0, flare_mm=20.0)
-    build = Build(
-        widths_mm=(width_mm,), fillet_mm=(), tail_mm=port.reach_mm + _LAP_TUBE_MM, collar=port
-    )
-    return Design(name=name, trunk_length_mm=LAP_MM + blend_mm + _LAP_TUBE_MM, build=build)
+    """Return the whole tube of a lap coupon.
+
+    It has no narrow port: once joined, it is turned inside out through its open end.
+    """
+    tail_mm = _LAP_CLAMP_MM + _LAP_TUBE_MM + blend_mm + LAP_MM
+    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=tail_mm)
+    return Design(name=name, trunk_length_mm=_LAP_TUBE_MM, build=build)
 
 
 def _part_piece(design: Design, ends: PieceEnds, profile: LaserProfile) -> Coupon:
     """Return a part of a design as a coupon, with ticks beside a plug where the socket ends."""
     body = body_paths(design, profile, ends=ends)
     ticks: list[LaserPath] = []
-    if ends.plugs and Operation.MARK in profile.recipe.operations:
+    if ends.base and Operation.MARK in profile.recipe.operations:
         ticks = [
             LaserPath(operation=Operation.MARK, contour=tick, label=f"depth of {design.name}")
             for tick in fold_ticks(design, body.reach_mm)

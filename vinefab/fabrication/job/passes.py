@@ -46,7 +46,7 @@ def frees(path: LaserPath) -> bool:
 
 
 def bodies_of_paths(sealed: Iterable[LaserPath]) -> Iterator[tuple[LaserPath, ...]]:
-    """Yield the paths that together seal one body, in order: several for a piece with plugs."""
+    """Yield the paths that together seal one body, in order: several for a piece with stubs."""
     names = itertools.count()
     for _, runs in groupby(
         sealed, key=lambda path: next(names) if path.contour.closed else path.label or next(names)
@@ -93,7 +93,7 @@ WEB_MM = 2.0
 class BodyPaths:
     """The paths of one robot."""
 
-    paths: tuple[LaserPath, ...]  # in process order; several to seal a piece with plugs
+    paths: tuple[LaserPath, ...]  # in process order; several to seal a piece with stubs
     outline: BodyOutline  # the outline that forms the body, with its problems
     reach_mm: float  # how far outside the lumen the paths reach
     facts: dict[str, object]  # offsets applied
@@ -179,8 +179,8 @@ def _one_pass(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyPat
         *_sealed(Operation.WELDCUT, outline.contour, f"outline of {name}", name),
         _path(Operation.CUT, mouth_cut(outline.contour, overcut), f"mouth of {name}", name),
         *(
-            _path(Operation.CUT, cut, f"plug of {name}", name)
-            for cut in plug_cuts(outline.contour, overcut)
+            _path(Operation.CUT, cut, f"stub of {name}", name)
+            for cut in stub_cuts(outline.contour, overcut)
         ),
     )
     facts: dict[str, object] = {
@@ -233,8 +233,8 @@ def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
     return _across(outline.points_mm[-1], outline.points_mm[0], outline.branches[:1], overcut_mm)
 
 
-def plug_cuts(outline: Contour, overcut_mm: float) -> Iterator[Contour]:
-    """Yield the straight cuts across the plugs of an outline."""
+def stub_cuts(outline: Contour, overcut_mm: float) -> Iterator[Contour]:
+    """Yield the straight cuts across the open ends of an outline's stubs."""
     for segment in outline.segments:
         if segment.part is Part.MOUTH:
             start, end = np.array(segment.start_mm), np.array(segment.end_mm)
@@ -254,7 +254,7 @@ def _across(first: Floats, last: Floats, branch: tuple[str, ...], overcut_mm: fl
 
 
 def _sealed(operation: Operation, outline: Contour, label: str, name: str) -> Iterator[LaserPath]:
-    """Yield the runs of an outline between its open ends: the whole outline if it has no plug."""
+    """Yield the runs of an outline between its open ends: the whole outline if it has no stub."""
     for at_mouth, run in groupby(outline.segments, key=lambda part: part.part is Part.MOUTH):
         if not at_mouth:
             yield _path(operation, Contour.from_segments(list(run), closed=False), label, name)

@@ -15,7 +15,7 @@ from vinefab.fabrication.job.placement import (
     place_contours,
 )
 from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
-from vinefab.model.design import Design, PieceSettings
+from vinefab.model.design import Design
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition
@@ -93,9 +93,8 @@ def _parts(
 ) -> list[SheetRobot]:
     """Return every piece of every copy, not placed yet."""
     separate = sheet.process == "weld+cut"
-    size = sleeve_size(design.build.pieces or PieceSettings(), profile, separate=separate)
     bodies = [
-        body_paths(design, profile, separate=separate, ends=piece_ends(partition, piece, size))
+        body_paths(design, profile, separate=separate, ends=piece_ends(partition, piece))
         for piece in partition.pieces
     ]
     return [
@@ -169,9 +168,7 @@ def _piece_facts(
     """Return every piece with its place, and every joint, as plain values."""
     ids = branch_tree(design).ids
     pieces = {piece.label: piece for piece in partition.pieces}
-    size = sleeve_size(
-        design.build.pieces or PieceSettings(), profile, separate=sheet.process == "weld+cut"
-    )
+    size = sleeve_size(design.build, profile, separate=sheet.process == "weld+cut")
     placed = [
         (number, robot, robot.placement)
         for number, robots in enumerate(sheets, start=1)
@@ -201,12 +198,14 @@ def _piece_facts(
         "joints": [
             {
                 "label": sleeve.label,
-                "socket_on": sleeve.label,
-                "plug_on": sleeve.inner,
+                "inner": sleeve.inner,
+                "socket_on": sleeve.socket_on,
+                "plug_on": sleeve.plug_on,
                 "branch": ids[sleeve.branch],
                 "lumen_width_mm": sleeve.width_mm,
-                "socket_from_mm": sleeve.socket_mm,
-                "plug_to_mm": sleeve.plug_mm,
+                "socket_wider_mm": 2.0 * sleeve.rise_mm,
+                "socket_rim_mm": sleeve.socket_mm,
+                "plug_rim_mm": sleeve.plug_mm,
                 "blend_to_mm": sleeve.blend_end_mm,
             }
             for sleeve in partition.sleeves

@@ -57,7 +57,7 @@ def marks_of_pieces(
     """Return the marks of the pieces on one sheet, as far as there is room."""
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
-    # What seals a piece with plugs is several open paths: its outline encloses it.
+    # What seals a piece with stubs is several open paths: its outline encloses it.
     taken = [path for path in bodies if path.operation is Operation.CUT]
     taken += [replace(robot.paths[0], contour=robot.outline) for robot in robots]
     free = FreeRoom(taken, within, [body_area(robot) for robot in robots])
@@ -80,9 +80,9 @@ def marks_of_pieces(
 def _ends(robot: SheetRobot, partition: Partition) -> Iterator[tuple[str, Sleeve]]:
     """Yield the sleeves whose plug or socket is on a piece."""
     for sleeve in partition.sleeves:
-        if sleeve.label == robot.piece:
+        if sleeve.socket_on == robot.piece:
             yield SOCKET, sleeve
-        if sleeve.inner == robot.piece:
+        if sleeve.plug_on == robot.piece:
             yield PLUG, sleeve
 
 
@@ -108,7 +108,7 @@ def _joint(
         for path in paths:
             free.take_path(path)
         if not paths:
-            words += f" {sleeve.plug_mm - sleeve.socket_mm:g} mm"
+            words += f" {sleeve.lap_mm:g} mm"
     near = _on_sheet(robot, placed((beyond, 0.0), frame))
     target = LabelTarget(near_mm=near, label=name, name=robot.of, own=own)
     label = label_paths([words], free, target)
@@ -120,7 +120,7 @@ def _joint(
 def _depth(
     robot: SheetRobot, sleeve: Sleeve, frame: LocalFrame, free: FreeRoom
 ) -> Iterator[Contour]:
-    """Yield the ticks on both sides of a plug, as deep as the socket goes over it, if free."""
+    """Yield the ticks on both sides of a plug, as deep as it goes into the socket, if free."""
     first = sleeve.width_mm / 2.0 + robot.body.reach_mm + CLEAR_MM
     for side in (-1.0, 1.0):
         ends = [placed((sleeve.socket_mm, side * (first + more)), frame) for more in (0.0, TICK_MM)]

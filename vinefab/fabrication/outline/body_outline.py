@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from vinefab.fabrication.outline.ends import BranchSide, Socket
+from vinefab.fabrication.outline.ends import BranchSide, OpenEnd
 from vinefab.fabrication.outline.exactness import (
     DrawnDesign,
     OutlineProblem,
@@ -54,8 +54,8 @@ class PieceEnds:
     """Where the outline of one piece of a robot begins and ends."""
 
     root: int = 0  # index of the branch that it begins with; the trunk has the tail
-    socket: Socket | None = None  # the base of any other
-    plugs: Mapping[int, float] = field(default_factory=dict)  # ends of stubs, along their branches
+    base: OpenEnd | None = None  # the base of any other
+    stubs: Mapping[int, OpenEnd] = field(default_factory=dict)  # by the index of their branches
 
 
 WHOLE_ROBOT = PieceEnds()
@@ -79,7 +79,7 @@ def body_outline(
     least_fillet_mm
         Fillets that the offset leaves smaller than this are corners.
     ends
-        Where a piece begins and ends. The open end of a plug is a straight segment of the mouth's
+        Where a piece begins and ends. The open end of a stub is a straight segment of the mouth's
         kind; the contour runs through it.
 
     Examples
@@ -93,9 +93,9 @@ def body_outline(
     [-200.0, -20.0, 120.0, 20.0]
     """
     drawn = drawn_of(design)
-    plugs = tuple(sorted(ends.plugs.items()))
+    stubs = tuple(sorted(ends.stubs.items()))
     made = _kept_outline if design.branch_count <= _MOST_KEPT else _outline
-    return made(drawn, offset_mm, least_fillet_mm, (ends.root, ends.socket, plugs))
+    return made(drawn, offset_mm, least_fillet_mm, (ends.root, ends.base, stubs))
 
 
 _MOST_KEPT = 200
@@ -106,10 +106,10 @@ def _outline(
     drawn: DrawnDesign,
     offset_mm: float,
     least_fillet_mm: float,
-    piece: tuple[int, Socket | None, tuple[tuple[int, float], ...]],
+    piece: tuple[int, OpenEnd | None, tuple[tuple[int, OpenEnd], ...]],
 ) -> BodyOutline:
-    design, (root, socket, plugs) = design_drawn(drawn), piece
-    ends = PieceEnds(root=root, socket=socket, plugs=dict(plugs))
+    design, (root, base, stubs) = design_drawn(drawn), piece
+    ends = PieceEnds(root=root, base=base, stubs=dict(stubs))
     layout = flat_layout(design)
     pattern = pattern_of(design, offset_mm, least_fillet_mm)
     problems = pattern_problems(design, layout, pattern)
@@ -144,24 +144,20 @@ class _Walk:
 
     def contour(self) -> Contour:
         """Walk from one corner of the mouth to the other."""
-        socket = self.piece.socket
-        return self._from_tail() if socket is None else self._from_socket(socket)
+        base = self.piece.base
+        return self._from_tail() if base is None else self._from_base(base)
 
-    def _from_socket(self, socket: Socket) -> Contour:
-        """Walk from the right corner of a socket around its piece to the left corner."""
+    def _from_base(self, base: OpenEnd) -> Contour:
+        """Walk from the right corner of a piece's base around it to the left corner."""
         root = self.piece.root
         frame, owner = self._base_frame(root), (self.ids[root],)
-        right = self._branch_side(root).socket_mm(socket, self.pattern.offset_mm)
+        right = self._branch_side(root).end_mm(base, self.pattern.offset_mm)
+        left = _reversed(_across_axis(right))
         self.pen = Pen([placed(right.start_mm, frame)])
         self.pen.pieces(right, frame, owner)
         self._around(root)
-        ends = [right.start_mm, *(piece.end_mm for piece in right.pieces)]
-        self._side(placed(_mirrored(ends[-1]), frame), root)
-        left = [
-            StrokeSegment(_mirrored(end), piece.bulge, piece.part)
-            for piece, end in zip(reversed(right.pieces), reversed(ends[:-1]), strict=True)
-        ]
-        self.pen.pieces(StrokeRun(_mirrored(ends[-1]), tuple(left)), frame, owner)
+        self._side(placed(left.start_mm, frame), root)
+        self.pen.pieces(left, frame, owner)
         return self.pen.contour()
 
     def _base_frame(self, branch: int) -> LocalFrame:
@@ -176,12 +172,15 @@ class _Walk:
         lean = taper_rad(half, end, float(layout.tree.length_mm[branch]))
         return BranchSide(half_mm=half + self.pattern.offset_mm, lean_rad=lean)
 
-    def _plug(self, branch: int) -> None:
-        """Walk along the stub of a branch to its plug, and across the plug's open end."""
-        right = self._branch_side(branch).point_mm(self.piece.plugs[branch])
-        frame = self._base_frame(branch)
-        self._side(placed(right, frame), branch)
-        self.pen.go_to(placed(_mirrored(right), frame), Part.MOUTH, self.ids[branch])
+    def _stub(self, branch: int) -> None:
+        """Walk along the stub of a branch, across its open end, and back to its own side."""
+        end = self._branch_side(branch).end_mm(self.piece.stubs[branch], self.pattern.offset_mm)
+        frame, owner = self._base_frame(branch), (self.ids[branch],)
+        right, left = _reversed(end), _across_axis(end)
+        self._side(placed(right.start_mm, frame), branch)
+        self.pen.pieces(right, frame, owner)
+        self.pen.go_to(placed(left.start_mm, frame), Part.MOUTH, self.ids[branch])
+        self.pen.pieces(left, frame, owner)
 
     def _from_tail(self) -> Contour:
         """Walk from the right corner of the tail's mouth around the body to the left corner."""
@@ -198,8 +197,8 @@ class _Walk:
 
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""
-        if branch in self.piece.plugs:
-            self._plug(branch)
+        if branch in self.piece.stubs:
+            self._stub(branch)
             return
         if not self.children[branch]:
             frame = LocalFrame(self.ends[branch], self.heading[branch])
@@ -259,5 +258,21 @@ class _Walk:
 
 
 def _mirrored(point: Point) -> Point:
-    """Return a point of the right side on the left side of tail and trunk."""
+    """Return a point of the right side of a branch on its left side."""
     return point[0], -point[1]
+
+
+def _across_axis(run: StrokeRun) -> StrokeRun:
+    """Return a run of the right side of a branch on its left side."""
+    pieces = (StrokeSegment(_mirrored(p.end_mm), -p.bulge, p.part) for p in run.pieces)
+    return StrokeRun(_mirrored(run.start_mm), tuple(pieces))
+
+
+def _reversed(run: StrokeRun) -> StrokeRun:
+    """Return a run from its other end."""
+    ends = [run.start_mm, *(piece.end_mm for piece in run.pieces)]
+    pieces = (
+        StrokeSegment(end, -piece.bulge, piece.part)
+        for piece, end in zip(reversed(run.pieces), reversed(ends[:-1]), strict=True)
+    )
+    return StrokeRun(ends[-1], tuple(pieces))

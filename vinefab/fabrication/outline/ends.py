@@ -43,13 +43,12 @@ class Tail:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Socket:
-    """The widened base of a piece that goes over a plug; distances are along its branch."""
+class OpenEnd:
+    """An open end of a piece: a plug or, widened, a socket; distances are along its branch."""
 
-    start_mm: float  # where its mouth is
-    blend_start_mm: float  # where it begins to narrow
-    blend_end_mm: float  # where it is as wide as its branch
-    rise_mm: float  # how far its edge lies outside the branch's, on each side
+    rim_mm: float  # where its mouth is
+    blend_mm: Point = (0.0, 0.0)  # of a socket: where it begins to narrow, and is done with it
+    rise_mm: float = 0.0  # how far its edge lies outside the branch's, on each side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,20 +68,25 @@ class BranchSide:
         level = (along_mm - half * math.sin(self.lean_rad)) / math.cos(self.lean_rad)
         return turned((level, -half), self.lean_rad)
 
-    def socket_mm(self, socket: Socket, offset_mm: float) -> StrokeRun:
-        """Return the right side of a socket, from its mouth to the branch's own side."""
-        start = self.point_mm(socket.start_mm, socket.rise_mm)
-        bend = self.point_mm(socket.blend_start_mm, socket.rise_mm)
-        level = turned(bend, -self.lean_rad)
-        flare = (socket.blend_end_mm - socket.blend_start_mm) / math.cos(self.lean_rad)
-        arcs = transition(flare, (level[0], socket.rise_mm), offset_mm, Part.SOCKET)
+    def end_mm(self, end: OpenEnd, offset_mm: float) -> StrokeRun:
+        """Return the right side of an open end, from its mouth to the branch's own side.
+
+        The mouth is nearer to the branch's beginning at a piece's base, and farther on a stub.
+        """
+        start = self.point_mm(end.rim_mm, end.rise_mm)
+        if not end.rise_mm:
+            return StrokeRun(start)
+        bend = self.point_mm(end.blend_mm[0], end.rise_mm)
+        x, y = turned(bend, -self.lean_rad)
+        flare = (end.blend_mm[1] - end.blend_mm[0]) / math.cos(self.lean_rad)
+        way = math.copysign(1.0, flare)
         placed = [
             StrokeSegment(
-                turned((piece.end_mm[0], piece.end_mm[1] + level[1]), self.lean_rad),
-                piece.bulge,
+                turned((x + way * piece.end_mm[0], y + piece.end_mm[1]), self.lean_rad),
+                way * piece.bulge,
                 piece.part,
             )
-            for piece in arcs
+            for piece in transition(abs(flare), (0.0, end.rise_mm), offset_mm, Part.SOCKET)
         ]
         return StrokeRun(start, (StrokeSegment(bend, 0.0, Part.SOCKET), *placed))
 

@@ -1,4 +1,4 @@
-"""The assembly drawing of a robot in pieces: exploded view, robot put together, one lap, the order.
+"""The assembly drawing: which face ends outside and, for a robot in pieces, how it is joined.
 
 The page is laid out in points. Lengths of the robot are in millimetres of its flat layout.
 """
@@ -22,20 +22,21 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.findings_picture import fitted, text_width_pt
-from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.package.mounting import FACES_PT, draw_faces, face_words
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     JoiningStep,
     joining_order,
     needs_strips,
     order_reasons,
+    widest_socket_mm,
 )
 from vinefab.fabrication.pieces.exploded import ExplodedView, exploded_view
-from vinefab.model.design import Design, PieceSettings
+from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
-from vinefab.model.pieces import Partition
+from vinefab.model.pieces import Partition, Sleeve
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.figure import house_style, pdf_bytes, svg_bytes
 
@@ -56,30 +57,31 @@ _RIM_PT = 16.0
 _FLATTEN_PT = 0.1
 _PT_PER_MM = 72.0 / 25.4
 
-_PLUG, _SOCKET = LEVEL_COLOURS[:2]
+_STUB, _OUTER = LEVEL_COLOURS[:2]
 
 Box = tuple[float, float, float, float]
 
 
 def assembly_files(
     design: Design,
-    partition: Partition,
+    partition: Partition | None,
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
-    *,
-    separate: bool = False,
 ) -> dict[str, bytes]:
     """Return the assembly drawing as SVG and PDF, by file name.
 
     Parameters
     ----------
+    partition
+        The pieces that it is cut in; None for one flat outline.
     outlines
         Outline of every piece (lumen or film), by its label, in the coordinates of the whole
         robot's flat layout.
-    separate
-        As in `sleeve_size`.
     """
-    figure = assembly_drawing(design, partition, outlines, profile, separate=separate)
+    if partition is None:
+        figure = mounting_drawing(design)
+    else:
+        figure = assembly_drawing(design, partition, outlines, profile)
     return {f"{ASSEMBLY_NAME}.svg": svg_bytes(figure), f"{ASSEMBLY_NAME}.pdf": pdf_bytes(figure)}
 
 
@@ -88,14 +90,13 @@ def assembly_drawing(
     partition: Partition,
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
-    *,
-    separate: bool = False,
 ) -> Figure:
-    """Return the whole page: exploded view, robot put together, one lap, order of joining."""
-    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
+    """Return the whole page: exploded view, robot put together, one lap, order, faces."""
+    robot = _Robot.of(design, partition, outlines, profile)
     exploded = _Exploded.of(robot)
     notes = _notes(robot)
     list_pt = _LINE_PT * (max(map(len, notes)) + 1) + 8.0
+    list_pt += FACES_PT
     low_pt = list_pt + _LOW_PT
     high_pt = low_pt + exploded.high_pt + _HEAD_PT
     middle = _WIDE_PT / 2.0
@@ -110,7 +111,25 @@ def assembly_drawing(
                 weight = "bold" if row == 0 else "normal"
                 y = list_pt - (row + 1) * _LINE_PT
                 axes.text(x, y, words, fontsize=_TEXT_PT, color=INK, fontweight=weight)
+        _draw_faces(axes, design)
     return figure
+
+
+def mounting_drawing(design: Design) -> Figure:
+    """Return the page of a robot in one piece: which face ends outside."""
+    high_pt = FACES_PT + _HEAD_PT
+    with house_style():
+        figure, axes = _paper(high_pt)
+        _write_head(axes, high_pt, design, "mounting", "Not to scale.")
+        _draw_faces(axes, design)
+    return figure
+
+
+def _draw_faces(axes: Axes, design: Design) -> None:
+    """Draw along the lower edge of a page which face ends outside."""
+    title = f"{face_words(design.build)} (build.mounting = {design.build.mounting})"
+    _draw_title(axes, (_EDGE_PT, FACES_PT - 22.0), "Faces", title)
+    draw_faces(axes, design.build, (_EDGE_PT, _WIDE_PT - _EDGE_PT), FACES_PT - 78.0)
 
 
 def exploded_picture(
@@ -118,11 +137,9 @@ def exploded_picture(
     partition: Partition,
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
-    *,
-    separate: bool = False,
 ) -> Figure:
     """Return the exploded view alone."""
-    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
+    robot = _Robot.of(design, partition, outlines, profile)
     exploded = _Exploded.of(robot)
     with house_style():
         figure, axes = _paper(exploded.high_pt)
@@ -150,10 +167,14 @@ class _Robot:
     partition: Partition
     outlines: Mapping[str, Contour]
     profile: LaserProfile
-    size: SleeveSize
     layout: FlatLayout
     steps: tuple[JoiningStep, ...]
     colours: Mapping[str, str]  # by label of the piece
+
+    @property
+    def lap_mm(self) -> float:
+        """How deep each plug goes into its socket."""
+        return self.partition.sleeves[0].lap_mm
 
     @classmethod
     def of(
@@ -162,17 +183,13 @@ class _Robot:
         partition: Partition,
         outlines: Mapping[str, Contour],
         profile: LaserProfile,
-        *,
-        separate: bool,
     ) -> "_Robot":
         """Return what is to be drawn."""
-        settings = design.build.pieces or PieceSettings()
         return cls(
             design=design,
             partition=partition,
             outlines={piece.label: outlines[piece.label] for piece in partition.pieces},
             profile=profile,
-            size=sleeve_size(settings, profile, separate=separate),
             layout=flat_layout(design),
             steps=joining_order(design, partition),
             colours=piece_colours(partition),
@@ -322,16 +339,17 @@ def _draw_lead(
     labels: "_Labels",
 ) -> None:
     """Draw the line from a plug to its socket, both rims, the depth mark, and the step's number."""
-    sleeve, size = step.sleeve, robot.size
+    sleeve = step.sleeve
     heading = float(robot.layout.heading_rad[sleeve.branch])
     along = np.array([math.cos(heading), math.sin(heading)])
     across = np.array([-along[1], along[0]])
-    plug, socket = view.plugs_mm[sleeve.label], view.sockets_mm[sleeve.label]
+    plug, socket = _rims_mm(view, sleeve)
+    deep = sleeve.socket_mm - sleeve.plug_mm
     half = sleeve.width_mm / 2.0
     for place, reach, colour, style in (
         (plug, half, INK, "-"),
-        (plug - size.lap_mm * along, half, INK, ":"),
-        (socket, half + size.rise_mm, ALERT, "-"),
+        (plug + deep * along, half, INK, ":"),
+        (socket, half + sleeve.rise_mm, ALERT, "-"),
     ):
         ends = page.points(np.array([place - reach * across, place + reach * across]))
         axes.plot(*ends.T, style, color=colour, lw=1.6 if style == "-" else 1.0, zorder=5)
@@ -342,6 +360,12 @@ def _draw_lead(
     middle = ends.mean(axis=0)
     _draw_number(axes, middle, step.number)
     labels.take(_around(middle[None], f"{step.number}", _JOINT_PT)[0])
+
+
+def _rims_mm(view: ExplodedView, sleeve: Sleeve) -> tuple[Floats, Floats]:
+    """Return where the rims of a joint's plug and of its socket lie."""
+    stub, base = view.stubs_mm[sleeve.label], view.bases_mm[sleeve.label]
+    return (base, stub) if sleeve.socket_on_stub else (stub, base)
 
 
 def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
@@ -393,7 +417,7 @@ def _write_joint(
 ) -> None:
     """Write the joint's label beside its plug and beside its socket."""
     name = step.sleeve.label
-    for place, colour in ((view.plugs_mm[name], INK), (view.sockets_mm[name], ALERT)):
+    for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
         at = labels.beside(page.points(place), name)
         _write(axes, at, name, _JOINT_PT, colour)
 
@@ -506,31 +530,30 @@ def _draw_title(axes: Axes, at_pt: tuple[float, float], title: str, words: str) 
 
 
 def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
-    design, pieces = robot.design, len(robot.partition.pieces)
+    pieces = counted(len(robot.partition.pieces), "piece")
+    words = f"assembly: {pieces}, {counted(len(robot.steps), 'joint')}"
+    notes = (
+        f"All lengths in millimetres, lay-flat. Lap of {robot.lap_mm:g} mm and ease: assumed. Else:"
+        " computed from the design."
+    )
+    _write_head(axes, top_pt, robot.design, words, notes)
+
+
+def _write_head(axes: Axes, top_pt: float, design: Design, words: str, notes: str) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
-    words = f"assembly: {counted(pieces, 'piece')}, {counted(len(robot.steps), 'joint')}"
     right = _WIDE_PT - _EDGE_PT
     axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
-    size = robot.size
-    axes.text(
-        _EDGE_PT,
-        top_pt - 38.0,
-        f"All lengths in millimetres, lay-flat. Lap of {size.lap_mm:g} mm and ease: assumed. Else:"
-        " computed from the design.",
-        fontsize=8.5,
-        color=SOFT,
-    )
+    axes.text(_EDGE_PT, top_pt - 38.0, notes, fontsize=8.5, color=SOFT)
 
 
 def _draw_key(axes: Axes, robot: _Robot, at_pt: tuple[float, float], pt_per_mm: float) -> None:
     x, y = at_pt
     x = _draw_scale(axes, at_pt, pt_per_mm)
-    lap = f"{robot.size.lap_mm:g} mm"
     for colour, style, words in (
         (INK, "-", "rim of a plug, with the joint's label"),
-        (INK, ":", f"how deep it goes into the socket, {lap}"),
-        (ALERT, "-", "rim of the socket that goes over it"),
+        (INK, ":", f"how deep it goes into the socket, {robot.lap_mm:g} mm"),
+        (ALERT, "-", "rim of its socket"),
     ):
         axes.plot([x, x + 14.0], [y + 3.0] * 2, style, color=colour, lw=1.6)
         x = _written(axes, (x + 18.0, y), words)
@@ -578,7 +601,7 @@ def _draw_together(axes: Axes, robot: _Robot, box_pt: Box) -> None:
         _write_piece(axes, robot, piece.label, page, here, labels, size_pt=9.0)
     x = _draw_scale(axes, (x0, y0 + 10.0), page.pt_per_mm)
     axes.plot([x, x + 14.0], [y0 + 13.0] * 2, color=ALERT, lw=2.4)
-    _written(axes, (x + 18.0, y0 + 10.0), "joint: socket over plug")
+    _written(axes, (x + 18.0, y0 + 10.0), "joint: plug in socket")
 
 
 def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
@@ -589,7 +612,7 @@ def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> Bas
     across = np.array([-along[1], along[0]])
     middle = robot.layout.start_mm[sleeve.branch]
     middle = middle + (sleeve.socket_mm + sleeve.plug_mm) / 2.0 * along
-    reach = sleeve.width_mm / 2.0 + robot.size.rise_mm
+    reach = sleeve.width_mm / 2.0 + sleeve.rise_mm
     ends = page.points(np.array([middle - reach * across, middle + reach * across]))
     axes.plot(*ends.T, color=ALERT, lw=2.4, solid_capstyle="butt", zorder=6)
     return shapely.buffer(shapely.LineString(ends), 2.5)
@@ -599,14 +622,14 @@ def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> Bas
 
 
 def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
-    """Draw one lap from above and in section: what goes over what, and where the strip lies."""
+    """Draw one lap from above and in section: what goes into what, and where the strip lies."""
     x0, y0, x1, y1 = box_pt
     _draw_title(
         axes, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
     )
     sketch = _LapSketch(axes, (x0, x1), robot)
-    sketch.plan(y1 - 0.36 * (y1 - y0))
-    sketch.section(y0 + 0.27 * (y1 - y0))
+    sketch.plan(y1 - 88.0)
+    sketch.sections(y0 + 132.0)
 
 
 class _LapSketch:
@@ -614,67 +637,89 @@ class _LapSketch:
 
     def __init__(self, axes: Axes, sides_pt: tuple[float, float], robot: _Robot) -> None:
         self.axes, self.strip = axes, needs_strips(robot.profile)
+        self.on_stub = robot.partition.sleeves[0].socket_on_stub
         self.left, self.right = sides_pt
         wide = self.right - self.left
-        self.rim = self.left + 0.36 * wide  # of the socket
-        self.end = self.left + 0.62 * wide  # of the plug
-        self.lap_mm, lap = robot.size.lap_mm, robot.profile.recipe.lap
+        self.base = self.left + 0.36 * wide  # where the outer piece begins
+        self.end = self.left + 0.62 * wide  # where the stub ends
+        self.lap_mm, lap = robot.lap_mm, robot.profile.recipe.lap
         width = "" if lap is None else f", {lap.band_mm.value:g} mm ({lap.band_mm.standing})"
         self.band_words = f"{'sealed' if self.strip else 'adhesive'} band, all around{width}"
-        third = (self.end - self.rim) / 3.0
-        self.band = self.rim + third, self.end - third
+        third = (self.end - self.base) / 3.0
+        self.band = self.base + third, self.end - third
+
+    def _ends(self, *, on_stub: bool) -> tuple[list[float], list[float]]:
+        """Return the places along the narrow end and along the wide one, its rim last."""
+        if on_stub:
+            return [self.right, self.base], [
+                self.left,
+                self.base - 44.0,
+                self.base - 16.0,
+                self.end,
+            ]
+        return [self.left, self.end], [self.right, self.end + 44.0, self.end + 16.0, self.base]
 
     def plan(self, y: float) -> None:
-        """Draw the lap from above, its axis at a height."""
-        plug, socket, axes = 30.0, 38.0, self.axes
-        outer_x = [self.right, self.end + 44.0, self.end + 16.0, self.rim]
-        outer_y = np.array([plug, plug, socket, socket])
-        sides = ([self.left, self.end], np.array([plug, plug]), _PLUG), (outer_x, outer_y, _SOCKET)
+        """Draw the lap from above as cut, its axis at a height."""
+        plug, socket, axes = 26.0, 33.0, self.axes
+        plug_x, socket_x = self._ends(on_stub=self.on_stub)
+        stub, outer = _STUB, _OUTER
+        colours = (outer, stub) if self.on_stub else (stub, outer)
+        socket_y = np.array([plug, plug, socket, socket])
+        sides = (plug_x, np.array([plug, plug]), colours[0]), (socket_x, socket_y, colours[1])
         for rank, (x, half, colour) in enumerate(sides, start=2):
             face = to_rgba(colour, 0.25)
             axes.fill_between(x, y - half, y + half, fc=face, ec="none", zorder=rank)
             for sign in (-1.0, 1.0):
                 axes.plot(x, y + sign * half, color=colour, lw=1.2, zorder=rank + 2)
-        axes.plot([self.end] * 2, [y - plug, y + plug], "--", color=_PLUG, lw=1.4, zorder=5)
-        axes.plot([self.rim] * 2, [y - socket, y + socket], color=_SOCKET, lw=1.8, zorder=5)
+        rims = plug_x[-1], socket_x[-1]
+        axes.plot([rims[0]] * 2, [y - plug, y + plug], "--", color=colours[0], lw=1.4, zorder=5)
+        axes.plot([rims[1]] * 2, [y - socket, y + socket], color=colours[1], lw=1.8, zorder=5)
         self._frame((*self.band, y - socket, y + socket), ALERT, "hatched")
         if self.strip:
-            ends = (self.left + 6.0, self.end - 5.0)
+            ends = (self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0))
             self._frame((*ends, y - 0.72 * plug, y + 0.72 * plug), INK, "dotted")
             self._words((self.left + 10.0, y - 2.5), "release strip, inside", INK)
         self._dimension(y + socket + 13.0)
-        self._words((self.left, y + plug + 4.0), "plug: inner piece", _PLUG)
-        self._words((self.right, y + plug + 4.0), "socket: outer piece", _SOCKET, "right")
+        names = ("socket", "plug") if self.on_stub else ("plug", "socket")
+        self._words((self.left, y + plug + 4.0), f"{names[0]}: inner piece", stub)
+        self._words((self.right, y + plug + 4.0), f"{names[1]}: outer piece", outer, "right")
         self._words((self.band[0], y - socket - 12.0), self.band_words, ALERT)
         self._words((self.left, y - socket - 12.0), "to the base", SOFT)
 
-    def section(self, y: float) -> None:
-        """Draw the lap cut lengthwise, its axis at a height."""
-        axes = self.axes
-        outer_x = [self.rim, self.end + 16.0, self.end + 34.0, self.right]
-        for sign in (-1.0, 1.0):
-            heights = y + sign * np.array([19.0, 19.0, 12.0, 12.0])
-            axes.plot(outer_x, heights, color=_SOCKET, lw=2.6, solid_capstyle="butt")
-            ends = [self.left, self.end]
-            axes.plot(ends, [y + sign * 12.0] * 2, color=_PLUG, lw=2.6, solid_capstyle="butt")
-            middle = y + sign * 15.5
-            self._frame((*self.band, middle - 2.6, middle + 2.6), ALERT)
+    def sections(self, y: float) -> None:
+        """Draw the lap cut lengthwise as it is sealed and, below, while the robot grows."""
+        self._section(y, "sealed, as cut", on_stub=self.on_stub)
         if self.strip:
-            axes.plot([self.left + 6.0, self.end - 5.0], [y] * 2, ":", color=INK, lw=1.6)
+            ends = [self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0)]
+            self.axes.plot(ends, [y] * 2, ":", color=INK, lw=1.6)
+        below = y - 56.0
+        growing = f"growing{', every face turned' if self.on_stub else ''}"
+        self._section(below, growing, on_stub=False)
         arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
-        axes.annotate("", (self.right - 4.0, y + 4.0), (self.end + 6.0, y + 4.0), arrowprops=arrow)
-        self._words((self.rim, y + 24.0), "rim of the socket", _SOCKET)
-        self._words((self.end + 6.0, y - 7.0), "rim of the plug", _PLUG)
+        head, foot = (self.right - 4.0, below + 2.0), (self.left + 90.0, below + 2.0)
+        self.axes.annotate("", head, foot, arrowprops=arrow)
         lines = [
-            "Film that is still inside runs away from the base (arrow) and off the",
-            "rim of the plug, which trails; the other way round it would catch.",
+            "Film that is still inside runs away from the base (arrow) and off the rim of",
+            "the stub, which trails; the other way round it would catch.",
         ]
         if self.strip:
-            lines.append(
-                "The strip is drawn out to the left, through the base of the plug's piece."
-            )
+            lines.append("The strip leaves to the left, through the base of the stub's piece.")
         for row, words in enumerate(lines):
-            self._words((self.left, y - 36.0 - 11.0 * row), words, SOFT)
+            self._words((self.left, below - 32.0 - 11.0 * row), words, SOFT)
+
+    def _section(self, y: float, title: str, *, on_stub: bool) -> None:
+        """Draw both ends cut lengthwise; the stub is the wide one or the narrow one."""
+        narrow_x, wide_x = self._ends(on_stub=on_stub)
+        colours = (_OUTER, _STUB) if on_stub else (_STUB, _OUTER)
+        for sign in (-1.0, 1.0):
+            heights = y + sign * np.array([10.0, 10.0, 16.0, 16.0])
+            self.axes.plot(wide_x, heights, color=colours[1], lw=2.6, solid_capstyle="butt")
+            level = [y + sign * 10.0] * 2
+            self.axes.plot(narrow_x, level, color=colours[0], lw=2.6, solid_capstyle="butt")
+            middle = y + sign * 13.0
+            self._frame((*self.band, middle - 2.2, middle + 2.2), ALERT)
+        self._words((self.left, y + 20.0), title, SOFT)
 
     def _frame(self, sides_pt: Box, colour: str, look: str = "") -> None:
         """Draw a rectangle by its left, right, lower and upper sides: full, hatched or dotted."""
@@ -692,13 +737,13 @@ class _LapSketch:
         """Draw the length of the lap between its rims."""
         self.axes.annotate(
             "",
-            (self.rim, y),
+            (self.base, y),
             (self.end, y),
             arrowprops={"arrowstyle": "<|-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
         )
-        for x in (self.rim, self.end):
+        for x in (self.base, self.end):
             self.axes.plot([x, x], [y - 12.0, y + 4.0], color=INK, lw=0.6)
-        middle = (self.rim + self.end) / 2.0
+        middle = (self.base + self.end) / 2.0
         self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "center")
 
     def _words(
@@ -716,14 +761,14 @@ def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
     order = [_step_words(step) for step in steps[:MOST_JOINTS_LISTED]]
     if len(steps) > len(order):
         order.append(f"and {len(steps) - len(order)} more: README.txt lists them all.")
-    widest = max((step.sleeve.width_mm for step in steps), default=0.0) + 2.0 * robot.size.rise_mm
+    widest = widest_socket_mm(robot.partition)
     minutes = MINUTES_PER_JOINT * len(steps)
     numbers = (
         f"The widest socket is {widest:.1f} mm wide (computed). Time to join: about {minutes:g}"
         f" minutes ({MINUTES_PER_JOINT:g} a joint, assumed). README.txt has every step."
     )
     reasons = [line for text in (order_reasons(robot.profile), numbers) for line in wrap(text, 82)]
-    left = ["Order of joining: the socket of the first over the plug of the second", *order]
+    left = ["Order of joining: the base of the first piece, the stub of the second", *order]
     right = ["Why in this order", *reasons]
     room = len(right) + 3
     if len(left) > 2 * room:
@@ -735,7 +780,7 @@ def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
 def _step_words(step: JoiningStep) -> str:
     sleeve = step.sleeve
     return (
-        f"{step.number}.  {sleeve.label} over {sleeve.inner}: plug and socket {sleeve.label},"
-        f" branch {step.branch}, {sleeve.width_mm:.1f} mm wide,"
-        f" {sleeve.plug_mm - sleeve.socket_mm:g} mm deep"
+        f"{step.number}.  {sleeve.label} {'into' if sleeve.socket_on_stub else 'over'}"
+        f" {sleeve.inner}: plug and socket {sleeve.label}, branch {step.branch},"
+        f" {sleeve.width_mm:.1f} mm wide, {sleeve.lap_mm:g} mm deep"
     )

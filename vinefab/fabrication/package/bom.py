@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
-from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.package.machine_time import machine_time
 from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
@@ -54,7 +53,6 @@ def joint_lines(
     profile: LaserProfile,
     *,
     robots: int = 1,
-    separate: bool = False,
 ) -> tuple[BomLine, ...]:
     """Return what joining the pieces of some robots takes; nothing for a robot in one piece.
 
@@ -62,27 +60,23 @@ def joint_lines(
     ----------
     robots
         Number of robots.
-    separate
-        As in `sleeve_size`.
     """
     settings, sleeves = design.build.pieces, partition.sleeves
     if settings is None or not sleeves:
         return ()
     film, count = profile.material, len(sleeves)
-    size = sleeve_size(settings, profile, separate=separate)
     rims_mm = math.fsum(2.0 * sleeve.width_mm for sleeve in sleeves)
     laps_mm2 = math.fsum(
-        (sleeve.width_mm + 2.0 * size.rise_mm) * (sleeve.plug_mm - sleeve.socket_mm)
-        for sleeve in sleeves
+        (sleeve.width_mm + 2.0 * sleeve.rise_mm) * sleeve.lap_mm for sleeve in sleeves
     )
     lap_basis = (
-        f"sockets over plugs, {counted(film.plies, 'ply')}, lumen; lap {size.lap_mm:g} mm and ease"
-        f" {settings.ease_mm:g} mm (assumed)"
+        f"sockets over plugs, {counted(film.plies, 'ply')}, lumen; lap {settings.lap_mm:g} mm and"
+        f" ease {settings.ease_mm:g} mm (assumed)"
     )
     minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
     each = (
         _computed("pieces", len(partition.pieces), "1", "flat parts of a robot"),
-        _computed("sleeve joints", count, "1", "socket of one piece over the plug of another"),
+        _computed("sleeve joints", count, "1", "plug of one piece in the socket of another"),
         _assumed("film in laps, all plies", film.plies * laps_mm2 / 100.0, "cm2", lap_basis),
         _computed("bands around laps", count, "1", "one at each joint"),
         _computed("band length", rims_mm, "mm", "rims of all plugs: twice their lay-flat widths"),
@@ -101,7 +95,7 @@ def _bond_lines(
         steps = joining_order(design, partition)
         yield _computed("release strips", len(steps), "1", "one for each plug, drawn out again")
         length_mm = math.fsum(step.strip_mm for step in steps)
-        basis = f"from each plug to the base of its piece, and {STRIP_HANDLE_MM:g} mm (assumed)"
+        basis = f"from each stub to the base of its piece, and {STRIP_HANDLE_MM:g} mm (assumed)"
         yield _assumed("release strip length", length_mm, "mm", basis)
     elif lap is not None:
         yield BomLine(

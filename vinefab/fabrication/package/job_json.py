@@ -10,6 +10,7 @@ from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
 from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
+from vinefab.fabrication.package.mounting import face_words
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
@@ -144,6 +145,8 @@ def _build(build: Build) -> dict[str, object]:
         "fillet_mm": list(build.fillet_mm),
         "tail_mm": build.tail_mm,
         "pressure_kpa": build.pressure_kpa,
+        "mounting": build.mounting,
+        "faces": face_words(build),
         "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
         "collar": None
         if collar is None

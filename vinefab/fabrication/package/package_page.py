@@ -145,7 +145,6 @@ def pieces_section(
     profile: LaserProfile,
     *,
     sheets: Mapping[str, Sequence[int]],
-    separate: bool = False,
 ) -> Section:
     """Return the pieces of a robot and its joints, with the exploded view.
 
@@ -155,10 +154,8 @@ def pieces_section(
         Outline of every piece, by its label, in the coordinates of the whole robot's flat layout.
     sheets
         Numbers of the sheets that hold each piece, by its label; several for several robots.
-    separate
-        As in `sleeve_size`.
     """
-    drawn = exploded_picture(design, partition, outlines, profile, separate=separate)
+    drawn = exploded_picture(design, partition, outlines, profile)
     picture = Picture(
         image=svg_bytes(drawn),
         caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
@@ -217,10 +214,10 @@ def _joint_table(design: Design, partition: Partition) -> Table:
             str(step.number),
             step.sleeve.label,
             step.branch,
-            f"{step.sleeve.label} on {step.sleeve.inner}",
+            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
             f"{step.sleeve.width_mm:.2f}",
-            f"{step.sleeve.plug_mm - step.sleeve.socket_mm:g}",
-            f"{step.sleeve.socket_mm:.1f}",
+            f"{step.sleeve.lap_mm:g}",
+            f"{step.sleeve.outer_from_mm:.1f}",
         )
         for step in joining_order(design, partition)
     )
@@ -230,10 +227,10 @@ def _joint_table(design: Design, partition: Partition) -> Table:
             "step",
             "joint",
             "branch",
-            "socket on plug",
+            "plug into socket",
             "lay-flat width, mm",
             "depth, mm",
-            "socket begins at, mm",
+            "lap begins at, mm",
         ),
         rows=rows,
     )

@@ -50,8 +50,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.finding import CheckReport, RuleSkipped
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
@@ -241,13 +242,12 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
     design, partition = content.design, content.partition
-    joining, joints, drawing = None, tuple[BomLine, ...](), dict[str, bytes]()
+    joining, joints, outlines = None, tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
-        robots, separate = robot_count(job), _is_separate(job)
-        joining = joining_words(design, partition, profile, robots=robots, separate=separate)
-        joints = joint_lines(design, partition, profile, robots=robots, separate=separate)
-        outlines = piece_lumens(design, partition, profile, separate=separate)
-        drawing = assembly_files(design, partition, outlines, profile, separate=separate)
+        robots = robot_count(job)
+        joining = joining_words(design, partition, profile, robots=robots)
+        joints = joint_lines(design, partition, profile, robots=robots)
+        outlines = piece_lumens(design, partition)
     files = {
         "README.txt": readme_text(design, job, profile, colours, joining).encode(),
         **_designs(design, content.others),
@@ -258,7 +258,7 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
         "checks.json": content.checks.encode(),
         "report.html": content.report,
         "bom.csv": bom_text(job, profile, joints).encode(),
-        **drawing,
+        **assembly_files(design, partition, outlines, profile),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
@@ -271,11 +271,6 @@ def _designs(design: Design, others: Sequence[Design]) -> dict[str, bytes]:
     return {
         name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
     }
-
-
-def _is_separate(job: Job) -> bool:
-    """Whether the robots of a job are welded and cut in two passes."""
-    return not job.along(Operation.WELDCUT)
 
 
 def _laser(content: PackageContent) -> Mapping[str, bytes]:
@@ -364,18 +359,13 @@ def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
     design, partition, job = prepared.design, prepared.partition, prepared.job
     if partition is None:
         return ()
-    separate = _is_separate(job)
-    outlines = piece_lumens(design, partition, prepared.profile, separate=separate)
+    outlines = piece_lumens(design, partition)
     sheets: dict[str, list[int]] = {}
     for number, sheet in enumerate(job.sheets, start=1):
         labels = sheet.facts["pieces"]
         for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
             sheets.setdefault(label, []).append(number)
-    return (
-        pieces_section(
-            design, partition, outlines, prepared.profile, sheets=sheets, separate=separate
-        ),
-    )
+    return (pieces_section(design, partition, outlines, prepared.profile, sheets=sheets),)
 
 
 def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
@@ -389,9 +379,7 @@ def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
     lines = bill_of_materials(job, profile)
     if partition is None:
         return lines
-    robots, separate = robot_count(job), _is_separate(job)
-    joints = joint_lines(design, partition, profile, robots=robots, separate=separate)
-    return *lines, *joints
+    return *lines, *joint_lines(design, partition, profile, robots=robot_count(job))
 
 
 def _no_predictions() -> Section:

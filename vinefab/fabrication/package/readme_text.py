@@ -20,6 +20,7 @@ from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LI
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package.bom import film_piece_mm
+from vinefab.fabrication.package.mounting import mounting_steps
 from vinefab.fabrication.package.piece_joining import JoiningWords
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
@@ -92,7 +93,7 @@ def readme_text(
             "6. After cutting: measure", _measure(design, job, profile, whole=joining is None)
         ),
         *([] if joining is None else [_joining(joining)]),
-        readme_section("7. Mounting", _mounting(design)),
+        readme_section("7. Mounting", mounting_steps(design.build)),
         readme_section("8. What the files say about themselves", _facts(job, colours)),
         f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
         f"{GENERATOR}",
@@ -338,7 +339,8 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     ]
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
-        " setting. The mouth may be welded shut: trim it open by hand."
+        " setting. The mouth may be welded shut: trim it open by hand"
+        f"{', and plugs and sockets as section 6a says' if job.sheets else ''}."
         for group in operations_by_style(job, colours)
         if len(group) > 1
     )
@@ -427,14 +429,6 @@ def _numbered(items: Sequence[str], numbers: Sequence[str]) -> list[str]:
     wide = len(numbers[len(items) - 1])
     return [
         _paragraph(f"{number:>{wide}} ", item) for number, item in zip(numbers, items, strict=False)
-    ]
-
-
-def _mounting(design: Design) -> list[str]:
-    return [
-        "The mouth is the open end of the tail, the straight part before the first joint.",
-        f"Invert the tail ({design.build.tail_mm:g} mm) over the base and clamp it airtight.",
-        "Push the branches in, tips last, without twisting; crumple the body into the base.",
     ]
 
 

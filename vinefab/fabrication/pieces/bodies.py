@@ -1,17 +1,23 @@
-"""What may lie on a piece: whole branches, stubs with plugs, outer parts with sockets.
+"""What may lie on a piece: whole branches, stubs and outer parts, one of them with a socket.
 
 Each is measured by capsules, as whole robots are: ends that are flat in film count as round.
 """
 
+import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, SleeveSize
+from vinefab.fabrication.job.sleeve import (
+    BESIDE_MM,
+    STRAIGHT_AFTER_MM,
+    STRAIGHT_BEFORE_MM,
+    SleeveSize,
+)
 from vinefab.fabrication.outline.exactness import Pattern, pattern_of
 from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.layout import FlatLayout
@@ -24,8 +30,8 @@ class BodyKind(IntEnum):
     """What of a branch a body is."""
 
     WHOLE = 0
-    STUB = 1  # from the joint to the plug, of a branch that is cut
-    OUTER = 2  # from the socket on
+    STUB = 1  # from the joint to the end of the lap, of a branch that is cut
+    OUTER = 2  # from the lap on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,23 +100,56 @@ def _end_used_mm(pattern: Pattern, level: int, sibling: int) -> float:
 
 
 def sleeves_of(layout: FlatLayout, sides: StraightSides, size: SleeveSize) -> dict[int, Sleeve]:
-    """Return the sleeve that each branch with enough room would have, by index, without labels."""
+    """Return the sleeve that each branch with enough room would have, by index, without labels.
+
+    The plug of a tapered branch is wider at its rim than farther out, where the socket's rim is on
+    a stub: the socket is so much wider that the plug goes in.
+    """
     found = {}
     for row in range(1, len(layout.tree)):
-        start, end = float(sides.start_mm[row]), float(sides.end_mm[row])
-        socket = start + STRAIGHT_BEFORE_MM
-        blend_end = socket + size.lap_mm + size.blend_mm
-        if blend_end + STRAIGHT_AFTER_MM <= end:
-            found[row] = Sleeve(
-                label="",
-                inner="",
-                branch=row,
-                socket_mm=socket,
-                plug_mm=socket + size.lap_mm,
-                blend_end_mm=blend_end,
-                width_mm=2.0 * _half_at_mm(layout, row, socket),
-            )
+        half, far = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
+        lean = taper_rad(float(half), float(far), float(layout.tree.length_mm[row]))
+        narrows_mm = size.lap_mm * math.sin(lean) if size.socket_on_stub else 0.0
+        own = replace(size, rise_mm=size.rise_mm + narrows_mm)
+        begin, end = float(sides.start_mm[row]) + STRAIGHT_BEFORE_MM, float(sides.end_mm[row])
+        if begin + own.lap_mm + own.blend_mm + STRAIGHT_AFTER_MM > end:
+            continue
+        first = begin + own.blend_mm if own.socket_on_stub else begin
+        last = first + own.lap_mm
+        found[row] = Sleeve(
+            label="",
+            inner="",
+            branch=row,
+            socket_mm=last if own.socket_on_stub else first,
+            plug_mm=first if own.socket_on_stub else last,
+            blend_end_mm=begin if own.socket_on_stub else last + own.blend_mm,
+            rise_mm=own.rise_mm,
+            width_mm=2.0 * _half_at_mm(layout, row, first),
+        )
     return found
+
+
+def beside_mm(size: SleeveSize, reach_mm: float) -> float:
+    """Return how far outside the lumens cuts of stubs' ends run, with room between sockets."""
+    return reach_mm + size.rise_mm + BESIDE_MM if size.socket_on_stub else reach_mm
+
+
+def sleeve_sides(
+    design: Design, layout: FlatLayout, size: SleeveSize, reach_mm: float
+) -> StraightSides:
+    """Return where a sleeve may lie on each branch, as far as its own joints are concerned.
+
+    Sockets on stubs that share a joint part before they reach their full width.
+
+    Parameters
+    ----------
+    reach_mm
+        How far outside the lumen's edge the paths of the robot reach.
+    """
+    sides = straight_sides(design, layout, (0.0, reach_mm))
+    wide = straight_sides(design, layout, (beside_mm(size, reach_mm),)).start_mm
+    start = np.maximum(sides.start_mm, wide - STRAIGHT_BEFORE_MM - size.blend_mm)
+    return replace(sides, start_mm=start)
 
 
 def _half_at_mm(layout: FlatLayout, row: int, along_mm: float) -> float:
@@ -140,10 +179,12 @@ class Bodies:
         )
 
 
-def bodies_of(
-    layout: FlatLayout, build: Build, sleeves: dict[int, Sleeve], rise_mm: float
-) -> Bodies:
-    """Return every body of a robot: whole branches, and both parts of those that may be cut."""
+def bodies_of(layout: FlatLayout, build: Build, sleeves: dict[int, Sleeve]) -> Bodies:
+    """Return every body of a robot: whole branches, and both parts of those that may be cut.
+
+    After the capsules of the flat robot come those of stubs, of outer parts and of sockets, each in
+    the order of their branches.
+    """
     whole = capsules_of(layout, build)
     rows = np.array(sorted(sleeves), dtype=np.int64)
     along = np.column_stack([np.cos(layout.heading_rad[rows]), np.sin(layout.heading_rad[rows])])
@@ -154,21 +195,30 @@ def bodies_of(
         halves = [_half_at_mm(layout, row, at) for row, at in zip(rows.tolist(), mm, strict=True)]
         return base + mm[:, None] * along, np.array(halves)
 
-    (socket, socket_half), (plug, plug_half), (blend, blend_half) = map(
-        place, ("socket_mm", "plug_mm", "blend_end_mm")
+    (outer, outer_half), (stub, stub_half), (rim, rim_half), (blend, blend_half) = map(
+        place, ("outer_from_mm", "stub_to_mm", "socket_mm", "blend_end_mm")
     )
+    rise = np.array([sleeves[row].rise_mm for row in rows.tolist()])
+    on_stub = any(sleeve.socket_on_stub for sleeve in sleeves.values())
     pouches = np.flatnonzero(whole.pouch & np.isin(whole.branch, rows))
     groups = [
-        (BodyKind.STUB, base, plug, layout.width_mm[rows] / 2.0, plug_half, rows),
+        (BodyKind.STUB, base, stub, layout.width_mm[rows] / 2.0, stub_half, rows),
         (
             BodyKind.OUTER,
-            socket,
+            outer,
             layout.end_mm[rows],
-            socket_half,
+            outer_half,
             layout.end_width_mm[rows] / 2.0,
             rows,
         ),
-        (BodyKind.OUTER, socket, blend, socket_half + rise_mm, blend_half + rise_mm, rows),
+        (
+            BodyKind.STUB if on_stub else BodyKind.OUTER,
+            rim,
+            blend,
+            rim_half + rise,
+            blend_half + rise,
+            rows,
+        ),
         (
             BodyKind.OUTER,
             whole.start_mm[pouches],

@@ -1,7 +1,7 @@
 """The exploded view: the pieces of a robot moved apart, so that none lies on another.
 
 Pieces are moved and not turned: each lies as it does in the robot. Piece by piece, base first, the
-plug's axis is tried first, then directions beside it, and the shortest way that is free and crosses
+stub's axis is tried first, then directions beside it, and the shortest way that is free and crosses
 little is taken.
 """
 
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
+from vinefab.fabrication.job.sleeve import piece_ends
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout
-from vinefab.model.design import Design, PieceSettings
-from vinefab.model.laser import LaserProfile
+from vinefab.model.design import Design
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
 
@@ -29,7 +28,7 @@ _FLATTEN_SHARE = 5e-4
 """How coarsely outlines are followed, over the robot's size."""
 
 _TURN_COST, _CROSSING_COST, _GROWTH_COST = 1.0, 4.0, 0.15
-"""What a quarter turn off the plug's axis costs over the distance, what crossing a piece or line
+"""What a quarter turn off the stub's axis costs over the distance, what crossing a piece or line
 costs in least distances, and what a larger picture costs over its growth."""
 
 
@@ -38,23 +37,14 @@ class ExplodedView:
     """How far every piece is moved, and where its joints are then."""
 
     moves_mm: Mapping[str, Floats]  # by label of the piece, shape (2,)
-    plugs_mm: Mapping[str, Floats]  # rim of each plug, by label of the joint, shape (2,)
-    sockets_mm: Mapping[str, Floats]  # rim of each socket, by label of the joint, shape (2,)
+    stubs_mm: Mapping[str, Floats]  # rim of each stub, by label of the joint, shape (2,)
+    bases_mm: Mapping[str, Floats]  # rim of each outer piece, by label of the joint, shape (2,)
 
 
-def piece_lumens(
-    design: Design, partition: Partition, profile: LaserProfile, *, separate: bool = False
-) -> dict[str, Contour]:
-    """Return the outline of every piece's lumen in the robot's flat layout, by its label.
-
-    Parameters
-    ----------
-    separate
-        As in `sleeve_size`.
-    """
-    size = sleeve_size(design.build.pieces or PieceSettings(), profile, separate=separate)
+def piece_lumens(design: Design, partition: Partition) -> dict[str, Contour]:
+    """Return the outline of every piece's lumen in the robot's flat layout, by its label."""
     return {
-        piece.label: body_outline(design, ends=piece_ends(partition, piece, size)).contour
+        piece.label: body_outline(design, ends=piece_ends(partition, piece)).contour
         for piece in partition.pieces
     }
 
@@ -69,24 +59,25 @@ def exploded_view(
     outlines
         Outline of every piece, by its label, in the coordinates of the flat layout.
     lead_mm
-        Least distance from a plug's rim to the rim of its socket; pieces are a fifth of it apart.
+        Least distance from a stub's rim to that of the outer piece; pieces are a fifth of it apart.
     """
     rings = {label: _ring(contour) for label, contour in outlines.items()}
     first = partition.pieces[0].label
-    plugs, sockets = {}, {}
+    stubs, bases = {}, {}
     page = _Page(lead_mm)
     moves = {first: np.zeros(2)}
     page.put(rings[first])
     for sleeve in partition.sleeves:
-        plug, home = (_on_axis(layout, sleeve, mm) for mm in (sleeve.plug_mm, sleeve.socket_mm))
-        plugs[sleeve.label] = plug + moves[sleeve.inner]
+        ends = sleeve.stub_to_mm, sleeve.outer_from_mm
+        stub, home = (_on_axis(layout, sleeve, mm) for mm in ends)
+        stubs[sleeve.label] = stub + moves[sleeve.inner]
         heading = float(layout.heading_rad[sleeve.branch])
-        place = page.place(rings[sleeve.label] - home, plugs[sleeve.label], heading)
+        place = page.place(rings[sleeve.label] - home, stubs[sleeve.label], heading)
         moves[sleeve.label] = place - home
-        sockets[sleeve.label] = place
+        bases[sleeve.label] = place
         page.put(rings[sleeve.label] - home + place)
-        page.draw(plugs[sleeve.label], place)
-    return ExplodedView(moves_mm=moves, plugs_mm=plugs, sockets_mm=sockets)
+        page.draw(stubs[sleeve.label], place)
+    return ExplodedView(moves_mm=moves, stubs_mm=stubs, bases_mm=bases)
 
 
 def _on_axis(layout: FlatLayout, sleeve: Sleeve, along_mm: float) -> Floats:
@@ -109,7 +100,7 @@ def _ring(contour: Contour) -> Floats:
 
 
 class _Page:
-    """What lies in the exploded view so far: pieces and the lines from plugs to sockets."""
+    """What lies in the exploded view so far: pieces and the lines of joints."""
 
     def __init__(self, lead_mm: float) -> None:
         self.lead_mm = lead_mm
@@ -121,49 +112,49 @@ class _Page:
         self.pieces.append(shapely.Polygon(ring_mm))
         shapely.prepare(self.pieces[-1])
 
-    def draw(self, plug_mm: Floats, socket_mm: Floats) -> None:
+    def draw(self, stub_mm: Floats, base_mm: Floats) -> None:
         """Add the line of a joint."""
-        self.lines.append(shapely.LineString([plug_mm, socket_mm]))
+        self.lines.append(shapely.LineString([stub_mm, base_mm]))
 
-    def place(self, ring_mm: Floats, plug_mm: Floats, heading_rad: float) -> Floats:
-        """Return where the socket of a piece comes to lie.
+    def place(self, ring_mm: Floats, stub_mm: Floats, heading_rad: float) -> Floats:
+        """Return where the base of a piece comes to lie.
 
         Parameters
         ----------
         ring_mm
-            Outline of the piece, its socket's rim at the origin.
+            Outline of the piece, its base's rim at the origin.
         """
         turns = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
         along = np.column_stack([np.cos(heading_rad + turns), np.sin(heading_rad + turns)])
         dearer = 1.0 + _TURN_COST * (1.0 - np.cos(turns))
-        best, place, away = np.inf, plug_mm, self.lead_mm
+        best, place, away = np.inf, stub_mm, self.lead_mm
         while away < best:
-            spots = plug_mm + away * along
-            costs = away * dearer + self._extra(ring_mm, plug_mm, spots)
+            spots = stub_mm + away * along
+            costs = away * dearer + self._extra(ring_mm, stub_mm, spots)
             if costs.min() < best:
                 best, place = float(costs.min()), spots[int(costs.argmin())]
             away = away + 0.5 * self.lead_mm if away < 40.0 * self.lead_mm else 1.2 * away
         return place
 
-    def _extra(self, ring_mm: Floats, plug_mm: Floats, spots: Floats) -> Floats:
-        """Return what places of a socket cost besides distance; infinite where one is not free."""
+    def _extra(self, ring_mm: Floats, stub_mm: Floats, spots: Floats) -> Floats:
+        """Return what places of a base cost besides distance; infinite where one is not free."""
         shapes = np.asarray(shapely.polygons(ring_mm[None] + spots[:, None]))
         cost = np.zeros(len(spots))
         for piece in self.pieces:
             cost[shapely.dwithin(piece, shapes, 0.2 * self.lead_mm)] = np.inf
         free = np.flatnonzero(np.isfinite(cost))
         if len(free):
-            crossed = self._crossed(shapes[free], plug_mm, spots[free])
+            crossed = self._crossed(shapes[free], stub_mm, spots[free])
             cost[free] += _CROSSING_COST * self.lead_mm * crossed
             cost[free] += _GROWTH_COST * self._growth(shapes[free])
         return cost
 
-    def _crossed(self, shapes: Shapes, plug_mm: Floats, spots: Floats) -> Floats:
+    def _crossed(self, shapes: Shapes, stub_mm: Floats, spots: Floats) -> Floats:
         """Return how many pieces and lines the way of each shape's line crosses, or the shape."""
         # The ends of a line lie on the rims of its own two pieces.
-        away = spots - plug_mm
+        away = spots - stub_mm
         lines = shapely.linestrings(
-            np.stack([plug_mm + 0.05 * away, plug_mm + 0.95 * away], axis=1)
+            np.stack([stub_mm + 0.05 * away, stub_mm + 0.95 * away], axis=1)
         )
         crossed = 1.0 * shapely.intersects(shapes, lines)
         for other in (*self.pieces, *self.lines):

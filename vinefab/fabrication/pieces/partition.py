@@ -16,8 +16,8 @@ from vinefab.fabrication.pieces.bodies import (
     Reaches,
     StraightSides,
     bodies_of,
+    sleeve_sides,
     sleeves_of,
-    straight_sides,
 )
 from vinefab.fabrication.pieces.multicut import Clause, Multicut, multicut
 from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits
@@ -102,15 +102,15 @@ class _Cutter:
     ) -> None:
         self.design, self.profile, self.limits, self.separate = design, profile, limits, separate
         self.most = settings.most
-        self.size = sleeve_size(settings, profile, separate=separate)
+        self.size = sleeve_size(design.build, profile, separate=separate)
         self.subject = replace(Subject.of(design), profile=profile, separate=separate)
         layout = self.subject.layout
         self.parent: list[int] = layout.tree.parent.tolist()
         self.level: list[int] = layout.tree.level.tolist()
-        offsets = (0.0, reach_mm(profile, separate=separate))
-        self.sides: StraightSides = straight_sides(design, layout, offsets)
+        reach = reach_mm(profile, separate=separate)
+        self.sides: StraightSides = sleeve_sides(design, layout, self.size, reach)
         self.sleeves: dict[int, Sleeve] = sleeves_of(layout, self.sides, self.size)
-        self.bodies: Bodies = bodies_of(layout, design.build, self.sleeves, self.size.rise_mm)
+        self.bodies: Bodies = bodies_of(layout, design.build, self.sleeves)
         self.reaches = Reaches(self.bodies, len(self.parent), profile.machine.usable_mm)
         self.known: dict[tuple[tuple[int, ...], ...], tuple[_Conflict, ...]] = {}
         self.waived = {waiver.fingerprint for waiver in design.waivers}
@@ -201,7 +201,7 @@ class _Cutter:
 
     def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
         """Yield what the rules still find on a piece as it will be cut."""
-        ends = piece_ends(cut, piece, self.size)
+        ends = piece_ends(cut, piece)
         if not self._fits(piece, ends):
             for part in self._too_large(piece):
                 yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=part)
@@ -342,17 +342,14 @@ def in_pieces(subject: Subject, partition: Partition) -> Subject:
     subject
         A design with its profile and, if it has any, its paths.
     """
-    settings, profile = subject.design.build.pieces, subject.profile
-    if settings is None or profile is None:
+    if subject.design.build.pieces is None or subject.profile is None:
         return subject
-    size = sleeve_size(settings, profile, separate=subject.separate)
-    known = replace(subject, partition=partition, sleeve=size)
+    known = replace(subject, partition=partition)
     if len(partition.pieces) == 1:
         return known
     sleeves = {sleeve.branch: sleeve for sleeve in partition.sleeves}
-    bodies = bodies_of(subject.layout, subject.design.build, sleeves, size.rise_mm)
+    bodies = bodies_of(subject.layout, subject.design.build, sleeves)
     pieces = tuple(
-        _on_piece(known, bodies, piece, piece_ends(partition, piece, size))
-        for piece in partition.pieces
+        _on_piece(known, bodies, piece, piece_ends(partition, piece)) for piece in partition.pieces
     )
     return replace(known, pieces=pieces)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.fabrication.job.passes import reach_mm, taken_mm
-from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
+from vinefab.fabrication.job.sleeve import STRAIGHT_BEFORE_MM, SleeveSize, sleeve_size
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm
@@ -21,14 +21,15 @@ from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.pieces.bodies import (
     BodyKind,
     StraightSides,
+    beside_mm,
     bodies_of,
+    sleeve_sides,
     sleeves_of,
-    straight_sides,
 )
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
-from vinefab.model.design import Design, PieceSettings
+from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 
 LEAST_DEPTH = 1e-9
@@ -57,15 +58,15 @@ class PieceLimits:
     @classmethod
     def of(
         cls,
-        settings: PieceSettings,
+        build: Build,
         profile: LaserProfile,
         changed: LimitChanges,
         sheet_mm: tuple[float, float] | None = None,
     ) -> "PieceLimits":
         """Return the limits for a recipe and the limits that it changes."""
         return cls(
-            most_cuts=settings.most - 1,
-            size=sleeve_size(settings, profile),
+            most_cuts=(build.pieces or PieceSettings()).most - 1,
+            size=sleeve_size(build, profile),
             reach_mm=reach_mm(profile),
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             sheet_mm=sheet_mm,
@@ -103,14 +104,16 @@ def quick_cuts(design: Design, limits: PieceLimits) -> QuickCuts | None:
     return tree.found() if len(tree.pairs) <= MOST_CONFLICTS else None
 
 
-def planned_sides(design: Design, layout: FlatLayout, reach: float) -> StraightSides:
-    """Return where the sides of every branch are straight, from its joints alone.
+def planned_sides(
+    design: Design, layout: FlatLayout, size: SleeveSize, reach: float
+) -> StraightSides:
+    """Return where a sleeve may lie on each branch, from its joints alone.
 
-    Sides are never straight for longer in the outline of a robot without tapers.
+    As `sleeve_sides`, where sides of a robot without tapers are never straight for longer.
     """
     tree, start, stop = layout.tree, {(1, 0): 0.0}, {design.depth: 0.0}
     for level in range(1, design.depth):
-        for place, used in _joint_takes(design, level, reach).items():
+        for place, used in _joint_takes(design, level, size, reach).items():
             if place is None:
                 stop[level] = used
             else:
@@ -131,7 +134,9 @@ def planned_sides(design: Design, layout: FlatLayout, reach: float) -> StraightS
     )
 
 
-def _joint_takes(design: Design, level: int, reach: float) -> dict[int | None, float]:
+def _joint_takes(
+    design: Design, level: int, size: SleeveSize, reach: float
+) -> dict[int | None, float]:
     """Return what the joint below a level takes of each child, and under None of the parent."""
     below, build = design.levels[level - 1], design.build
     wide, narrow = build.widths_mm[level - 1] / 2.0, build.widths_mm[level] / 2.0
@@ -146,13 +151,15 @@ def _joint_takes(design: Design, level: int, reach: float) -> dict[int | None, f
         shorter = min(parent if one is None else lengths[one] for one in pair)
         most = largest_fillet_mm(angle, (halves[0], halves[1]), max(0.5 * shorter, disc))
         radius = max(0.0, min(build.fillet_mm[level - 1], most))
-        for out in (0.0, reach):
+        beside = beside_mm(size, reach), STRAIGHT_BEFORE_MM + size.blend_mm
+        for out, beyond in ((0.0, 0.0), (reach, 0.0), beside):
             # Corners in place of small fillets lie farther from the joint where the cut runs.
             used = straight_begins_mm(
                 angle, (halves[0] + out, halves[1] + out), max(0.0, radius - out), disc + out
             )
             for one, mm in zip(pair, used, strict=True):
-                takes[one] = max(takes[one], mm)
+                if one is not None or not beyond:
+                    takes[one] = max(takes[one], mm - beyond)
     return takes
 
 
@@ -177,22 +184,22 @@ class _TreeCuts:
 
     def __init__(self, design: Design, limits: PieceLimits) -> None:
         self.limits, layout = limits, flat_layout(design)
+        self.on_stub = limits.size.socket_on_stub
         self.parent: list[int] = layout.tree.parent.tolist()
         self.level: list[int] = layout.tree.level.tolist()
         if design.build.taper:
-            sides = straight_sides(design, layout, (0.0, limits.reach_mm))
+            sides = sleeve_sides(design, layout, limits.size, limits.reach_mm)
         else:
-            sides = planned_sides(design, layout, limits.reach_mm)
+            sides = planned_sides(design, layout, limits.size, limits.reach_mm)
         sides = StraightSides(start_mm=sides.start_mm, end_mm=sides.end_mm + LEAST_DEPTH)
         sleeves = sleeves_of(layout, sides, limits.size)
-        bodies = bodies_of(layout, design.build, sleeves, limits.size.rise_mm)
+        bodies = bodies_of(layout, design.build, sleeves)
         self.capsules: Capsules = bodies.capsules
         self.whole = np.flatnonzero(bodies.kind == BodyKind.WHOLE)
         self.rows: list[int] = self.capsules.branch.tolist()
         self.own: NDArray[np.bool_] = ~self.capsules.pouch
-        stubs = np.flatnonzero(bodies.kind == BodyKind.STUB).tolist()
         # Stubs, outer parts and sockets follow each other, each in the order of their branches.
-        self.stub = dict(zip(sorted(sleeves), stubs, strict=True))
+        self.stub = {row: len(self.whole) + place for place, row in enumerate(sorted(sleeves))}
         self.outer = {row: at + len(sleeves) for row, at in self.stub.items()}
         self.socket = {row: at + 2 * len(sleeves) for row, at in self.stub.items()}
         found = spacing(self.capsules, limits.clearance_mm)
@@ -246,7 +253,8 @@ class _TreeCuts:
         """Return whether a branch may be cut, and its outer part is clear of a capsule."""
         if row not in self.stub:
             return False
-        return not any(self._depth(one[row], other) for one in (self.outer, self.socket))
+        parts = (self.outer,) if self.on_stub else (self.outer, self.socket)
+        return not any(self._depth(one[row], other) for one in parts)
 
     def _depth(self, one: int, two: int) -> float:
         return self.depths.get((min(one, two), max(one, two)), 0.0)
@@ -324,12 +332,14 @@ class _TreeCuts:
         self, row: int, cut: set[int]
     ) -> Iterator[tuple[int, int, int, int, int | None]]:
         """Yield a socket beside everything that is not joined to it."""
-        socket = self.socket[row]
+        socket, home = self.socket[row], self.parent[row] if self.on_stub else row
         for two in self.whole.tolist():
-            yield row, socket, self.rows[two], two, None
+            yield home, socket, self.rows[two], two, None
         for other in sorted(cut):
-            if other > row:
-                yield row, socket, self.parent[other], self.stub[other], None
+            if self.on_stub or other > row:
+                yield home, socket, self.parent[other], self.stub[other], None
+            if self.on_stub and other > row:
+                yield home, socket, self.parent[other], self.socket[other], None
 
     def _excess(self, cut: set[int], home: list[int]) -> float:
         """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
@@ -340,13 +350,16 @@ class _TreeCuts:
         for root in (0, *sorted(cut)):
             whole = [one for one in self.whole.tolist() if home[self.rows[one]] == root]
             begin = [one for one in whole if one != root]
-            end = whole + [self.stub[row] for row in sorted(cut) if home[self.parent[row]] == root]
-            span, socket = RotatedSpan(), [self.socket[root]] if root else []
+            stubs = [row for row in sorted(cut) if home[self.parent[row]] == root]
+            span, first = RotatedSpan(), self.outer if self.on_stub else self.socket
+            base = [first[root]] if root else []
             if root == 0:
                 span.add_mouth(self.capsules)
+            begin += base + [self.socket[row] for row in stubs if self.on_stub]
+            end = whole + base + [self.stub[row] for row in stubs if not self.on_stub]
             for at_mm, half_mm, rows in (
-                (self.capsules.start_mm, self.capsules.half_mm, begin + socket),
-                (self.capsules.end_mm, self.capsules.end_half_mm, end + socket),
+                (self.capsules.start_mm, self.capsules.half_mm, begin),
+                (self.capsules.end_mm, self.capsules.end_half_mm, end),
             ):
                 span.add(at_mm[rows], half_mm[rows])
             found += max(0.0, span.excess_mm(sheet) / min(sheet))

@@ -85,9 +85,9 @@ class SheetPlaces:
         home = {row[name]: placed[one["label"]] for one in first for name in one["branches"]}
         cut = {
             row[joint["branch"]]: _CutBranch(
-                inner=placed[joint["plug_on"]],
-                outer=placed[joint["socket_on"]],
-                at_mm=(joint["socket_from_mm"] + joint["plug_to_mm"]) / 2.0,
+                inner=placed[joint["inner"]],
+                outer=placed[joint["label"]],
+                at_mm=(joint["socket_rim_mm"] + joint["plug_rim_mm"]) / 2.0,
             )
             for joint in fact_rows(job, "joints")
         }

@@ -73,7 +73,7 @@ def _is_side(subject: Subject, segment: Segment) -> bool:
 def _flat_segments(subject: Subject, runs: Sequence[Contour]) -> Iterator[Segment]:
     """Yield the segments of an outline in the coordinates of the flat layout.
 
-    The first and the last point of its runs are the mouth: of the tail, or of a piece's socket.
+    The first and the last point of its runs are the mouth: of the tail, or of a piece's base.
     """
     back = _back_to_flat(subject, runs)
     for run in runs:
@@ -108,7 +108,7 @@ def _mouth(subject: Subject) -> tuple[Point, float]:
     layout, root = subject.layout, subject.piece.root if subject.piece else 0
     if not root or subject.partition is None:
         return (-layout.tail_mm, 0.0), 0.0
-    along_mm = subject.partition.sleeve(root).socket_mm
+    along_mm = subject.partition.sleeve(root).outer_from_mm
     (x, y), heading = layout.start_mm[root].tolist(), float(layout.heading_rad[root])
     return (x + along_mm * math.cos(heading), y + along_mm * math.sin(heading)), heading
 

@@ -91,7 +91,8 @@ def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[Meet
     if not paths:
         return
     pieces = _Pieces.of(paths, profile)
-    lines = shapely.linestrings(np.stack([pieces.start_mm, pieces.end_mm], axis=1))
+    ends_mm = np.stack([pieces.start_mm, pieces.end_mm], axis=1)
+    lines = np.asarray(shapely.linestrings(ends_mm))
     reach = 2.0 * float(pieces.half_mm.max())
     one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=reach)
     one, two = (rows[one < two] for rows in (one, two))
@@ -134,14 +135,17 @@ def _near_own_end(
     places_mm: Sequence[Floats],
     within_mm: Floats,
 ) -> NDArray[np.bool_]:
-    """Return where a mouth's cut meets a path of its body within some distance of the ends."""
+    """Return where a mouth's cut meets a path of its body within some distance of its ends."""
     found = np.zeros(len(within_mm), dtype=np.bool_)
     of = np.array([path.of for path in paths])
     ends = np.array([path.contour.points_mm[[0, -1]] for path in paths])
     both = pieces.is_mouth[pair[0]] & pieces.is_mouth[pair[1]]
     own = of[pieces.path[pair[0]]] == of[pieces.path[pair[1]]]
     for mouth, other, place in ((0, 1, places_mm[1]), (1, 0, places_mm[0])):
-        to_end = np.linalg.norm(ends[pieces.path[pair[other]]] - place[:, None], axis=2).min(axis=1)
+        path = pieces.path[pair[other]]
+        to_end = np.linalg.norm(ends[path] - place[:, None], axis=2).min(axis=1)
+        # Paths of no robot may end on a seam: the sides of a peel strip do.
+        found |= own & (of[path] == "") & (to_end <= within_mm)
         found |= own & pieces.is_mouth[pair[mouth]] & (to_end <= within_mm) & ~both
     return found
 

@@ -18,6 +18,7 @@ from vinefab.fabrication.rules.laser_rules import (
     STATUS,
 )
 from vinefab.fabrication.rules.piece_rules import (
+    EASE,
     LAP,
     LAP_PACKING,
     PIECE_COUNT,
@@ -46,7 +47,7 @@ _BUILTIN = (
     *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
     *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
     *(TAIL, CLAMP, DEPLOYED_LENGTH),
-    *(SLEEVE_ROOM, PIECE_COUNT, LAP, LAP_PACKING, PIECE_LABELS),
+    *(SLEEVE_ROOM, PIECE_COUNT, LAP, LAP_PACKING, PIECE_LABELS, EASE),
     *(BED, FILM),
     *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
     READBACK,

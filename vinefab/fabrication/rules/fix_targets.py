@@ -263,7 +263,7 @@ class FixTargets:
         """Return what the pieces of a design must keep; None for one flat outline."""
         if build.pieces is None:
             return None
-        return PieceLimits.of(build.pieces, self.profile, self.limits, bare_sheet_mm(self.profile))
+        return PieceLimits.of(build, self.profile, self.limits, bare_sheet_mm(self.profile))
 
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""

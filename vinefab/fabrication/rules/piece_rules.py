@@ -129,7 +129,7 @@ def _weak_lap(subject: Subject, sleeve: Sleeve, bond: LapBond, limits: Limits) -
         [sleeve.branch],
         message,
         (load_n_mm, broken),
-        at_mm=_along_mm(subject, sleeve.branch, sleeve.socket_mm),
+        at_mm=_along_mm(subject, sleeve.branch, sleeve.outer_from_mm),
     )
 
 
@@ -144,6 +144,35 @@ def _short_lap(branches: tuple[str, ...], lap_mm: float, bond: LapBond) -> Viola
     )
 
 
+def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J06: plugs go into their sockets, and these lie on them without steep folds."""
+    partition, pieces = subject.partition, subject.design.build.pieces
+    if partition is None or pieces is None or subject.profile is None:
+        return _no_partition(subject)
+    bond, film_mm = subject.profile.recipe.lap, subject.profile.material.film_mm
+    room_mm = max(0.0, pieces.lap_mm - (bond.band_mm.value if bond else 0.0)) / 2.0
+    least_mm, most_mm = limits["films"] * film_mm, limits["rooms"] * room_mm
+    tight = Limits({"error": least_mm}).least(pieces.ease_mm)
+    loose = Limits({"warning": most_mm}).most(pieces.ease_mm)
+    broken = (tight or loose) if partition.sleeves else None
+    if broken is None:
+        return RuleApplied(checked=len(partition.sleeves))
+    message = (
+        f"the film is {film_mm:g} mm thick, and a plug as thick does not go in: widen the sockets"
+        if tight
+        else f"the lap has {room_mm:g} mm beside its band on each side, where a socket must be"
+        " gathered onto its plug: lessen the ease, or lengthen the lap"
+    )
+    violation = Violation(
+        message=f"{message} ([build] pieces.ease_mm)",
+        severity=broken.severity,
+        measured=pieces.ease_mm,
+        limit=broken.limit,
+        branches=subject.ids(*(sleeve.branch for sleeve in partition.sleeves)),
+    )
+    return RuleApplied(checked=len(partition.sleeves), violations=(violation,))
+
+
 def _along_mm(subject: Subject, branch: int, distance_mm: float) -> tuple[float, float]:
     """Return the place at a distance along a branch's centre line."""
     start_mm, end_mm = subject.layout.start_mm[branch], subject.layout.end_mm[branch]
@@ -153,13 +182,12 @@ def _along_mm(subject: Subject, branch: int, distance_mm: float) -> tuple[float,
 
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it."""
-    if subject.partition is None or subject.sleeve is None or subject.profile is None:
+    if subject.partition is None or subject.profile is None:
         return _no_partition(subject)
-    film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
+    film_mm = subject.profile.material.film_mm
     shares = lap_occupancies(
         subject.design,
         subject.partition.sleeves,
-        subject.sleeve.rise_mm,
         film_mm,
         limits["packing"],
     )
@@ -214,8 +242,8 @@ def _wanted(subject: Subject) -> Iterator[str]:
     for piece in partition.pieces:
         yield piece_mark(piece_name(design, piece.label))
     for sleeve in partition.sleeves:
-        yield joint_mark(SOCKET, sleeve.label, piece_name(design, sleeve.label))
-        yield joint_mark(PLUG, sleeve.label, piece_name(design, sleeve.inner))
+        yield joint_mark(SOCKET, sleeve.label, piece_name(design, sleeve.socket_on))
+        yield joint_mark(PLUG, sleeve.label, piece_name(design, sleeve.plug_on))
 
 
 SLEEVE_ROOM = Rule(
@@ -258,4 +286,15 @@ PIECE_LABELS = Rule(
     reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
     remedy="more room beside the piece, or mark it by hand before it leaves the bed",
     check=check_piece_labels,
+)
+EASE = Rule(
+    id="VF-J06",
+    title="sockets are wide enough for their plugs, and not too wide",
+    unit="mm",
+    limits={"films": 1.0, "rooms": 2.0},
+    reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "
+    "ease is gathered on each side within the room that the lap has beside its band, at 45 degrees "
+    "at most, or folds lead out of the lap (assumed)",
+    remedy="an ease between the film's thickness and the lap less the band's width",
+    check=check_ease,
 )

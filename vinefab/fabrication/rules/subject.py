@@ -9,7 +9,6 @@ import shapely
 from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.passes import taken_mm
 from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
-from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
@@ -83,7 +82,6 @@ class Subject:
     corridors: tuple[MapCorridors, ...] = ()  # of maps or rigs
     # The pieces that the design is cut in; None where its build asks for one flat outline.
     partition: Partition | None = None
-    sleeve: SleeveSize | None = None  # size of its sleeves; None likewise
     # The pieces as subjects of their own, each with its capsules and outline; none for a whole one.
     pieces: "tuple[Subject, ...]" = ()
     piece: Piece | None = None  # the piece that this is

@@ -63,13 +63,12 @@ def occupancies(
 def lap_occupancies(
     design: Design,
     sleeves: Iterable[Sleeve],
-    rise_mm: float,
     film_mm: float,
     packing: float = PACKING_SHARE,
 ) -> dict[int, float]:
     """Return, for each branch that laps ride in, how much of its lumen the film there fills.
 
-    As `occupancies`, but with the film doubled where the socket of a sleeve lies over the plug: a
+    As `occupancies`, but with the film doubled where the plug of a sleeve lies in the socket: a
     cross-section of 2 w + 2 rise in place of w, with the rise of the socket's edge over the
     branch's. The descendants k of one level of branch b lie side by side, each at its widest:
 
@@ -77,11 +76,6 @@ def lap_occupancies(
 
     with c_k = max(w_j, 2 w_k + 2 rise) where a sleeve of width w_k is on k, else w_j. The formula
     is vinefab's and uncalibrated; it neglects where along their branches the laps lie.
-
-    Parameters
-    ----------
-    rise_mm
-        How far a socket's lumen edge lies outside the branch's, on each side.
     """
     tree, pouch = branch_tree(design), design.build.pouch
     widths_mm = np.array(design.build.widths_mm)
@@ -89,7 +83,7 @@ def lap_occupancies(
     across_mm = widths_mm[tree.level - 1]
     has_lap = np.zeros(len(tree), dtype=bool)
     for sleeve in sleeves:
-        lap_mm = 2.0 * (sleeve.width_mm + rise_mm)
+        lap_mm = 2.0 * (sleeve.width_mm + sleeve.rise_mm)
         across_mm[sleeve.branch] = max(across_mm[sleeve.branch], lap_mm)
         has_lap[sleeve.branch] = True
     # Below each branch: the cross-section by level, and whether a lap is in it.
@@ -164,7 +158,7 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
     """VF-W03: folded descendants and pouches leave room in the lumen that they ride in."""
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
-    film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
+    film_mm = subject.profile.material.film_mm
     found = occupancies(subject.design, film_mm, limits["packing"])
     violations = [
         _level_violation(

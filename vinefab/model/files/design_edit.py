@@ -212,7 +212,7 @@ def _edit_build(
         changes |= {"fillet_mm": list(new.fillet_mm), "fillet_ratio": None}
     if new.taper != old.taper:
         changes["taper"] = list(new.taper) or None
-    for name in ("tail_mm", "pressure_kpa"):
+    for name in ("tail_mm", "pressure_kpa", "mounting"):
         if getattr(new, name) != getattr(old, name):
             changes[name] = getattr(new, name)
     for name, keys in _PARTS.items():

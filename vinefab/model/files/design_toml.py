@@ -16,6 +16,7 @@ from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, check_plain
 from vinefab.model.design import (
     DEFAULT_FILLET_RATIO,
+    DEFAULT_MOUNTING,
     DEFAULT_PRESSURE_KPA,
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
@@ -25,6 +26,7 @@ from vinefab.model.design import (
     Collar,
     Design,
     Level,
+    Mounting,
     PieceSettings,
     Pouch,
     Waiver,
@@ -82,7 +84,7 @@ class PiecesForm(Form):
 
     # pieces that may be cut
     most: Annotated[int, Field(ge=1, le=MOST_PIECES)] = PieceSettings().most
-    # socket over plug, along the branch (assumed)
+    # that socket and plug lie on each other, along the branch (assumed)
     lap_mm: Annotated[float, Field(ge=1, le=1000)] = PieceSettings().lap_mm
     # added to the flat width of a socket (assumed)
     ease_mm: Annotated[float, Field(ge=0, le=100)] = PieceSettings().ease_mm
@@ -107,6 +109,8 @@ class BuildForm(Form):
     collar: CollarForm | None = None  # fits the tail to a clamp
     # may be cut in flat pieces, joined by sleeves; left out: one outline
     pieces: PiecesForm | None = None
+    # tail_inverted: mounted as cut, faces inside end outside; turned: first turned inside out
+    mounting: Mounting = DEFAULT_MOUNTING
 
 
 class WaiveForm(Form):
@@ -237,6 +241,7 @@ def _build(form: BuildForm, depth: int) -> Build:
         taper=() if form.taper is None else tuple(form.taper),
         collar=None if form.collar is None else Collar(**form.collar.model_dump()),
         pieces=None if form.pieces is None else PieceSettings(**form.pieces.model_dump()),
+        mounting=form.mounting,
     )
 
 
@@ -275,6 +280,8 @@ def _build_table(build: Build) -> dict[str, Any]:
         table["pieces"] = {
             name: getattr(build.pieces, name) for name in ("most", "lap_mm", "ease_mm")
         }
+    if build.mounting != DEFAULT_MOUNTING:
+        table["mounting"] = build.mounting
     if build.pouch is not None:
         pouch = build.pouch
         sizes = {name: getattr(pouch, name) for name in ("radius_mm", "length_mm", "width_mm")}

@@ -192,6 +192,9 @@ export function mount(root, app) {
   pouch.addEventListener("change", () => app.store.change("pouch", (state) => setPouch(state, pouch.value)));
   const pieces = el("input", { type: "checkbox", id: "in-pieces" });
   pieces.addEventListener("change", () => app.store.change("pieces", (state) => setPieces(state, pieces.checked)));
+  const mounting = el("select", { id: "mounting" },
+    el("option", { value: "tail_inverted" }, "tail inverted, inside ends outside"), el("option", { value: "turned" }, "turned inside out first"));
+  mounting.addEventListener("change", () => app.store.change("mounting", (state) => { state.design.build.mounting = mounting.value; }));
   const body = el("div", { class: "parameters" });
   root.append(
     el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name),
@@ -207,7 +210,8 @@ export function mount(root, app) {
     const tipsGroup = group("Pouch", POUCH[design.build.pouch?.shape] ?? [], app, drag, [tips]);
     const cut = el("div", { class: "field" }, pieces, el("label", { for: "in-pieces" }, "may be cut in pieces"));
     const piecesGroup = group("Pieces", design.build.pieces ? PIECES : [], app, drag, [cut]);
-    const built = group("Build", BUILD, app, drag);
+    const mounted = el("div", { class: "field" }, el("label", { for: "mounting" }, "Mounting"), mounting);
+    const built = group("Build", BUILD, app, drag, [mounted]);
     parts.push(built, tipsGroup, piecesGroup);
     const boxes = parts.map((part) => part.box);
     boxes.splice(1 + design.level.length, 0, levels);
@@ -225,7 +229,8 @@ export function mount(root, app) {
     name.disabled = !app.live;
     pouch.value = state.design.build.pouch?.shape ?? "";
     pieces.checked = Boolean(state.design.build.pieces);
-    for (const control of [pouch, pieces, more]) control.disabled = !app.live;
+    mounting.value = state.design.build.mounting ?? "tail_inverted";
+    for (const control of [pouch, pieces, mounting, more]) control.disabled = !app.live;
     more.disabled ||= state.design.level.length >= 9;
     less.disabled = !app.live || state.design.level.length === 0;
   }

@@ -114,6 +114,10 @@ class CannotWriteError(VinefabError, OSError):
         return f"{self.path}: cannot be written: {self.problem}"
 
 
+class KeptAsideWarning(UserWarning):
+    """A file that may have been changed by hand was replaced, and kept under another name."""
+
+
 class WorkersLostError(VinefabError, ConnectionError):
     """All workers are lost; finished work is kept."""
 

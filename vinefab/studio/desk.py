@@ -7,7 +7,6 @@ and where the files lie that were named there; shipped and own designs and recip
 import asyncio
 import os
 import re
-import stat
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from vinefab.core.atomic import write_bytes
+from vinefab.core.atomic import keep_aside, write_bytes
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -26,6 +25,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.hashing import sha256_of
+from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
@@ -94,7 +94,8 @@ class Desk:
 
     def __init__(self, start: Path, named: Iterable[Path] = ()) -> None:
         self.start = start.resolve()
-        folders = [self.start, *((self.start / path).resolve().parent for path in named)]
+        real = (Path(os.path.realpath(self.start / path)) for path in named)
+        folders = [self.start, *(path.parent for path in real)]
         self.roots = tuple(dict.fromkeys(folders))
         self._lock = Lock()
         self._watched: dict[Path, str] = {}  # file -> its kind
@@ -199,8 +200,13 @@ class Desk:
             now = _version(path)
             if now.stamp and now.stamp != ask.get("stamp") and not ask.get("force"):
                 return self._conflict(path, now, known=bool(ask.get("stamp")))
+            is_broken = bool(now.stamp) and now.design is None
+            if is_broken and (path not in self._texts or now.stamp == "unreadable"):
+                raise CannotWriteError(self.shown(path), "it is no design; choose another name")
             text, note = self._new_text(path, now, design, ask.get("from"))
-            _write(path, text)
+            if is_broken:
+                note = f"the version on disk was broken; it is kept as {keep_aside(path).name}"
+            write_bytes(path, text.encode(), force=True, sealed=False)  # a person's work
             self._texts[path] = text
         stamp = sha256_of(text.encode())
         self._watch(path, "design", stamp)
@@ -263,7 +269,7 @@ class Desk:
     def is_writable(self, path: Path) -> bool:
         """Tell whether a file may be saved where it lies."""
         inside = any(path.is_relative_to(root) for root in self.roots)
-        may_be = os.access(path.parent, os.W_OK) and not _is_protected(path)
+        may_be = os.access(path.parent, os.W_OK) and not is_protected(path)
         return inside and may_be and not _is_library(path)
 
     def shown(self, path: Path) -> str:
@@ -362,8 +368,8 @@ class Desk:
             raise CannotWriteError(self.shown(path), "its folder does not exist")
         if os.path.lexists(path) and not path.is_file():
             raise CannotWriteError(self.shown(path), "it is no plain file")
-        if _is_protected(path):
-            raise CannotWriteError(self.shown(path), "it is write-protected")
+        if is_protected(path):
+            raise CannotWriteError(self.shown(path), PROTECTED)
         return path
 
     def _conflict(self, path: Path, now: _Version, *, known: bool) -> dict[str, Any]:
@@ -382,16 +388,14 @@ class Desk:
         """Return the text to write, and what the user should know of it."""
         if now.design is not None and now.text is not None:
             return edited_text(now.text, _unrounded(design, now.design), path), ""
-        base, note = self._texts.get(path), ""
-        if now.stamp and base is not None:
-            note = "the version on disk was broken; it was replaced"
+        base = self._texts.get(path)
         if base is None and source is not None:
             base = self._text_of(source)
         if base is None:
-            return design_text(design), note
+            return design_text(design), ""
         with suppress(CannotWriteError):
             old = design_of(toml_content(base.removeprefix("\ufeff"), path), path)
-            return edited_text(base, _unrounded(design, old), path), note
+            return edited_text(base, _unrounded(design, old), path), ""
         return design_text(design), "its comments could not be taken over"
 
     def _text_of(self, source: object) -> str | None:
@@ -472,21 +476,6 @@ def _version(path: Path) -> _Version:
         return _Version(stamp, problem=f"{path}: is not UTF-8 text (byte {error.start})")
     except VinefabError as error:
         return _Version(stamp, problem=str(error))
-
-
-def _is_protected(path: Path) -> bool:
-    """Tell whether a file is there that nobody, or not this user, may write."""
-    if not path.exists():
-        return False
-    return not path.stat().st_mode & 0o222 or not os.access(path, os.W_OK)
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace a file in one step; who may read it stays as it was."""
-    mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else None
-    write_bytes(path, text.encode(), force=True)
-    if mode is not None:
-        path.chmod(mode)
 
 
 def _stamp(path: Path, most_bytes: int) -> str:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from vinefab.core.atomic import write_text
+from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
@@ -43,7 +43,7 @@ def keep_unsaved(key: object, state: Mapping[str, Any], file: object) -> Path:
     if len(text) > LARGEST_RECOVERY_BYTES:
         allowed = f"at most {LARGEST_RECOVERY_BYTES} bytes for the recovery file"
         raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
-    write_text(path, text, force=True)
+    write_bytes(path, text.encode(), force=True, private=True)
     for old in _files()[MOST_RECOVERIES:]:
         old.unlink(missing_ok=True)
     return path

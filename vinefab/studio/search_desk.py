@@ -28,6 +28,7 @@ from vinefab.core.errors import (
     VinefabError,
     located,
 )
+from vinefab.core.file_mark import marked
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import check_plain
@@ -359,7 +360,7 @@ class SearchDesk:
         """Return a path of the page, which must lie in one of the desk's folders."""
         if not isinstance(given, str) or not given or not given.isprintable():
             raise BadInputError(key, given, "a path in letters that can be shown", PAGE)
-        path = (self.home / given).resolve()
+        path = Path(os.path.realpath(self.home / given))
         if not any(path.is_relative_to(root) for root in self.roots):
             allowed = f"a path below {' or '.join(map(str, self.roots))}"
             raise BadInputError(key, given, allowed, PAGE)
@@ -493,7 +494,7 @@ def _take_back(written: Mapping[Path, str]) -> None:
     """Remove files that a search wrote before it was refused, unless somebody changed them."""
     for path, text in written.items():
         with suppress(OSError):
-            if path.read_text(encoding="utf-8") == text:
+            if path.read_bytes() == marked(text.encode()):
                 path.unlink()
 
 

@@ -23,11 +23,12 @@ from vinefab.core.errors import (
     UnknownNameError,
     UnreadableFileError,
 )
+from vinefab.core.file_mark import marked
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.files.shipped import read_text
+from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, world_of
 from vinefab.studio.warming import load_kernel
@@ -208,7 +209,7 @@ def _extracted(path: Path, text: object) -> Path:
         file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
         if not file.exists():
             return write_text(file, text)
-        if read_text(file, MOST_BYTES) == text:
+        if read_bytes(file, MOST_BYTES) == marked(text.encode()):
             return file
     raise CannotWriteError(file, "too many maps of this snapshot lie beside it")
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -254,7 +255,7 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
 
 def _connected(path: Path) -> sqlite3.Connection:
     # Not read-only: even a reader may have to create the WAL files.
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
+    return sqlite3.connect(f"{Path(os.path.realpath(path)).as_uri()}?mode=rw", uri=True)
 
 
 def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:

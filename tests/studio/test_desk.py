@@ -160,6 +160,15 @@ def test_unsaved_work_can_be_read_by_the_user_alone(desk):
         path.chmod(0o644)
 
 
+@pytest.mark.parametrize("text", ["Infinity", "NaN", "1e999", "9" * 30, '"\\ud800"', "[" * 900])
+def test_odd_recovery_files_are_refused_in_one_line(desk, text):
+    path = Path(desk.keep_recovery({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
+    path.write_text(path.read_text().replace('"a": 1', f'"a": {text}'))
+    with pytest.raises(VinefabError, match="recovery-tab00001"):
+        desk.open_recovery({"key": "tab00001"})
+    assert desk.recoveries({}) == {"recoveries": []}
+
+
 def test_a_file_that_went_is_written_again_with_its_comments(desk, folder):
     file = opened(desk)
     (folder / "mine.toml").unlink()

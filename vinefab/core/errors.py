@@ -194,6 +194,25 @@ def located(source: str | Path) -> Iterator[None]:
         raise error.at(source) from error
 
 
+class _NotShown:
+    """Stands for a value that a message leaves out."""
+
+    def __repr__(self) -> str:
+        return "not shown"
+
+
+@contextmanager
+def values_hidden() -> Iterator[None]:
+    """Leave values out of errors about a file that the user did not name: they may be secrets."""
+    try:
+        yield
+    except BadInputError as error:
+        value = None if error.value is None else _NotShown()
+        raise BadInputError(error.key, value, error.allowed, error.source) from None
+    except UnknownNameError as error:
+        raise UnknownNameError(error.kind, "(not shown)", error.known, error.source) from None
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest known spelling, or an empty string.
 

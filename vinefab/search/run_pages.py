@@ -163,7 +163,7 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
         if not below:
             raise BadInputError("DIR", str(folder), f"a folder with a {RECORD_FILE} in it or below")
         for path in below:
-            paths.setdefault(os.path.realpath(path), path)
+            paths.setdefault(Path(os.path.realpath(path)), path)
     rows, broken = [], []
     for path in paths.values():
         try:

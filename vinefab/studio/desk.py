@@ -32,13 +32,13 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.design_toml import design_content, design_of, design_text
 from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import (
     KINDS,
     existing_file,
     locate,
     names,
-    path_given,
     read_bytes,
     shipped_root,
     user_names,
@@ -46,7 +46,7 @@ from vinefab.model.files.shipped import (
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
-from vinefab.studio.state import PAGE
+from vinefab.studio.state import PAGE, files_named_in, is_name
 
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
@@ -60,8 +60,6 @@ _MOST_LOOKED_AT = 5000
 _HEAD_BYTES = 4096
 _SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
 _CHECKED_FOR_S = 1.0
-_LONGEST_PATH = 1024
-_LONGEST_NAME = 255
 
 FileTell = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
@@ -103,11 +101,6 @@ class Desk:
         self._texts: dict[Path, str] = {}  # file -> the last text that was a design
         self._checked: dict[tuple[str, str], float] = {}
         self._more: Callable[[], object] = lambda: None
-
-    @property
-    def readable(self) -> tuple[Path, ...]:
-        """The folders that may be read."""
-        return (*self.roots, *_library())
 
     def choices(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Return what can be opened: designs, maps, recipes, and environments with options."""
@@ -178,7 +171,7 @@ class Desk:
         path = self._named("recipe", given)
         title = read_profile(path).recipe.title
         self._watch(path, "recipe", _stamp(path, LARGEST_TOML_BYTES))
-        name = str(given) if _is_name(given) else self.shown(path)
+        name = str(given) if is_name(given) else self.shown(path)
         return {"recipe": name, "title": title}
 
     def save_design(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -237,17 +230,12 @@ class Desk:
 
     def check_paths(self, state: Mapping[str, Any]) -> None:
         """Raise BadInputError unless every file that a state names may be read."""
-        source = _member(_member(state, "map"), "source")
-        files = _member(state, "family").get("files")
-        wanted = [("map.source.file", source.get("file"))]
-        wanted += [("family.files", name) for name in files] if isinstance(files, list) else []
-        recipe = state.get("recipe")
-        if recipe is not None and self._is_path("recipe", recipe):
-            wanted.append(("recipe", recipe))
         now = monotonic()
-        for key, given in wanted:
-            if given is None or self._checked.get((key, str(given)), -1.0) > now:
+        for key, given in files_named_in(state):
+            if self._checked.get((key, str(given)), -1.0) > now:
                 continue  # every move of the pointer asks
+            if key == "recipe" and not self._is_path(key, given):
+                continue
             path = self.allowed_path(key, given)
             if path not in self._watched:
                 stamp = _stamp(path, LARGEST_MAP_BYTES)
@@ -258,12 +246,8 @@ class Desk:
 
     def allowed_path(self, key: str, given: object, *, to_write: bool = False) -> Path:
         """Return where a path of the page leads, or raise BadInputError if that is elsewhere."""
-        path = _ordinary(key, given)
-        folders = self.roots if to_write else self.readable
-        real = Path(os.path.realpath(self.start / path))
-        if not any(real.is_relative_to(folder) for folder in folders):
-            allowed = f"a file in {' or '.join(map(str, self.roots))}"
-            raise BadInputError(key, given, allowed, PAGE)
+        library = () if to_write else _library()
+        real = path_inside(key, given, self.roots, PAGE, self.start, library)
         return real if to_write else existing_file(real)
 
     def is_writable(self, path: Path) -> bool:
@@ -352,8 +336,7 @@ class Desk:
 
     def _is_path(self, key: str, given: object) -> bool:
         """Tell whether this is a path and no name of a shipped or own file."""
-        path = _ordinary(key, given)
-        return not _is_name(given) or (self.start / path).is_file()
+        return not is_name(given) or self.allowed_path(key, given, to_write=True).is_file()
 
     def _target(self, given: object) -> Path:
         """Return where a design may be written."""
@@ -434,28 +417,6 @@ def _library() -> tuple[Path, ...]:
 
 def _is_library(path: Path) -> bool:
     return any(path.is_relative_to(folder) for folder in _library())
-
-
-def _ordinary(key: str, given: object) -> Path:
-    """Return a path that a system can look for."""
-    path = path_given(key, given)
-    try:
-        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
-    except UnicodeEncodeError:  # halves of letters
-        too_long = True
-    if too_long or len(str(path)) > _LONGEST_PATH:
-        raise BadInputError(key, given, "a path of ordinary length", PAGE)
-    return path
-
-
-def _is_name(given: object) -> bool:
-    """Tell whether this is a bare name, as of a shipped design."""
-    return isinstance(given, str) and not Path(given).suffix and Path(given).parent == Path()
-
-
-def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = content.get(key)
-    return value if isinstance(value, Mapping) else {}
 
 
 def _version(path: Path) -> _Version:

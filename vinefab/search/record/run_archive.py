@@ -18,7 +18,7 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
-from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
 from vinefab.model.start_place import start_of_record, start_record
@@ -119,7 +119,7 @@ def _growth(record: Mapping[str, Any]) -> GrowthOptions:
     angle = tuple(angle) if isinstance(angle, list) else angle
     values = {"pressure_stop": False, **record, "head_on_half_angle_rad": angle}
     if "contacts" in record:
-        values["contacts"] = contacts_given(record["contacts"])
+        values["contacts"] = contacts_of(record["contacts"])
     return GrowthOptions(**values)
 
 

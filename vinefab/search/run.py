@@ -64,7 +64,8 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
         with values_hidden():
-            return _started(map(read_map, settings.maps.files), settings.maps)
+            worlds = [read_map(path) for path in settings.maps.files]
+        return _started(worlds, settings.maps)
     return generated_maps(settings.maps)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vinefab.core.atomic import write_bytes
+from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.package.prepare import package, zip_bytes
@@ -222,6 +222,5 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
         parts = package(demo.predicted.prepared)
         files |= {f"package/{name}": data for name, data in parts.items()}
         files["package.zip"] = zip_bytes(parts, "package")
-    for name, data in files.items():
-        write_bytes(folder / name, data)
+    fill_folder(folder, files)
     return ("run/run.sqlite", *files)

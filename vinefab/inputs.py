@@ -137,6 +137,10 @@ def growth_given(given: object, **shortcuts: object) -> Mapping[str, Any]:
         if name in options and options[name] != value:
             raise BadInputError(name, value, f"not beside another one in growth, {options[name]!r}")
         options[name] = value
+    if isinstance(options.get("contacts"), str | PathLike):
+        from vinefab.model.files.contacts_toml import read_contacts
+
+        options["contacts"] = read_contacts(options["contacts"])
     return options
 
 

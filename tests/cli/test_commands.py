@@ -277,7 +277,7 @@ def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vinefab.core.atomic.write_bytes", interrupted)
+    monkeypatch.setattr("vinefab.core.atomic._put", interrupted)
     code = main(["fabricate", "plain_vine", "--out", str(out), "--allow-uncalibrated", "-q"])
     assert code == 130
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before

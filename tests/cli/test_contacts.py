@@ -8,6 +8,8 @@ import pytest
 import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
+from vinefab.inputs import growth_given
+from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
@@ -124,15 +126,15 @@ def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
 
 
 def test_bounds_leave_the_other_end_assumed(bounded):
-    upper = GrowthOptions.of({"contacts": bounded("upper", 0.0, 8.0)})
+    upper = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 8.0))})
     assert upper.half_angle_deg == [1.0, 8.0]
     assert upper.contact_angles_deg[-1] == 8.0
     vine = read_design("plain_vine")
     assert "at most 8 deg; 1 deg assumed)" in growth_text(upper, [vine])
-    lower = GrowthOptions.of({"contacts": bounded("lower", 12.0, 90.0)})
+    lower = GrowthOptions.of({"contacts": read_contacts(bounded("lower", 12.0, 90.0))})
     assert lower.half_angle_deg == [12.0, 15.0]
     assert "at least 12 deg; 15 deg assumed)" in growth_text(lower, [vine])
-    loose = GrowthOptions.of({"contacts": bounded("upper", 0.0, 30.0)})
+    loose = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 30.0))})
     assert loose.half_angle_deg == [1.0, 15.0]
     assert "at most 30 deg; 1 to 15 deg assumed)" in growth_text(loose, [vine])
     assert upper.at_one_angle.half_angle_deg == 1.0
@@ -181,7 +183,7 @@ def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
     measured.rename(tmp_path / "contacts" / "our_film.toml")
-    assert GrowthOptions.of({"contacts": "our_film"}).half_angle_deg == [3.0, 6.0]
+    assert growth_given({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
 
 
 @pytest.mark.usefixtures("measured")
@@ -199,7 +201,7 @@ def test_run_files_name_it_relative_to_themselves_and_records_keep_it(tmp_path):
 
 
 def test_designs_that_were_trained_with_it_are_grown_with_it(measured, tmp_path):
-    growth = GrowthOptions.of({"contacts": measured})
+    growth = GrowthOptions.of({"contacts": read_contacts(measured)})
     vine = read_design("plain_vine")
     trained = tmp_path / "trained.toml"
     content = design_text(vine)

@@ -1,9 +1,13 @@
+import io
 import os
+import stat
+import zipfile
 from pathlib import Path
 
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
-from vinefab.core import atomic
 from vinefab.core.atomic import (
     ensure_own_folder,
     ensure_writable,
@@ -12,7 +16,9 @@ from vinefab.core.atomic import (
     write_folder,
     write_text,
 )
-from vinefab.core.errors import CannotWriteError, ForeignFileError
+from vinefab.core.errors import CannotWriteError, ForeignFileError, KeptAsideWarning
+from vinefab.core.file_mark import ROOMY_GENERATOR, Authorship, authorship, marked
+from vinefab.core.jsontext import OWN_MARK, json_text
 
 OURS = "# written by vinefab 0\n"
 
@@ -25,7 +31,7 @@ def test_our_own_file_is_overwritten_and_nothing_else_is_left(tmp_path):
     path = tmp_path / "deep" / "a.toml"
     write_text(path, OURS + "1")
     write_text(path, OURS + "2")
-    assert path.read_text() == OURS + "2"
+    assert path.read_bytes() == marked(f"{OURS}2".encode())
     assert names(path.parent) == ["a.toml"]
 
 
@@ -36,17 +42,130 @@ def test_a_foreign_file_is_kept_unless_forced(tmp_path):
         write_text(path, OURS)
     assert path.read_text() == "my own notes"
     write_text(path, OURS, force=True)
-    assert path.read_text() == OURS
+    assert path.read_bytes() == marked(OURS.encode())
 
 
 def test_the_mark_is_found_at_either_end_of_a_large_file(tmp_path):
     path = tmp_path / "large"
-    path.write_bytes(b"x" * 50_000 + atomic.OWN_MARK)
+    path.write_bytes(b"x" * 50_000 + OWN_MARK)
     assert is_ours(path)
-    path.write_bytes(atomic.OWN_MARK + b"x" * 50_000)
+    path.write_bytes(OWN_MARK + b"x" * 50_000)
     assert is_ours(path)
-    path.write_bytes(b"x" * 25_000 + atomic.OWN_MARK + b"x" * 25_000)
+    path.write_bytes(b"x" * 25_000 + OWN_MARK + b"x" * 25_000)
     assert not is_ours(path)
+
+
+def png(text: str) -> bytes:
+    facts = PngInfo()
+    facts.add_text("Software", text)
+    stream = io.BytesIO()
+    Image.new("L", (9, 9)).save(stream, "PNG", pnginfo=facts)
+    return stream.getvalue()
+
+
+def archive() -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as made:
+        made.writestr("inner.png", png(ROOMY_GENERATOR))
+        made.writestr("inner.toml", marked(OURS.encode()))
+        made.comment = ROOMY_GENERATOR.encode()
+    return stream.getvalue()
+
+
+WRITTEN = {
+    "toml": OURS.encode() + b"length = 120.0\n",
+    "json": json_text("vinefab/x-1", {"length": 120.0}).encode(),
+    "svg": b"<svg><desc>written by vinefab 1.2.3-rc.1; plays 2 s</desc></svg>",
+    "png": png(ROOMY_GENERATOR),
+    "zip": archive(),
+}
+
+
+@pytest.mark.parametrize("data", WRITTEN.values(), ids=WRITTEN)
+def test_the_mark_holds_a_digest_of_the_rest_whatever_the_format(data):
+    sealed = marked(data)
+    assert marked(sealed) == sealed
+    assert authorship(data) is Authorship.UNSEALED
+    assert authorship(sealed) is Authorship.OURS
+    for place in range(0, len(sealed), 7):
+        changed = sealed[:place] + bytes([sealed[place] ^ 1]) + sealed[place + 1 :]
+        assert authorship(changed) is not Authorship.OURS
+    assert authorship(sealed + b"\n") is Authorship.CHANGED
+
+
+def test_a_marked_picture_and_a_marked_archive_are_read_as_before():
+    picture = Image.open(io.BytesIO(marked(WRITTEN["png"])))
+    picture.load()
+    assert picture.text["Software"].startswith("written by vinefab")
+    assert zipfile.ZipFile(io.BytesIO(marked(WRITTEN["zip"]))).testzip() is None
+    old = png("written by vinefab 0")  # no room: bytes stay as they are
+    assert marked(old) == old
+
+
+def test_a_file_that_was_changed_is_kept_unless_forced(tmp_path):
+    path = write_text(tmp_path / "a.toml", OURS + "1")
+    path.write_text(path.read_text() + "by hand")
+    for write in (ensure_writable, lambda path: write_text(path, OURS + "2")):
+        with pytest.raises(ForeignFileError, match=r"changed since.*--force"):
+            write(path)
+    assert path.read_text().endswith("1by hand")
+
+
+def test_a_file_of_an_earlier_version_is_replaced_and_kept_aside(tmp_path):
+    path = tmp_path / "a.toml"
+    for kept in ("a.toml.old", "a.toml.old2"):
+        path.write_text(OURS + kept)
+        ensure_writable(path)
+        with pytest.warns(KeptAsideWarning, match=kept):
+            write_text(path, OURS + "new")
+        assert (tmp_path / kept).read_text() == OURS + kept
+    path.write_text(OURS + "new")  # nothing is lost: no copy
+    write_text(path, OURS + "new")
+    assert names(tmp_path) == ["a.toml", "a.toml.old", "a.toml.old2"]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
+def test_permissions_are_kept(tmp_path, mode):
+    path = write_text(tmp_path / "a.toml", OURS)
+    path.chmod(mode)
+    write_text(path, OURS + "2")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+    fill(tmp_path / "out", "1")
+    (tmp_path / "out" / "job.json").chmod(mode)
+    fill(tmp_path / "out", "2")
+    assert stat.S_IMODE((tmp_path / "out" / "job.json").stat().st_mode) == mode
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_write_protected_files_are_refused(tmp_path, force):
+    path = write_text(tmp_path / "a.toml", OURS)
+    fill(tmp_path / "out", "1")
+    for place in (path, tmp_path / "out" / "job.json"):
+        place.chmod(0o444)
+    for write in (
+        lambda: ensure_writable(path, force=force),
+        lambda: write_text(path, OURS + "2", force=force),
+        lambda: fill(tmp_path / "out", "2", force=force),
+    ):
+        with pytest.raises(CannotWriteError, match="write-protected"):
+            write()
+    assert path.read_bytes() == marked(OURS.encode())
+    assert names(tmp_path / "out") == ["MANIFEST.sha256", "job.json"]
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_loop_of_links_is_refused(tmp_path, force):
+    loop = tmp_path / "loop"
+    loop.symlink_to("loop")
+    for write in (
+        lambda: ensure_writable(loop, force=force),
+        lambda: write_text(loop / "deep" / "a.toml", OURS, force=force),
+        lambda: ensure_own_folder(loop, "job.json", force=force),
+        lambda: write_folder(loop / "deep", {"job.json": b"{}"}, "job.json", force=force),
+    ):
+        with pytest.raises(CannotWriteError, match="symbolic links"):
+            write()
+    assert loop.is_symlink()
 
 
 def test_a_failing_write_leaves_the_old_file_whole(tmp_path, monkeypatch):
@@ -59,7 +178,7 @@ def test_a_failing_write_leaves_the_old_file_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", no_space)
     with pytest.raises(CannotWriteError, match="No space left on device"):
         write_text(path, OURS + "new")
-    assert path.read_text() == OURS + "old"
+    assert path.read_bytes() == marked(f"{OURS}old".encode())
     assert names(tmp_path) == ["a"]
 
 
@@ -151,16 +270,16 @@ def test_one_kind_of_our_files_does_not_replace_another(tmp_path):
     write_text(path, ours)
     with pytest.raises(ForeignFileError, match="another kind"):
         write_text(path, ours.replace("map-1", "score-1"))
-    assert path.read_text() == ours
+    assert path.read_bytes() == marked(ours.encode())
     write_text(path, ours + " ")
-    assert path.read_text() == ours + " "
+    assert path.read_bytes() == marked(f"{ours} ".encode())
 
 
 def test_a_link_is_followed_and_a_pipe_is_refused(tmp_path):
     write_text(tmp_path / "real.toml", OURS + "1")
     (tmp_path / "link.toml").symlink_to("real.toml")
     write_text(tmp_path / "link.toml", OURS + "2")
-    assert (tmp_path / "real.toml").read_text() == OURS + "2"
+    assert (tmp_path / "real.toml").read_bytes() == marked(f"{OURS}2".encode())
     assert (tmp_path / "link.toml").is_symlink()
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(CannotWriteError, match="no plain file"):

@@ -184,7 +184,7 @@ def test_photos_give_a_file_that_predictions_read(written, tmp_path):
     assert "head-on half-angle" in words
     assert f"anchoring keeps its friction of {ASSUMED_FRICTION.value:g} (assumed)" in words
     assert tomllib.loads(fit.text())["head_on_half_angle_deg"]["standing"] == "measured"
-    options = GrowthOptions.of({"contacts": path})
+    options = GrowthOptions.of({"contacts": read_contacts(path)})
     assert options.half_angle_deg == [half_angle.low, half_angle.high]
     assert options.at_one_angle.half_angle_deg == half_angle.value
     assert options.body_width_ratio == ratio.value

@@ -51,6 +51,14 @@ def test_spoilt_parts_are_named(copied):
     assert problems[3:] == [()] * 10
 
 
+def test_parts_elsewhere_are_not_read(copied, made):
+    file = copied / json.loads((copied / "rig.json").read_text())["parts"][0]["file"]
+    file.unlink()
+    file.symlink_to(made / file.name)
+    with pytest.raises(BadInputError, match="allowed: a path in"):
+        read_rig(copied)
+
+
 def test_folders_that_are_no_rig(tmp_path, copied):
     with pytest.raises(UnreadableFileError, match="no such file"):
         read_rig(tmp_path / "nowhere")

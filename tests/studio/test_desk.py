@@ -6,10 +6,19 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.atomic import write_text
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    ForeignFileError,
+    UnreadableFileError,
+    VinefabError,
+)
+from vinefab.core.jsontext import GENERATOR
 from vinefab.maps.make_map import generate
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
@@ -123,6 +132,43 @@ def test_a_broken_version_on_disk_is_a_conflict_and_keeping_mine_keeps_the_comme
     forced = desk.save_design({**ask, "force": True})
     assert "broken" in forced["note"]
     assert (folder / "mine.toml").read_text() == MINE.replace("120.0", "130.0")
+    assert (folder / "mine.toml.old").read_text() == "half a fi"
+
+
+@pytest.mark.parametrize("text", ["my diary", map_text(generate("grid", 3)), 'schema = "x"'])
+def test_what_is_no_design_is_never_replaced(desk, folder, text):
+    (folder / "diary.toml").write_text(text)
+    ask = {"path": "diary.toml", "design": opened(desk)["design"], "force": True}
+    with pytest.raises(VinefabError, match="no design"):
+        desk.save_design(ask)
+    assert (folder / "diary.toml").read_text() == text
+
+
+def test_a_saved_design_counts_as_changed_by_hand(desk, folder):
+    write_text(folder / "mine.toml", f"# {GENERATOR}\n{MINE}", force=True)
+    file = opened(desk)
+    desk.save_design(
+        {"path": "mine.toml", "design": with_length(file["design"], 130), "stamp": file["stamp"]}
+    )
+    with pytest.raises(ForeignFileError, match="changed"):
+        write_text(folder / "mine.toml", f"# {GENERATOR}\n{MINE}")
+
+
+def test_unsaved_work_can_be_read_by_the_user_alone(desk):
+    ask = {"key": "tab00001", "state": {"a": 1}, "file": None}
+    for _ in range(2):
+        path = Path(desk.keep_recovery(ask)["kept"])
+        assert path.stat().st_mode & 0o777 == 0o600
+        path.chmod(0o644)
+
+
+@pytest.mark.parametrize("text", ["Infinity", "NaN", "1e999", "9" * 30, '"\\ud800"', "[" * 900])
+def test_odd_recovery_files_are_refused_in_one_line(desk, text):
+    path = Path(desk.keep_recovery({"key": "tab00001", "state": {"a": 1}, "file": None})["kept"])
+    path.write_text(path.read_text().replace('"a": 1', f'"a": {text}'))
+    with pytest.raises(VinefabError, match="recovery-tab00001"):
+        desk.open_recovery({"key": "tab00001"})
+    assert desk.recoveries({}) == {"recoveries": []}
 
 
 def test_a_file_that_went_is_written_again_with_its_comments(desk, folder):

@@ -192,6 +192,19 @@ def test_inputs_that_somebody_changed_are_not_overwritten(here):
         export(edited(opened()), "picture", "grown.svg")
 
 
+@pytest.mark.parametrize(
+    ("what", "out"), [("picture", "a.svg"), ("picture", "a.png"), ("snapshot", "a.html")]
+)
+def test_an_export_that_somebody_changed_is_not_overwritten(here, what, out):
+    ask = {"options": {}, "state": opened()}
+    export(opened(), what, out, **ask)
+    changed = (here / out).read_bytes() + b"\n"
+    (here / out).write_bytes(changed)
+    with pytest.raises(VinefabError, match="was changed since vinefab wrote it; choose another"):
+        export(opened(), what, out, **ask)
+    assert (here / out).read_bytes() == changed
+
+
 def test_the_page_does_not_say_where_may_be_written(here):
     state = opened()
     ask = {"out": "p", "roots": ["/"], "state": {"map": {"source": {"file": "/etc/passwd"}}}}

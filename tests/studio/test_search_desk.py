@@ -16,6 +16,7 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content, design_of, design_text, read_design
+from vinefab.model.files.shipped import locate
 from vinefab.search.costs import COSTS
 from vinefab.search.front_files import front_json, front_of
 from vinefab.search.record.result import Generation
@@ -169,9 +170,9 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_pat
         ({"population": "many"}, "optimizer.population"),
         ({"optimizer": "guess"}, "guess"),
         ({"objectives": ["cost"]}, "task.objectives"),
-        ({"maps": {"files": ["../elsewhere.geojson"]}}, "a path below"),
+        ({"maps": {"files": ["../elsewhere.geojson"]}}, "a path in"),
         ({"maps": {"files": ["none.geojson"]}}, "none.geojson"),
-        ({"folder": "../elsewhere"}, "a path below"),
+        ({"folder": "../elsewhere"}, "a path in"),
         ({"folder": "taken"}, "an empty one"),
         ({"folder": "."}, "an empty one"),
         ({"folder": "a b/\n"}, "letters that can be shown"),
@@ -238,6 +239,11 @@ def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     found = desk.load({"folder": "two", "point": name})
     assert design_of(found["design"], "page") == read_design(folder / "front" / f"{name}.toml")
     assert "simulated" in found["words"]
+    file = folder / "front" / f"{name}.toml"
+    file.unlink()
+    file.symlink_to(locate("design", "plain_vine"))
+    with pytest.raises(BadInputError, match="allowed: a path in"):
+        desk.load({"folder": "two", "point": name})
 
 
 def test_the_front_so_far_is_that_of_all_designs_and_its_points_are_loaded(desk, front_run):
@@ -289,7 +295,7 @@ def test_a_front_of_three_aims_stays_bounded():
         ({"folder": "two", "point": "²:1"}, "G:R"),
         ({"folder": "two", "point": "../two"}, "one of two_01"),
         ({"folder": "two", "point": 3}, "point"),
-        ({"folder": "..", "point": "best"}, "a path below"),
+        ({"folder": "..", "point": "best"}, "a path in"),
         ({"folder": "none", "point": "best"}, "a run with a valid design"),
     ],
 )

@@ -2,6 +2,8 @@
 
 import copy
 import json
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +12,7 @@ from vinefab.maps.make_map import grid
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
+from vinefab.studio.desk import Desk
 from vinefab.studio.panels import PANELS, answer_of
 from vinefab.studio.state import StudioState, world_of
 
@@ -71,6 +74,51 @@ def test_a_map_file_is_read_anew_when_it_changes(tmp_path):
 def test_what_cannot_be_used_is_named(changes, words):
     with pytest.raises(VinefabError, match=words.replace(".", r"\.")):
         StudioState.of(state(**changes))
+
+
+ODD = (
+    None,
+    True,
+    5,
+    -1.5,
+    float("inf"),
+    float("nan"),
+    "",
+    "x",
+    "\0",
+    "\ud800",
+    [],
+    [5],
+    {},
+    {"a": 5},
+)
+WHOLE = state(
+    pose={"x_mm": 20.0, "y_mm": 150.0, "heading_deg": 0.0},
+    recipe=None,
+    task="coverage",
+    family={"environment": "grid", "count": 40, "seed": 1000, "files": []},
+    growth={"body": "inflated", "contacts": None},
+    locks=[],
+)
+
+
+def places(content, above=()):
+    for name, value in content.items():
+        yield (*above, name)
+        yield from places(value, (*above, name)) if isinstance(value, dict) else ()
+
+
+@pytest.mark.parametrize("place", list(places(WHOLE)), ids=".".join)
+def test_an_odd_value_anywhere_is_one_line_or_works(place):
+    for odd in ODD:
+        content = copy.deepcopy(WHOLE)
+        at = content
+        for name in place[:-1]:
+            at = at[name]
+        at[place[-1]] = odd
+        with suppress(VinefabError):
+            Desk(Path()).check_paths(content)
+            StudioState.of(content)
 
 
 def test_a_wrong_value_of_the_design_is_named_by_its_key():

@@ -37,7 +37,12 @@ EXIT_FINDINGS = 1
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say where the time went, too.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that vinefab did not write.")]
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Overwrite files that vinefab did not write, or that were changed since."
+    ),
+]
 JsonOut = Annotated[
     str | None, typer.Option("--json", help="Machine-readable result: a file, or - for the output.")
 ]

@@ -18,7 +18,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.usage_problems import usage_line
-from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
+from vinefab.core.errors import InterruptedRunError, KeptAsideWarning, VinefabError, shortened
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
@@ -271,6 +271,8 @@ def run() -> None:
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
+            warnings.simplefilter("always", KeptAsideWarning)
+            warnings.formatwarning = lambda message, *_: f"note: {message}\n"
         code = main(sys.argv[1:])
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # All is done; what is left could only end in a traceback.

@@ -3,24 +3,50 @@
 import os
 import re
 import shutil
+import stat
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
+from vinefab.core.errors import (
+    CannotWriteError,
+    ForeignFileError,
+    KeptAsideWarning,
+    VinefabError,
+)
+from vinefab.core.file_mark import Authorship, authorship, has_mark, marked
 from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of_file
-from vinefab.core.jsontext import OWN_MARK
 from vinefab.core.lock import lock_folder
-from vinefab.core.replacement import NEW, is_incomplete, replace_files, staging_folder
+from vinefab.core.replacement import (
+    NEW,
+    PROTECTED,
+    is_incomplete,
+    is_protected,
+    replace_files,
+    staging_folder,
+)
 
 _LOOK_BYTES = 8192
+_MOST_BYTES = 1 << 28
+"""Of a file whose digest is looked at; a larger one counts as changed."""
 _SCHEMA = re.compile(rb"vinefab/([a-z-]+)-\d")
 
 
 def is_ours(path: Path) -> bool:
-    """Tell whether vinefab wrote a file: its first or last 8 KiB hold the mark."""
-    return OWN_MARK in _ends(path)
+    """Tell whether vinefab wrote a file, changed since or not: its ends hold the mark."""
+    return has_mark(_ends(path))
+
+
+def _authorship(path: Path) -> Authorship:
+    if not is_ours(path):
+        return Authorship.FOREIGN
+    return authorship(path.read_bytes()) if _is_small(path) else Authorship.CHANGED
+
+
+def _is_small(path: Path) -> bool:
+    return path.stat().st_size <= _MOST_BYTES
 
 
 def ensure_writable(path: Path, *, force: bool = False) -> None:
@@ -44,37 +70,75 @@ def _check_writable(path: Path, *, force: bool) -> None:
     with _system_errors(path):
         if path.is_dir():
             raise CannotWriteError(path, "it is a folder")
-        if path.exists() and not path.is_file():
+        if _is_there(path) and not path.is_file():
             raise CannotWriteError(path, "it is no plain file; --json - writes to the output")
-        if path.exists() and not force and not is_ours(path):
-            raise ForeignFileError(path)
+        if is_protected(path):
+            raise CannotWriteError(path, PROTECTED)
+        if path.exists() and not force:
+            found = _authorship(path)
+            if found is Authorship.FOREIGN:
+                raise ForeignFileError(path)
+            if found is Authorship.CHANGED:
+                raise ForeignFileError(path, found.value)
         if not os.access(path.parent, os.W_OK | os.X_OK):
             raise CannotWriteError(path, "no permission to write in its folder")
 
 
-def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
+def write_bytes(
+    path: Path, data: bytes, *, force: bool = False, sealed: bool = True, private: bool = False
+) -> Path:
     """Write a file in one step: a temporary name beside it, then a rename.
 
-    A link is followed. What vinefab wrote itself is overwritten by the same kind of file only: a
-    picture does not replace a map.
+    A link is followed, and the permissions of a file that is replaced are kept. What vinefab wrote
+    itself is overwritten by the same kind of file only: a picture does not replace a map. Where
+    the old file's mark has no digest, as in earlier versions, it is kept as ``NAME.old``.
+
+    Parameters
+    ----------
+    force
+        Overwrite whatever is there.
+    sealed
+        Whether the digest is put into the mark (`file_mark`): not for what a person edits.
+    private
+        Whether only the user may read it.
     """
     with folder_to_fill(path.parent), _system_errors(path):
         _check_writable(path, force=force)
-        if path.exists() and not force and _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
-            raise ForeignFileError(path, "is another kind of file")
-        target = path.resolve()
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        temporary = Path(name)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.chmod(0o666 & ~_umask())
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        if path.exists() and not force:
+            if _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
+                raise ForeignFileError(path, "is another kind of file")
+            unsealed = _authorship(path) is Authorship.UNSEALED
+            if unsealed and marked(path.read_bytes()) != marked(data):
+                words = f"{path} may have been changed by hand: kept as {keep_aside(path)}"
+                warnings.warn(words, KeptAsideWarning, stacklevel=2)
+        _put(path, marked(data) if sealed else data, private=private)
     return path
+
+
+def keep_aside(path: Path) -> Path:
+    """Copy a file to ``NAME.old``, or the next name that is free."""
+    number = 1
+    while os.path.lexists(kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")):
+        number += 1
+    shutil.copy2(path, kept)
+    return kept
+
+
+def _put(path: Path, data: bytes, *, private: bool = False) -> None:
+    """Put a file in place, with the permissions of the one that it replaces."""
+    target = Path(os.path.realpath(path))
+    mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask()
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.chmod(0o600 if private else mode)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str, *, force: bool = False) -> Path:
@@ -100,8 +164,14 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
 def write_folder(path: Path, files: Mapping[str, bytes], mark: str, *, force: bool = False) -> None:
     """Write files by name into a folder, all or none, as `new_folder` does."""
     with new_folder(path, mark, force=force) as folder:
-        for name, data in files.items():
-            write_bytes(folder / name, data)
+        fill_folder(folder, files)
+
+
+def fill_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by name as they are, without digests in them: the folder's manifest has those."""
+    for name, data in files.items():
+        with folder_to_fill((folder / name).parent), _system_errors(folder / name):
+            _put(folder / name, data)
 
 
 @contextmanager
@@ -175,9 +245,18 @@ def _nearest_folder(folder: Path) -> Path:
     for place in (folder, *folder.parents):
         if place.is_dir():
             return place
-        if place.exists():
+        if _is_there(place):
             raise CannotWriteError(place, "it is a file; name a folder")
     return folder
+
+
+def _is_there(path: Path) -> bool:
+    """Tell whether a path leads to something; a loop of links raises OSError."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def _take_away(folders: list[Path]) -> None:
@@ -191,10 +270,10 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
     """Check, before any long work, that a folder may be replaced (see `new_folder`)."""
     with _system_errors(path):
         here = Path.cwd()
-        if path.resolve() in (here, *here.parents):
+        if Path(os.path.realpath(path)) in (here, *here.parents):
             raise CannotWriteError(path, "it holds the current folder; name a folder of its own")
         _nearest_folder(path)
-        if not path.exists() or force:
+        if not _is_there(path) or force:
             return
         marked = (path / mark).is_file() and is_ours(path / mark)
         whole = marked and (path / MANIFEST_NAME).is_file()

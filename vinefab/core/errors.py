@@ -114,6 +114,10 @@ class CannotWriteError(VinefabError, OSError):
         return f"{self.path}: cannot be written: {self.problem}"
 
 
+class KeptAsideWarning(UserWarning):
+    """A file that may have been changed by hand was replaced, and kept under another name."""
+
+
 class WorkersLostError(VinefabError, ConnectionError):
     """All workers are lost; finished work is kept."""
 
@@ -188,6 +192,25 @@ def located(source: str | Path) -> Iterator[None]:
         if error.source is not None:
             raise
         raise error.at(source) from error
+
+
+class _NotShown:
+    """Stands for a value that a message leaves out."""
+
+    def __repr__(self) -> str:
+        return "not shown"
+
+
+@contextmanager
+def values_hidden() -> Iterator[None]:
+    """Leave values out of errors about a file that the user did not name: they may be secrets."""
+    try:
+        yield
+    except BadInputError as error:
+        value = None if error.value is None else _NotShown()
+        raise BadInputError(error.key, value, error.allowed, error.source) from None
+    except UnknownNameError as error:
+        raise UnknownNameError(error.kind, "(not shown)", error.known, error.source) from None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

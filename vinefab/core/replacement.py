@@ -8,6 +8,7 @@ the next run knows them for its own. Files of the user stay where they are at ev
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
@@ -31,8 +32,17 @@ _ADVICE = f"""\
 # earlier run, of the stopped one, or missing: run the command again. Other files are untouched.
 """
 
+PROTECTED = "it is write-protected"
+
 Owned = dict[str, set[str]]
 """Files that vinefab wrote into a folder, by name, with the digests that it wrote."""
+
+
+def is_protected(path: Path) -> bool:
+    """Tell whether a file is there that nobody, or not this user, may write."""
+    if not path.exists():
+        return False
+    return not path.stat().st_mode & 0o222 or not os.access(path, os.W_OK)
 
 
 def staging_folder(folder: Path) -> Path:
@@ -65,8 +75,8 @@ def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
         Before anything is changed: if a file of somebody else, or one that was changed since
         vinefab wrote it, stands where a new file belongs, unless ``force`` is given.
     CannotWriteError
-        Before anything is changed: if a folder stands where a new file belongs, or a file where a
-        new folder does.
+        Before anything is changed: if a folder stands where a new file belongs, a file where a
+        new folder does, or a file is write-protected.
     """
     names, owned = _new_names(staging / NEW), _owned(folder)
     stale = [
@@ -123,6 +133,9 @@ def _refuse_conflicts(
     folder: Path, names: list[str], stale: list[str], owned: Owned, *, force: bool
 ) -> None:
     gone = {folder / name for name in stale}
+    for path in (*gone, *(folder / name for name in names)):
+        if path.is_file() and is_protected(path):
+            raise CannotWriteError(path, PROTECTED)
     # The manifest first: without it no other file is known.
     for name in sorted(names, key=lambda name: name != MANIFEST_NAME):
         path = folder / name
@@ -196,6 +209,8 @@ def _put_in_place(folder: Path, staging: Path, name: str, undo: list[Callable[[]
         undo.append(partial(path.mkdir, exist_ok=True))
         path.rmdir()
     if os.path.lexists(path):
+        if not path.is_symlink():
+            made.chmod(stat.S_IMODE(path.stat().st_mode))
         _set_aside(folder, staging, name, undo)
     undo.append(partial(_take_back, path, made))
     made.replace(path)

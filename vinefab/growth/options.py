@@ -12,7 +12,7 @@ from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
 from vinefab.model.design import ORIGIN_GROWTH, Design
-from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
 
@@ -103,8 +103,8 @@ class GrowthOptions:
         ----------
         given
             Any of the options' names; the head-on half-angle is a number or ``[low, high]``, and
-            ``contacts`` the file of measured contacts, its name or its numbers: they replace the
-            half-angle and the ratio of widths where these are not given beside them.
+            ``contacts`` the numbers of measured contacts: they replace the half-angle and the
+            ratio of widths where these are not given beside them.
         base
             What the other options are; the defaults if None.
 
@@ -121,7 +121,7 @@ class GrowthOptions:
                 raise UnknownNameError("growth option", name, GROWTH_NAMES)
         values: dict[str, Any] = dict(given)
         if values.get("contacts") is not None:
-            values["contacts"] = contacts_given(values["contacts"])
+            values["contacts"] = contacts_of(values["contacts"])
             values = {**_measured_values(values["contacts"]), **values}
         for name, (low, high, unit) in _NUMBERS.items():
             if name in values:

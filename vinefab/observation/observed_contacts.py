@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
+from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError, values_hidden
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.design import Design
@@ -219,11 +219,13 @@ def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None
     design: Design | None = None
     world: Map | None = None
     try:
-        design = read_design(_beside(form.design, path))
+        with values_hidden():
+            design = read_design(_beside(form.design, path))
     except VinefabError as error:
         notes.append(f"{path.name}: its design is not read ({error})")
     try:
-        world = read_map(Path(_beside(form.map, path)))
+        with values_hidden():
+            world = read_map(Path(_beside(form.map, path)))
     except VinefabError as error:
         notes.append(f"{path.name}: its map is not read ({error})")
     return design, world, tuple(notes)

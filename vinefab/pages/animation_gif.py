@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageChops, ImageColor, ImageDraw, ImageFont
 
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
@@ -56,7 +56,7 @@ def gif_animation(
         append_images=flat[1:],
         duration=[round(1000 * FRAME_S)] * (len(flat) - 1) + [round(1000 * HOLD_S)],
         loop=0,
-        comment=GENERATOR.encode(),
+        comment=ROOMY_GENERATOR.encode(),
     )
     return stream.getvalue()
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from vinefab.core.errors import shortened
+from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.jsontext import GENERATOR
 from vinefab.pages.colours import INK, SOFT
 
@@ -109,7 +110,7 @@ def pdf_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
             stream,
             format="pdf",
             bbox_inches=None if whole_page else "tight",
-            metadata={"CreationDate": None, "Creator": GENERATOR},
+            metadata={"CreationDate": None, "Creator": ROOMY_GENERATOR},
         )
     return stream.getvalue()
 
@@ -120,6 +121,10 @@ def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
     _shorten_texts(figure)
     with house_style():
         figure.savefig(
-            stream, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": GENERATOR}
+            stream,
+            format="png",
+            dpi=dpi,
+            bbox_inches="tight",
+            metadata={"Software": ROOMY_GENERATOR},
         )
     return stream.getvalue()

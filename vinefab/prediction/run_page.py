@@ -20,7 +20,6 @@ from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.files.run_recipe import ChosenRecipe
-from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
@@ -42,7 +41,7 @@ from vinefab.search.evaluator import with_pose_range
 from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
 from vinefab.search.record.result import RunResult, curve_of
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
-from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps
+from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
@@ -107,8 +106,9 @@ class EndedRun:
 
     def profile(self) -> LaserProfile:
         """Return the recipe that the winner is checked with."""
-        named = self.settings.evaluation.recipe or DEFAULT_RECIPE
-        return ChosenRecipe.of(self.design, None if self.result.recipe else named).profile
+        if self.result.recipe:
+            return ChosenRecipe.of(self.design).profile
+        return run_profile(self.settings.evaluation)
 
 
 def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:

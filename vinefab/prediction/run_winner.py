@@ -17,8 +17,6 @@ from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
 from vinefab.model.start_place import StartPlace, start_text, with_starts
 from vinefab.prediction.family_deployments import (
@@ -42,6 +40,7 @@ from vinefab.prediction.sensitivity import (
 from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import run_profile
 from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.task import Task
@@ -186,7 +185,7 @@ def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
     """Return how many pieces a winner is cut in (computed); nothing where it must be one."""
     if design.build.pieces is None:
         return {}
-    partition = partition_of(design, read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
+    partition = partition_of(design, run_profile(settings.evaluation))
     if partition.unparted:
         return {"count": None, "proven_least": False}
     return {"count": len(partition.pieces), "proven_least": partition.proven_least}

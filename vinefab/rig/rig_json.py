@@ -15,6 +15,7 @@ from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.rules.run_rules import checks_content
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import FileName
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.files.toml import validated
@@ -333,8 +334,9 @@ def read_rig(folder: Path) -> RigFacts:
 def _facts(folder: Path, part: RigPartForm) -> RigPartFacts:
     wide_mm, deep_mm, high_mm = part.size_mm
     size_mm = wide_mm, deep_mm, high_mm
+    path = path_inside("file", part.file, (folder,), folder / RIG_NAME)
     try:
-        mesh = read_stl(read_bytes(folder / part.file))
+        mesh = read_stl(read_bytes(path))
     except UnreadableFileError as error:
         return RigPartFacts(name=part.name, size_mm=size_mm, problems=(error.problem,))
     problems = mesh.form_problems()

@@ -19,7 +19,6 @@ from vinefab.core.plain_text import counted
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
-from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.animation_svg import svg_animation
@@ -28,7 +27,7 @@ from vinefab.pages.live_curve import live_curve
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.result import Generation, Progress, curve_of
-from vinefab.search.run import first_map
+from vinefab.search.run import first_map, run_profile
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
 
@@ -218,9 +217,7 @@ class _BestSoFar:
         settings, evaluation = design.build.pieces, self._settings.evaluation
         if settings is None or not evaluation.fabricable:
             return ""
-        penalty = ManufacturabilityPenalty(
-            profile=read_profile(evaluation.recipe or DEFAULT_RECIPE)
-        )
+        penalty = ManufacturabilityPenalty(profile=run_profile(evaluation))
         found = penalty.cuts(design)
         if found is None or found.left > 0.0:
             return f", not yet in {counted(settings.most, 'piece')} that lie flat"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
@@ -22,6 +22,7 @@ from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.start_place import with_starts
 from vinefab.search.evaluator import Penalty
@@ -35,7 +36,14 @@ from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvalua
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
 from vinefab.search.record.store import RunStore
-from vinefab.search.settings import MapSettings, RunLimits, RunSettings, limit_option, targets_mm
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    RunLimits,
+    RunSettings,
+    limit_option,
+    targets_mm,
+)
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
@@ -56,7 +64,9 @@ def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
-        return _started(map(read_map, settings.maps.files), settings.maps)
+        with values_hidden():
+            worlds = [read_map(path) for path in settings.maps.files]
+        return _started(worlds, settings.maps)
     return generated_maps(settings.maps)
 
 
@@ -114,9 +124,13 @@ def recipe_of(settings: RunSettings) -> RunRecipe | None:
 
 
 def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
-    return ManufacturabilityPenalty(
-        profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
-    )
+    return ManufacturabilityPenalty(profile=run_profile(settings.evaluation))
+
+
+def run_profile(evaluation: EvaluationSettings) -> LaserProfile:
+    """Return the recipe that the designs of a run are checked with."""
+    with values_hidden():
+        return read_profile(evaluation.recipe or DEFAULT_RECIPE)
 
 
 def violations_of(result: RunResult, settings: RunSettings) -> str:

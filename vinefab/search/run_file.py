@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number
@@ -27,6 +27,7 @@ from vinefab.model.design import (
     PieceSettings,
     Pouch,
 )
+from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
@@ -276,7 +277,8 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
 def _growth(form: RunGrowthForm, folder: Path) -> GrowthOptions:
     given = form.model_dump(exclude_none=True)
     if isinstance(given.get("contacts"), str):
-        given["contacts"] = _beside(folder, given["contacts"])
+        with values_hidden():
+            given["contacts"] = read_contacts(_beside(folder, given["contacts"]))
     return GrowthOptions.of(given)
 
 
@@ -300,7 +302,8 @@ def _starts(given: list[str], settings: RunSettings, path: Path) -> tuple[tuple[
         file, key = path.parent / name, f"optimizer.start_from[{place}]"
         if not file.is_file() and name not in {*names("design"), *user_names("design")}:
             raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
-        design = read_design(file if file.is_file() else name)
+        with values_hidden():
+            design = read_design(file if file.is_file() else name)
         if not low <= design.depth <= high:
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"

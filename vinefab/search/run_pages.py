@@ -1,5 +1,6 @@
 """Runs shown to the user: the listing of records, files rebuilt from one, sections of a report."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,7 +163,7 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
         if not below:
             raise BadInputError("DIR", str(folder), f"a folder with a {RECORD_FILE} in it or below")
         for path in below:
-            paths.setdefault(path.resolve(), path)
+            paths.setdefault(Path(os.path.realpath(path)), path)
     rows, broken = [], []
     for path in paths.values():
         try:

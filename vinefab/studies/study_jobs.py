@@ -385,7 +385,7 @@ def _begin(folder: Path, size: StudySize) -> None:
         return
     if not is_ours(path):
         raise ForeignFileError(path)
-    ensure_writable(path)
+    ensure_writable(path, force=True)  # it is read only: changed values are told below
     begun = _document(path, _SETTINGS_SCHEMA).get("settings", {})
     for key, value in now.items():
         if begun.get(key) != value:

@@ -7,7 +7,6 @@ and where the files lie that were named there; shipped and own designs and recip
 import asyncio
 import os
 import re
-import stat
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from vinefab.core.atomic import write_bytes
+from vinefab.core.atomic import keep_aside, write_bytes
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
@@ -26,12 +25,14 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.hashing import sha256_of
+from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.design_toml import design_content, design_of, design_text
 from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.files.shipped import (
@@ -39,7 +40,6 @@ from vinefab.model.files.shipped import (
     existing_file,
     locate,
     names,
-    path_given,
     read_bytes,
     shipped_root,
     user_names,
@@ -47,7 +47,7 @@ from vinefab.model.files.shipped import (
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
-from vinefab.studio.state import PAGE
+from vinefab.studio.state import PAGE, files_named_in, is_name
 
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
@@ -61,8 +61,6 @@ _MOST_LOOKED_AT = 5000
 _HEAD_BYTES = 4096
 _SCHEMA = re.compile(rb'^schema\s*=\s*["\']vinefab/(design|recipe)-1["\']', re.MULTILINE)
 _CHECKED_FOR_S = 1.0
-_LONGEST_PATH = 1024
-_LONGEST_NAME = 255
 
 FileTell = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
@@ -95,7 +93,8 @@ class Desk:
 
     def __init__(self, start: Path, named: Iterable[Path] = ()) -> None:
         self.start = start.resolve()
-        folders = [self.start, *((self.start / path).resolve().parent for path in named)]
+        real = (Path(os.path.realpath(self.start / path)) for path in named)
+        folders = [self.start, *(path.parent for path in real)]
         self.roots = tuple(dict.fromkeys(folders))
         self._lock = Lock()
         self._watched: dict[Path, str] = {}  # file -> its kind
@@ -103,11 +102,6 @@ class Desk:
         self._texts: dict[Path, str] = {}  # file -> the last text that was a design
         self._checked: dict[tuple[str, str], float] = {}
         self._more: Callable[[], object] = lambda: None
-
-    @property
-    def readable(self) -> tuple[Path, ...]:
-        """The folders that may be read."""
-        return (*self.roots, *_library())
 
     def choices(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Return what can be opened: designs, maps, recipes, and environments with options."""
@@ -192,7 +186,7 @@ class Desk:
         path = self._named("recipe", given)
         title = read_profile(path).recipe.title
         self._watch(path, "recipe", _stamp(path, LARGEST_TOML_BYTES))
-        name = str(given) if _is_name(given) else self.shown(path)
+        name = str(given) if is_name(given) else self.shown(path)
         return {"recipe": name, "title": title}
 
     def save_design(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -214,8 +208,13 @@ class Desk:
             now = _version(path)
             if now.stamp and now.stamp != ask.get("stamp") and not ask.get("force"):
                 return self._conflict(path, now, known=bool(ask.get("stamp")))
+            is_broken = bool(now.stamp) and now.design is None
+            if is_broken and (path not in self._texts or now.stamp == "unreadable"):
+                raise CannotWriteError(self.shown(path), "it is no design; choose another name")
             text, note = self._new_text(path, now, design, ask.get("from"))
-            _write(path, text)
+            if is_broken:
+                note = f"the version on disk was broken; it is kept as {keep_aside(path).name}"
+            write_bytes(path, text.encode(), force=True, sealed=False)  # a person's work
             self._texts[path] = text
         stamp = sha256_of(text.encode())
         self._watch(path, "design", stamp)
@@ -246,17 +245,12 @@ class Desk:
 
     def check_paths(self, state: Mapping[str, Any]) -> None:
         """Raise BadInputError unless every file that a state names may be read."""
-        source = _member(_member(state, "map"), "source")
-        files = _member(state, "family").get("files")
-        wanted = [("map.source.file", source.get("file"))]
-        wanted += [("family.files", name) for name in files] if isinstance(files, list) else []
-        recipe = state.get("recipe")
-        if recipe is not None and self._is_path("recipe", recipe):
-            wanted.append(("recipe", recipe))
         now = monotonic()
-        for key, given in wanted:
-            if given is None or self._checked.get((key, str(given)), -1.0) > now:
+        for key, given in files_named_in(state):
+            if self._checked.get((key, str(given)), -1.0) > now:
                 continue  # every move of the pointer asks
+            if key == "recipe" and not self._is_path(key, given):
+                continue
             path = self.allowed_path(key, given)
             if path not in self._watched:
                 stamp = _stamp(path, LARGEST_MAP_BYTES)
@@ -267,18 +261,14 @@ class Desk:
 
     def allowed_path(self, key: str, given: object, *, to_write: bool = False) -> Path:
         """Return where a path of the page leads, or raise BadInputError if that is elsewhere."""
-        path = _ordinary(key, given)
-        folders = self.roots if to_write else self.readable
-        real = Path(os.path.realpath(self.start / path))
-        if not any(real.is_relative_to(folder) for folder in folders):
-            allowed = f"a file in {' or '.join(map(str, self.roots))}"
-            raise BadInputError(key, given, allowed, PAGE)
+        library = () if to_write else _library()
+        real = path_inside(key, given, self.roots, PAGE, self.start, library)
         return real if to_write else existing_file(real)
 
     def is_writable(self, path: Path) -> bool:
         """Tell whether a file may be saved where it lies."""
         inside = any(path.is_relative_to(root) for root in self.roots)
-        may_be = os.access(path.parent, os.W_OK) and not _is_protected(path)
+        may_be = os.access(path.parent, os.W_OK) and not is_protected(path)
         return inside and may_be and not _is_library(path)
 
     def shown(self, path: Path) -> str:
@@ -361,8 +351,7 @@ class Desk:
 
     def _is_path(self, key: str, given: object) -> bool:
         """Tell whether this is a path and no name of a shipped or own file."""
-        path = _ordinary(key, given)
-        return not _is_name(given) or (self.start / path).is_file()
+        return not is_name(given) or self.allowed_path(key, given, to_write=True).is_file()
 
     def _target(self, given: object) -> Path:
         """Return where a design may be written."""
@@ -377,8 +366,8 @@ class Desk:
             raise CannotWriteError(self.shown(path), "its folder does not exist")
         if os.path.lexists(path) and not path.is_file():
             raise CannotWriteError(self.shown(path), "it is no plain file")
-        if _is_protected(path):
-            raise CannotWriteError(self.shown(path), "it is write-protected")
+        if is_protected(path):
+            raise CannotWriteError(self.shown(path), PROTECTED)
         return path
 
     def _conflict(self, path: Path, now: _Version, *, known: bool) -> dict[str, Any]:
@@ -397,16 +386,14 @@ class Desk:
         """Return the text to write, and what the user should know of it."""
         if now.design is not None and now.text is not None:
             return edited_text(now.text, _unrounded(design, now.design), path), ""
-        base, note = self._texts.get(path), ""
-        if now.stamp and base is not None:
-            note = "the version on disk was broken; it was replaced"
+        base = self._texts.get(path)
         if base is None and source is not None:
             base = self._text_of(source)
         if base is None:
-            return design_text(design), note
+            return design_text(design), ""
         with suppress(CannotWriteError):
             old = design_of(toml_content(base.removeprefix("\ufeff"), path), path)
-            return edited_text(base, _unrounded(design, old), path), note
+            return edited_text(base, _unrounded(design, old), path), ""
         return design_text(design), "its comments could not be taken over"
 
     def _text_of(self, source: object) -> str | None:
@@ -447,28 +434,6 @@ def _is_library(path: Path) -> bool:
     return any(path.is_relative_to(folder) for folder in _library())
 
 
-def _ordinary(key: str, given: object) -> Path:
-    """Return a path that a system can look for."""
-    path = path_given(key, given)
-    try:
-        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
-    except UnicodeEncodeError:  # halves of letters
-        too_long = True
-    if too_long or len(str(path)) > _LONGEST_PATH:
-        raise BadInputError(key, given, "a path of ordinary length", PAGE)
-    return path
-
-
-def _is_name(given: object) -> bool:
-    """Tell whether this is a bare name, as of a shipped design."""
-    return isinstance(given, str) and not Path(given).suffix and Path(given).parent == Path()
-
-
-def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = content.get(key)
-    return value if isinstance(value, Mapping) else {}
-
-
 def _version(path: Path) -> _Version:
     """Return what a file holds just now, also if that is no design or nothing."""
     if not path.exists():
@@ -487,21 +452,6 @@ def _version(path: Path) -> _Version:
         return _Version(stamp, problem=f"{path}: is not UTF-8 text (byte {error.start})")
     except VinefabError as error:
         return _Version(stamp, problem=str(error))
-
-
-def _is_protected(path: Path) -> bool:
-    """Tell whether a file is there that nobody, or not this user, may write."""
-    if not path.exists():
-        return False
-    return not path.stat().st_mode & 0o222 or not os.access(path, os.W_OK)
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace a file in one step; who may read it stays as it was."""
-    mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else None
-    write_bytes(path, text.encode(), force=True)
-    if mode is not None:
-        path.chmod(mode)
 
 
 def _stamp(path: Path, most_bytes: int) -> str:

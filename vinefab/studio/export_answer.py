@@ -26,6 +26,7 @@ from vinefab.core.registry import with_parameters
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Start
 from vinefab.studio.exports import (
@@ -207,9 +208,8 @@ def allowed_path(key: str, given: object, roots: tuple[Path, ...]) -> Path:
     """Return a path that lies in one of the folders, as it is called in the start folder."""
     if not isinstance(given, str) or not given or not given.isprintable() or len(given) > 4096:
         raise BadInputError(key, given, "a path", PAGE)
-    real = Path(os.path.realpath(given))
-    # Beside an export lies the folder of its inputs.
-    if not any(real.parent.is_relative_to(root) for root in roots):
+    real = path_inside(key, given, roots, PAGE, Path.cwd())
+    if real in roots:  # beside an export lies the folder of its inputs
         allowed = f"a path in {' or '.join(map(str, roots))}"
         raise BadInputError(key, given, allowed, PAGE)
     here = Path(os.path.realpath(Path.cwd()))

@@ -16,6 +16,7 @@ from vinefab.core.errors import (
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS
@@ -227,7 +228,8 @@ def front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
         raise BadInputError("point", name, f"one of {', '.join(known) or 'none'}", folder)
     values = known[name]["values"]
     words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
-    return design_content(read_design(folder / "front" / f"{name}.toml")), words
+    path = path_inside("design", f"front/{name}.toml", (folder,), folder / "front.json")
+    return design_content(read_design(path)), words
 
 
 _MOST_FRONT_BYTES = 1 << 24

@@ -8,10 +8,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.atomic import write_bytes
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
+from vinefab.core.validation import check_plain
 from vinefab.model.files.shipped import read_text, user_root
 from vinefab.studio.state import PAGE
 
@@ -43,7 +44,7 @@ def keep_unsaved(key: object, state: Mapping[str, Any], file: object) -> Path:
     if len(text) > LARGEST_RECOVERY_BYTES:
         allowed = f"at most {LARGEST_RECOVERY_BYTES} bytes for the recovery file"
         raise BadInputError("state", counted(len(text), "byte"), allowed, PAGE)
-    write_text(path, text, force=True)
+    write_bytes(path, text.encode(), force=True, private=True)
     for old in _files()[MOST_RECOVERIES:]:
         old.unlink(missing_ok=True)
     return path
@@ -63,6 +64,8 @@ def read_unsaved(key: object) -> dict[str, Any]:
         raise UnreadableFileError(path, f"is not JSON: {error}") from error
     if not isinstance(content, dict) or content.get("schema") != RECOVERY_SCHEMA:
         raise UnreadableFileError(path, f"is no recovery file ({RECOVERY_SCHEMA})")
+    with located(path):
+        check_plain(content)
     kept = {name: content.get(name) for name in ("kept_at", "state", "file")}
     return {"key": key, **kept}
 

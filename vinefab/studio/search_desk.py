@@ -28,10 +28,12 @@ from vinefab.core.errors import (
     VinefabError,
     located,
 )
+from vinefab.core.file_mark import marked
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import check_plain
 from vinefab.model.files.design_toml import design_content
+from vinefab.model.files.named_file import path_inside
 from vinefab.search.record.result import first_difference
 from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.run_file import read_run
@@ -359,11 +361,7 @@ class SearchDesk:
         """Return a path of the page, which must lie in one of the desk's folders."""
         if not isinstance(given, str) or not given or not given.isprintable():
             raise BadInputError(key, given, "a path in letters that can be shown", PAGE)
-        path = (self.home / given).resolve()
-        if not any(path.is_relative_to(root) for root in self.roots):
-            allowed = f"a path below {' or '.join(map(str, self.roots))}"
-            raise BadInputError(key, given, allowed, PAGE)
-        return path
+        return path_inside(key, given, self.roots, PAGE, self.home)
 
     def _shown(self, path: Path) -> str:
         """Return a path as the page shows it: from the server's folder where it lies below."""
@@ -493,7 +491,7 @@ def _take_back(written: Mapping[Path, str]) -> None:
     """Remove files that a search wrote before it was refused, unless somebody changed them."""
     for path, text in written.items():
         with suppress(OSError):
-            if path.read_text(encoding="utf-8") == text:
+            if path.read_bytes() == marked(text.encode()):
                 path.unlink()
 
 

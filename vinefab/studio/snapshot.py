@@ -23,13 +23,15 @@ from vinefab.core.errors import (
     UnknownNameError,
     UnreadableFileError,
 )
+from vinefab.core.file_mark import marked
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.files.shipped import read_text
+from vinefab.model.files.named_file import path_inside
+from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.studio.panels import Tell, answer_of
-from vinefab.studio.state import PAGE, StudioState, world_of
+from vinefab.studio.state import PAGE, StudioState, is_name, world_of
 from vinefab.studio.warming import load_kernel
 
 _SCHEMA = "vinefab/snapshot-1"
@@ -153,10 +155,17 @@ def stored_state(path: Path) -> dict[str, Any]:
         check_plain(state, finite=False)
         if isinstance(state.get("family"), dict):
             state["family"].pop("files", None)
-        source = _source(state)
-        if "file" in source:
-            source["file"] = str(_extracted(path, stored.get("map")))
-        StudioState.of(state)
+        recipe, source = state.get("recipe"), _source(state)
+        if recipe and not is_name(recipe):
+            state["recipe"] = str(_recipe_file(path, recipe))
+        if "file" not in source:
+            StudioState.of(state)
+            return state
+        with TemporaryDirectory() as folder:
+            source["file"] = str(Path(folder) / "map.geojson")
+            text = _map_text(path, Path(source["file"]), stored.get("map"))
+            StudioState.of(state)  # before anything is written
+        source["file"] = str(_written(path, text))
     return state
 
 
@@ -191,24 +200,33 @@ def _document(path: Path, text: str) -> dict[str, Any]:
     return dict(stored)
 
 
-def _extracted(path: Path, text: object) -> Path:
-    """Write the map of a snapshot beside it; a file that says something else stays."""
+def _recipe_file(path: Path, recipe: object) -> Path:
+    """Return the recipe file of a snapshot: beside it, or where the command was started."""
+    folders = (path.parent, Path.cwd())
+    found = [path_inside("recipe", recipe, folders, path, base) for base in folders]
+    return next((file for file in found if file.is_file()), found[0])
+
+
+def _map_text(path: Path, file: Path, text: object) -> str:
+    """Return the map of a snapshot as it is written, once a file has shown that it can be read."""
     if not isinstance(text, str):
         raise BadInputError("map", text, "the text of a map file")
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "map.geojson"
-        file.write_text(text, encoding="utf-8")
-        try:
-            text = map_text(read_map(file))
-        except BadInputError as error:
-            raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
-        except UnreadableFileError as error:
-            raise UnreadableFileError(path, f"its map {error.problem}") from error
+    file.write_text(text, encoding="utf-8")
+    try:
+        return map_text(read_map(file))
+    except BadInputError as error:
+        raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
+    except UnreadableFileError as error:
+        raise UnreadableFileError(path, f"its map {error.problem}") from error
+
+
+def _written(path: Path, text: str) -> Path:
+    """Write the map of a snapshot beside it; a file that says something else stays."""
     for number in range(1, _MOST_MAPS):
         file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
         if not file.exists():
             return write_text(file, text)
-        if read_text(file, MOST_BYTES) == text:
+        if read_bytes(file, MOST_BYTES) == marked(text.encode()):
             return file
     raise CannotWriteError(file, "too many maps of this snapshot lie beside it")
 

@@ -48,9 +48,7 @@ class Family:
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> "Family":
         """Return the family that the page asks for."""
-        files = content.get("files") or []
-        if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
-            raise BadInputError("family.files", files, "paths of map files", PAGE)
+        files = _texts("family.files", content.get("files") or [])
         if len(files) > MOST_FAMILY:
             raise BadInputError("family.files", len(files), f"at most {MOST_FAMILY} files", PAGE)
         return cls(
@@ -100,7 +98,7 @@ class StudioState:
             task=_text("task", given.get("task") or "coverage"),
             family=Family.of(_mapping("family", given.get("family") or {})),
             growth=GrowthChoice.of([design], _mapping("growth", given.get("growth") or {})).options,
-            locks=frozenset(map(str, given.get("locks") or ())),
+            locks=frozenset(_texts("locks", given.get("locks") or [])),
         )
 
     @property
@@ -109,6 +107,25 @@ class StudioState:
         if self.pose is not None or self.world is None or not self.world.starts:
             return self.pose
         return self.world.starts[0].pose
+
+
+def is_name(given: object) -> bool:
+    """Tell whether this is a bare name, as of a shipped design, and no path."""
+    return isinstance(given, str) and not Path(given).suffix and Path(given).parent == Path()
+
+
+def files_named_in(content: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """Return the files that a state names, each with its key: `StudioState.of` reads no others."""
+    source = _member(_member(content, "map"), "source")
+    files = _member(content, "family").get("files")
+    named = [("map.source.file", source.get("file")), ("recipe", content.get("recipe") or None)]
+    named += [("family.files", name) for name in files] if isinstance(files, list) else []
+    return [(key, given) for key, given in named if given is not None]
+
+
+def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = content.get(key)
+    return value if isinstance(value, Mapping) else {}
 
 
 def world_of(content: Mapping[str, Any]) -> Map:
@@ -215,6 +232,12 @@ def _pose(content: Any) -> Pose | None:  # noqa: ANN401  JSON
 def _text(key: str, value: object) -> str:
     if not isinstance(value, str) or not value:
         raise BadInputError(key, value, "a text", PAGE)
+    return value
+
+
+def _texts(key: str, value: object) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
+        raise BadInputError(key, value, "a list of texts", PAGE)
     return value
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.core.atomic import OWN_MARK
 from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.lightburn_format import (
     LIGHTBURN,

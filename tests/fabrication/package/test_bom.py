@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.core.atomic import OWN_MARK
+from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.package.bom import bill_of_materials, body_area_mm2, bom_text
 from vinefab.fabrication.package.machine_time import move_time_s
 from vinefab.model.job import Job, LaserPath, Operation

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.core.atomic import OWN_MARK
 from vinefab.core.errors import ReadBackError
+from vinefab.core.jsontext import OWN_MARK
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats import laser_formats
 from vinefab.fabrication.formats.dxf_format import DXF

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vinefab.core.atomic import OWN_MARK
+from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.machine_time import machine_time, schedule
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan

@@ -5,8 +5,8 @@ import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
-from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
@@ -292,7 +292,7 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
             entry.create_system = _UNIX
             entry.external_attr = _PLAIN_FILE
             archive.writestr(entry, data)
-        archive.comment = GENERATOR.encode()
+        archive.comment = ROOMY_GENERATOR.encode()
     return stream.getvalue()
 
 

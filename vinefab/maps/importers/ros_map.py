@@ -25,6 +25,7 @@ from vinefab.maps.cleanup.raster import (
     raster_map,
 )
 from vinefab.maps.importers.source_drawing import ImportOptions
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.map import Map
 
@@ -241,13 +242,11 @@ def _read_ros_yaml(path: Path) -> _RosMap:
 
 def _ros_map(path: Path, data: dict[str, Any]) -> _RosMap:
     image, origin = data.get("image"), data.get("origin")
-    if not isinstance(image, str) or not image or "\0" in image:
-        raise BadInputError("image", image, "the path of the image")
     if not isinstance(origin, list) or len(origin) != 3:
         raise BadInputError("origin", origin, "[x, y, yaw]")
     x, y, yaw = (_number("origin", value) for value in origin)
     return _RosMap(
-        image=path.parent / image,
+        image=path_inside("image", image, (path.parent,), path),
         resolution_m=_number("resolution", data.get("resolution")),
         origin=(x, y, yaw),
         negate=_truth("negate", data.get("negate")),

@@ -50,14 +50,21 @@ class ContactsForm(NumbersForm):
 
 
 def contacts_given(given: object) -> MeasuredContacts:
-    """Return measured contacts, given as such, as a table, or by the path or name of their file."""
+    """Return measured contacts as a user gives them: also by the path or name of their file."""
+    if isinstance(given, str | PathLike):
+        return read_contacts(given)
+    return contacts_of(given, "a file of measured contacts (TOML), or its name")
+
+
+def contacts_of(
+    given: object, allowed: str = "a table of numbers: a file is named by the user alone"
+) -> MeasuredContacts:
+    """Return measured contacts, given as such or as the table of a file."""
     if isinstance(given, MeasuredContacts):
         return given
-    if isinstance(given, Mapping):
-        return _contacts(validated(NumbersForm, given, "contacts"))
-    if not isinstance(given, str | PathLike):
-        raise BadInputError("contacts", given, "a file of measured contacts (TOML), or its name")
-    return read_contacts(given)
+    if not isinstance(given, Mapping):
+        raise BadInputError("contacts", given, allowed)
+    return _contacts(validated(NumbersForm, given, "contacts"))
 
 
 def read_contacts(path_or_name: str | PathLike[str]) -> MeasuredContacts:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.model.files.named_file import is_inside
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
@@ -383,7 +384,8 @@ def _beside(recipe: Path, kind: str, name: str) -> Path:
     folder = recipe.resolve().parent
     file_name = f"{name.removesuffix('.toml')}.toml"
     near = (folder.parent / f"{kind}s" / file_name, folder / file_name)
-    own = next((path for path in near if path != recipe.resolve() and path.is_file()), None)
+    others = (path for path in near if path != recipe.resolve() and path.is_file())
+    own = next((path for path in others if is_inside(path, (path.parent,))), None)
     return own or locate(kind, name)
 
 

@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnknownNameError, values_hidden
 from vinefab.core.hashing import fingerprint
 from vinefab.model.design import ORIGIN_RECIPE, Design
+from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import profile_files, read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile
 
+RECORD = "the record of the run"
 COPY_FOLDER = "recipe_of_run"
 """Folder of the copy, beside the design file."""
 
@@ -57,8 +59,9 @@ class RunRecipe:
     def write(self, folder: Path) -> None:
         """Write the files below a folder; those that are there already stay as they are."""
         for name, text in self.files.items():
-            if not (folder / name).exists():
-                write_text(folder / name, text)
+            path = path_inside("recipe.files", name, [folder], RECORD)
+            if not path.exists():
+                write_text(path, text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,10 +78,17 @@ class ChosenRecipe:
         """Return the recipe named, or else that of the design's run, or else the default."""
         if recipe is not None:
             return cls(recipe=str(recipe), profile=read_profile(recipe))
+        with values_hidden():
+            return cls._of_origin(design)
+
+    @classmethod
+    def _of_origin(cls, design: Design) -> "ChosenRecipe":
         if ORIGIN_RECIPE not in design.origin:
             return cls(recipe=DEFAULT_RECIPE, profile=read_profile(DEFAULT_RECIPE))
         name, file, digest = _origin(design)
-        copy = None if design.folder is None else inner_path(design.folder, file)
+        copy = None
+        if design.folder is not None:
+            copy = path_inside(f"origin.{ORIGIN_RECIPE}.file", file, [design.folder], "the design")
         found = [*([copy] if copy is not None and copy.is_file() else []), *_named(name)]
         for path in found:
             if recipe_digest(path) == digest:
@@ -90,15 +100,6 @@ class ChosenRecipe:
         used = f"{path}, digest {recipe_digest(path)} in place of {digest}"
         note = f"{missing}: used is {used}"
         return cls(recipe=str(path), profile=read_profile(path), note=note, is_other=True)
-
-
-def inner_path(folder: Path, file: str) -> Path:
-    """Return the path of a file that a design file in a folder names; it may not lead outside."""
-    path = folder / file
-    if not path.resolve().is_relative_to(folder.resolve()):
-        key = f"origin.{ORIGIN_RECIPE}.file"
-        raise BadInputError(key, file, "a path below the folder of the design file")
-    return path
 
 
 def _origin(design: Design) -> tuple[str, str, str]:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -17,7 +18,7 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import PieceSettings, Pouch
-from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
@@ -119,7 +120,7 @@ def _growth(record: Mapping[str, Any]) -> GrowthOptions:
     angle = tuple(angle) if isinstance(angle, list) else angle
     values = {"pressure_stop": False, **record, "head_on_half_angle_rad": angle}
     if "contacts" in record:
-        values["contacts"] = contacts_given(record["contacts"])
+        values["contacts"] = contacts_of(record["contacts"])
     return GrowthOptions(**values)
 
 
@@ -255,7 +256,7 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
 
 def _connected(path: Path) -> sqlite3.Connection:
     # Not read-only: even a reader may have to create the WAL files.
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
+    return sqlite3.connect(f"{Path(os.path.realpath(path)).as_uri()}?mode=rw", uri=True)
 
 
 def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:

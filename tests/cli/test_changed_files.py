@@ -1,0 +1,99 @@
+"""What a person changed in a file that a command wrote is never lost without ``--force``."""
+
+from pathlib import Path
+
+import pytest
+
+NARROW = """schema = "vinefab/design-1"
+name = "narrow"
+[trunk]
+length = 200.0
+[[level]]
+branches = 3
+length = 120.0
+angle_deg = 30.0
+[build]
+widths_mm = [40.0, 24.0]
+"""
+
+COMMANDS = {
+    "map": ("map grid --columns 3 --rows 3 --size 300 --out", "out.geojson"),
+    "start": ("map start grid.geojson --start left --out", "out.geojson"),
+    "svg": ("grow plain.toml --map grid.geojson --svg", "out.svg"),
+    "png": ("grow plain.toml --map grid.geojson --svg", "out.png"),
+    "gif": ("grow plain.toml --map grid.geojson --frames 2 --animate", "out.gif"),
+    "json": ("grow plain.toml --map grid.geojson --json", "out.json"),
+    "report": ("report plain.toml --maps grid.geojson --poses 1 --out", "out.html"),
+    "fix": ("check narrow.toml --fix", "out.toml"),
+    "zip": ("fabricate plain.toml --allow-uncalibrated --zip --out", "out"),
+    "resume": ("optimize tiny.toml --no-page --resume --out", "run"),
+    "best": ("runs run --best", "out.toml"),
+}
+WRITTEN = {"zip": "out.zip", "resume": "run/best.toml"}
+
+
+@pytest.fixture
+def work(request, tmp_path, monkeypatch, vinefab, grid, plain, run_file):  # noqa: ARG001  make files
+    monkeypatch.chdir(tmp_path)
+    Path("narrow.toml").write_text(NARROW)
+    if any(word in request.node.name for word in ("resume", "best", "runs run")):
+        assert vinefab("optimize", "tiny.toml", "--no-page", "--out", "run", "-q")[0] == 0
+
+
+@pytest.mark.usefixtures("work")
+@pytest.mark.parametrize("case", COMMANDS)
+def test_a_changed_file_is_kept(vinefab, case):
+    words, out = COMMANDS[case]
+    path = Path(WRITTEN.get(case, out))
+    command = [*words.split(), out]
+    assert vinefab(*command)[0] in (0, 1)
+    whole = path.read_bytes()
+    assert vinefab(*command)[0] in (0, 1)
+    assert path.read_bytes() == whole
+    changed = whole + b"\n"
+    path.write_bytes(changed)
+    code, _, complaint = vinefab(*command)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert f"{path}: was changed since vinefab wrote it; --force overwrites it" in complaint
+    assert path.read_bytes() == changed
+    assert vinefab(*command, "--force")[0] in (0, 1)
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.usefixtures("work")
+def test_a_run_of_an_earlier_version_is_resumed_and_its_files_are_kept(vinefab):
+    best = Path("run/best.toml")
+    old = f"# written by vinefab 0.0.9\n{best.read_text().partition(chr(10))[2]}# mine\n"
+    best.write_text(old)
+    with pytest.warns(UserWarning, match="best.toml.old"):
+        assert vinefab(*COMMANDS["resume"][0].split(), "run")[0] == 0
+    assert Path("run/best.toml.old").read_text() == old
+
+
+LOOPS = [
+    *(words for words, _ in COMMANDS.values()),
+    "aim plain.toml --map grid.geojson --out",
+    "compare plain.toml narrow.toml --maps grid.geojson --out",
+    "coupon --out",
+    "demo --out",
+    "examples --out",
+    "map info grid.geojson --svg",
+    "new design",
+    "reproduce --out",
+    "rig grid.geojson --out",
+    "runs run --rebuild",
+    "score plain.toml --maps grid.geojson --json",
+    "studio plain.toml --map grid.geojson --snapshot",
+    "watch plain.toml --map grid.geojson --once --out",
+]
+
+
+@pytest.mark.usefixtures("work")
+@pytest.mark.parametrize("words", LOOPS)
+def test_a_loop_of_links_is_refused_in_one_line(vinefab, words):
+    endings = ("", ".toml", ".geojson", ".svg", ".html", ".json", ".png", ".gif")
+    for name in [f"loop{ending}" for ending in endings]:
+        Path(name).symlink_to(name)
+        code, _, complaint = vinefab(*words.split(), name)
+        assert (code, complaint.count("\n")) == (2, 1), complaint
+        assert Path(name).is_symlink()

@@ -12,13 +12,11 @@ export function createLink(token, { onEvent, onState }) {
   const progress = new Map(); // panel -> Set of functions
   let seq = 0;
   let socket = null;
-  let ended = false;
 
   function connect() {
-    socket = new WebSocket(`ws://${location.host}/socket`);
-    socket.onopen = () => socket.send(JSON.stringify({ token }));
+    socket = new WebSocket(`ws://${location.host}/socket`, ["vinefab", token]);
     socket.onmessage = (event) => take(JSON.parse(event.data));
-    socket.onclose = (event) => {
+    socket.onclose = async () => {
       for (const slot of panels.values()) {
         slot.flight?.reject({ stale: true });
         slot.waiting?.reject({ stale: true });
@@ -26,10 +24,19 @@ export function createLink(token, { onEvent, onState }) {
       panels.clear();
       for (const question of desk.values()) question.reject({ message: GONE });
       desk.clear();
-      if (event.code === 1008) ended = true;
-      onState(false, ended);
-      if (!ended) setTimeout(connect, RETRY_MS);
+      onState(false, false);
+      if (await isOld()) onState(false, true);
+      else setTimeout(connect, RETRY_MS);
     };
+  }
+
+  /** Tell whether the server refuses the token; a socket does not say why it was refused. */
+  async function isOld() {
+    try {
+      return (await fetch(`/?token=${token}`, { method: "HEAD" })).status === 403;
+    } catch {
+      return false; // there is no server
+    }
   }
 
   function take(message) {

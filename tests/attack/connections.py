@@ -55,6 +55,7 @@ class Kind:
 KINDS = {
     "idle": Kind(),
     "slow head": Kind(first=f"{GET}x: ", then=b"x"),
+    "broken": Kind(first=f"{GET}Transfer-Encoding: chunked\r\n\r\nzz\r\n"),
     "slow body": Kind(first=f"{GET}Content-Length: 9999\r\n\r\n", then=b"x"),
     "unread": Kind(first=f"{GET}\r\n" * 200),
     "message": Kind(count=100, first=UPGRADE.replace("TOKEN", "x" * 43), then=MESSAGE),

@@ -21,6 +21,13 @@ from vinefab.studio.warming import engine_now
 MOST_MB = 600  # of the server with the simulator loaded; one such message is a sixth of it
 ENDED_S = 3.0
 
+UPGRADE = (
+    "GET /socket HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
+    "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    f"Sec-WebSocket-Protocol: {SUBPROTOCOL}, {{token}}\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
+
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory, start_studio):
@@ -202,6 +209,25 @@ def test_crowds_without_the_token_do_not_lock_the_owner_out(studio, sent):
             time.sleep(PATIENCE_S)
             assert all(is_dropped(link, 2.0) for link in held)
             assert "answer" in answer(owner, state)
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        "GET / HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+        UPGRADE + "x: y\r\n" * 200 + "\r\n",
+        UPGRADE + "x: " + "y" * 9000 + "\r\n\r\n",
+    ],
+    ids=["broken body", "many headers", "long header"],
+)
+def test_what_no_browser_sends_ends_its_connection_without_a_word(studio, sent):
+    with socket.create_connection(("127.0.0.1", studio.port)) as link:
+        link.sendall(sent.format(host=studio.host, token="").encode())
+        link.settimeout(PATIENCE_S + 2.0)
+        with suppress(ConnectionResetError):
+            while link.recv(4096):
+                pass
+    assert studio.said() == ""
 
 
 def is_dropped(link, patience_s):
@@ -430,12 +456,8 @@ def test_who_does_not_read_is_asked_nothing_more(studio):
     """Refusals of a million questions would lie in the server's memory."""
     question = masked(b'{"panel":"x","seq":1,"state":[1]}')
     with socket.create_connection(("127.0.0.1", studio.port), timeout=1.0) as link:
-        link.sendall(
-            f"GET /socket HTTP/1.1\r\nHost: {studio.host}\r\nOrigin: {studio.origin}\r\n"
-            "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-            f"Sec-WebSocket-Protocol: {SUBPROTOCOL}, {studio.token}\r\n"
-            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
-        )
+        opening = UPGRADE + "\r\n"
+        link.sendall(opening.format(host=studio.host, token=studio.token).encode())
         assert link.recv(12) == b"HTTP/1.1 101"
         with pytest.raises(TimeoutError):
             send_many(link, question)

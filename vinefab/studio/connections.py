@@ -107,4 +107,10 @@ def limited_protocol(connections: Connections) -> type[H11Protocol]:
             connections.remove(self.transport.get_extra_info("peername"))
             super().connection_lost(exc)
 
+        def send_400_response(self, msg: str) -> None:
+            if self.cycle is None:
+                super().send_400_response(msg)
+            else:  # two answers to one request would be a traceback on the owner's terminal
+                self.transport.abort()
+
     return LimitedProtocol

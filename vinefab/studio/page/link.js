@@ -16,7 +16,7 @@ export function createLink(token, { onEvent, onState }) {
   function connect() {
     socket = new WebSocket(`ws://${location.host}/socket`, ["vinefab", token]);
     socket.onmessage = (event) => take(JSON.parse(event.data));
-    socket.onclose = async () => {
+    socket.onclose = () => {
       for (const slot of panels.values()) {
         slot.flight?.reject({ stale: true });
         slot.waiting?.reject({ stale: true });
@@ -25,17 +25,18 @@ export function createLink(token, { onEvent, onState }) {
       for (const question of desk.values()) question.reject({ message: GONE });
       desk.clear();
       onState(false, false);
-      if (await isOld()) onState(false, true);
-      else setTimeout(connect, RETRY_MS);
+      setTimeout(retry, RETRY_MS);
     };
   }
 
-  /** Tell whether the server refuses the token; a socket does not say why it was refused. */
-  async function isOld() {
+  /** Connect once there is a server, unless it refuses the token: a socket does not say why. */
+  async function retry() {
     try {
-      return (await fetch(`/?token=${token}`, { method: "HEAD" })).status === 403;
+      const { status } = await fetch(`/?token=${token}`, { method: "HEAD" });
+      if (status === 403) onState(false, true);
+      else connect();
     } catch {
-      return false; // there is no server
+      setTimeout(retry, RETRY_MS);
     }
   }
 

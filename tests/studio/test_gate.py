@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -194,15 +194,22 @@ def test_a_token_of_the_server_before_is_old(studio, start_studio, tmp_path):
 
 @pytest.mark.parametrize("sent", ["", "GET /page/app.js HTTP/1.1\r\nHost: {host}\r\nx: "])
 def test_crowds_without_the_token_do_not_lock_the_owner_out(studio, sent):
-    """The oldest goes when one more comes; the owner comes last and stays."""
-    with ExitStack() as crowd:
+    """Old ones go when one more comes; the owner stays, with a page that is being loaded."""
+    loading = http.client.HTTPConnection(studio.host, timeout=20)
+    loading.connect()
+    loading.auto_open = 0
+    with closing(loading), ExitStack() as crowd:
+        loading.request("GET", "/page/app.js")
+        loading.getresponse().read()
         links = [
             crowd.enter_context(socket.create_connection(("127.0.0.1", studio.port), timeout=10))
-            for _ in range(2 * MOST_PENDING)
+            for _ in range(MOST_PENDING + 20)
         ]
         for link in links:
             with suppress(OSError):  # it may have been dropped
                 link.sendall(sent.format(host=studio.host).encode())
+        loading.request("GET", "/page/store.js")
+        assert loading.getresponse().status == 200
         with tab(studio) as (owner, state):
             held = [link for link in links if not is_dropped(link, 0.05)]
             assert len(held) <= MOST_PENDING

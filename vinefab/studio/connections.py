@@ -2,8 +2,9 @@
 
 Every user of the computer can connect to the server. Whatever a connection holds before it has
 shown the token is bounded: one head of a request (16 kB, by h11), `PATIENCE_S` to send it, and
-`MOST_PENDING` connections in all. When one more comes the oldest goes: to refuse the new one would
-lock the owner out.
+`MOST_PENDING` connections in all. When one more comes an old one goes: to refuse the new one would
+lock the owner out. Half the room is for connections that have asked for something, so that idle
+ones cannot break off a page that is being loaded.
 """
 
 from asyncio import TimerHandle, Transport, get_running_loop
@@ -28,6 +29,7 @@ PATIENCE_S = 5.0
 class _Pending:
     transport: Transport
     timer: TimerHandle | None = None  # none while a request is answered
+    has_asked: bool = False
 
     def stop_timer(self) -> None:
         if self.timer is not None:
@@ -50,7 +52,9 @@ class Connections:
     def add(self, transport: Transport) -> None:
         """Take a new connection, in place of another where there are too many."""
         if len(self._pending) >= MOST_PENDING:
-            self._abort(next(iter(self._pending)))
+            silent = [name for name, one in self._pending.items() if not one.has_asked]
+            asked = [name for name, one in self._pending.items() if one.has_asked]
+            self._abort((silent if len(silent) > len(asked) else asked)[0])
         client = transport.get_extra_info("peername")
         self.remove(client)  # a refused socket may have left its address
         self._pending[client] = _Pending(transport)
@@ -68,6 +72,7 @@ class Connections:
         pending = self._pending.get(scope["client"])
         if pending is not None:
             pending.stop_timer()
+            pending.has_asked = True
         try:
             yield
         finally:

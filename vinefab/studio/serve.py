@@ -18,7 +18,8 @@ MOST_MESSAGE_BYTES = 4 << 20
 """What a recovery file holds at most; more closes the socket."""
 
 BACKLOG = 32
-"""Connections that wait, and that are accepted in one go."""
+"""Connections that wait, and that are accepted in one go: far fewer than may be pending, so that a
+request is read before others take its place. A longer queue lets a flood pile up answers."""
 
 
 def serve(

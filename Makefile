@@ -34,6 +34,7 @@ fuzz: $(READY)
 	$(BIN)/python tests/attack/names.py
 	$(BIN)/python tests/attack/kills.py 20
 	$(BIN)/python tests/attack/failing_system.py 2
+	$(BIN)/python tests/attack/connections.py
 
 thorough: check fuzz outlines
 	$(BIN)/pytest -n 2 -m thorough

@@ -6,17 +6,27 @@ import os
 import signal
 import socket
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from vinefab.studio.connections import MOST_PENDING, MOST_TABS, PATIENCE_S
+from vinefab.studio.door import SUBPROTOCOL
 from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
 
 MOST_MB = 600  # of the server with the simulator loaded; one such message is a sixth of it
 ENDED_S = 3.0
+
+UPGRADE = (
+    "GET /socket HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
+    "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    f"Sec-WebSocket-Protocol: {SUBPROTOCOL}, {{token}}\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +53,13 @@ def response(studio, method="GET", path="/page/app.js", host=None, headers=()):
 
 
 def knock(studio, origin=None, **options):
-    """Return a socket to the server, not yet with its token."""
+    """Return a socket to the server."""
     return connect(
         f"ws://{studio.host}/socket",
         origin=studio.origin if origin is None else origin,
         max_size=None,
         close_timeout=1,
-        **options,
+        **{"subprotocols": [SUBPROTOCOL, studio.token], **options},
     )
 
 
@@ -57,7 +67,6 @@ def knock(studio, origin=None, **options):
 def tab(studio):
     """Give a socket that has been let in, and the first state."""
     with knock(studio) as link:
-        link.send(json.dumps({"token": studio.token}))
         while "state" not in (greeting := json.loads(link.recv(timeout=20))):
             pass  # an event to all tabs came before
         yield link, greeting["state"]
@@ -140,11 +149,12 @@ def test_a_socket_says_where_it_comes_from(studio):
     assert refused.value.response.status_code == 403
 
 
-@pytest.mark.parametrize("query", ["", "?token=", "?token=x", "?token=%ff%00", "?token=é"])
-def test_the_page_asks_for_its_token(studio, query):
-    status, _, content = response(studio, path="/" + query.replace("é", "%C3%A9"))
+@pytest.mark.parametrize("query", ["x", "token=", "token=x", "token=%ff%00", "token=%C3%A9"])
+def test_a_wrong_token_gives_a_plain_page_that_says_what_to_do(studio, query):
+    status, headers, content = response(studio, path=f"/?{query}")
     assert status == 403
-    assert b"token" in content
+    assert headers["content-type"].startswith("text/plain")
+    assert b"Open the whole address" in content
 
 
 def test_the_page_opens_by_its_address(studio):
@@ -154,29 +164,119 @@ def test_the_page_opens_by_its_address(studio):
     assert headers["content-type"].startswith("text/html")
 
 
+def test_without_a_token_the_page_is_the_same_for_everybody(studio):
+    """A reload has none in its address; nothing of the user's is in the page."""
+    assert response(studio, path="/")[2] == response(studio, path=f"/?token={studio.token}")[2]
+
+
 @pytest.mark.parametrize(
-    "hello",
-    ["{}", '{"token": "x"}', '{"token": null}', '{"token": "\\ud800"}', '{"token": 1}'],
+    "offered",
+    [
+        None,
+        [SUBPROTOCOL],
+        ["TOKEN"],
+        [SUBPROTOCOL, "x"],
+        [SUBPROTOCOL, "TOKEN", "x"],
+        ["TOKEN", SUBPROTOCOL],
+    ],
 )
-def test_a_wrong_token_closes_the_socket(studio, hello):
-    assert closed_with(knock(studio), hello) == 1008
+def test_a_socket_without_the_token_is_never_accepted(studio, offered):
+    names = offered and [studio.token if name == "TOKEN" else name for name in offered]
+    with pytest.raises(InvalidStatus) as refused, knock(studio, subprotocols=names):
+        pass
+    assert refused.value.response.status_code == 403
 
 
 def test_a_token_of_the_server_before_is_old(studio, start_studio, tmp_path):
-    with start_studio(tmp_path) as other:
-        assert closed_with(knock(studio), json.dumps({"token": other.token})) == 1008
+    with start_studio(tmp_path) as other, pytest.raises(InvalidStatus):
+        knock(studio, subprotocols=[SUBPROTOCOL, other.token]).__enter__()
 
 
-def test_a_long_message_before_the_token_is_not_read(studio):
-    hello = json.dumps({"token": studio.token, "more": "x" * 2000})
-    assert closed_with(knock(studio), hello) == 1003
+@pytest.mark.parametrize("sent", ["", "GET /page/app.js HTTP/1.1\r\nHost: {host}\r\nx: "])
+def test_crowds_without_the_token_do_not_lock_the_owner_out(studio, sent):
+    """Old ones go when one more comes; the owner stays, with a page that is being loaded."""
+    loading = http.client.HTTPConnection(studio.host, timeout=20)
+    loading.connect()
+    loading.auto_open = 0
+    with closing(loading), ExitStack() as crowd:
+        loading.request("GET", "/page/app.js")
+        loading.getresponse().read()
+        links = [
+            crowd.enter_context(socket.create_connection(("127.0.0.1", studio.port), timeout=10))
+            for _ in range(MOST_PENDING + 20)
+        ]
+        for link in links:
+            with suppress(OSError):  # it may have been dropped
+                link.sendall(sent.format(host=studio.host).encode())
+        loading.request("GET", "/page/store.js")
+        assert loading.getresponse().status == 200
+        with tab(studio) as (owner, state):
+            held = [link for link in links if not is_dropped(link, 0.05)]
+            assert len(held) <= MOST_PENDING
+            time.sleep(PATIENCE_S)
+            assert all(is_dropped(link, 2.0) for link in held)
+            assert "answer" in answer(owner, state)
 
 
-@pytest.mark.thorough
-def test_a_socket_that_shows_no_token_is_closed(studio):
-    before = time.monotonic()
-    assert closed_with(knock(studio)) == 1008
-    assert time.monotonic() - before < 20
+@pytest.mark.parametrize(
+    "sent",
+    [
+        "GET / HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+        UPGRADE + "x: y\r\n" * 200 + "\r\n",
+        UPGRADE + "x: " + "y" * 9000 + "\r\n\r\n",
+    ],
+    ids=["broken body", "many headers", "long header"],
+)
+def test_what_no_browser_sends_ends_its_connection_without_a_word(studio, sent):
+    with socket.create_connection(("127.0.0.1", studio.port)) as link:
+        link.sendall(sent.format(host=studio.host, token="").encode())
+        link.settimeout(PATIENCE_S + 2.0)
+        with suppress(ConnectionResetError):
+            while link.recv(4096):
+                pass
+    assert studio.said() == ""
+
+
+def is_dropped(link, patience_s):
+    """Tell whether the server ends a connection within a time."""
+    link.settimeout(patience_s)
+    try:
+        return not link.recv(1)
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+
+
+def test_there_are_only_so_many_tabs(studio):
+    with ExitStack() as tabs:
+        for _ in range(MOST_TABS):
+            tabs.enter_context(tab(studio))
+        with pytest.raises(InvalidStatus), knock(studio):
+            pass
+
+
+def test_the_browser_gets_a_private_page_that_leads_to_the_address(tmp_path, start_studio):
+    """Not the token: every user of the computer can read command lines."""
+    browser, heard = tmp_path / "browser", tmp_path / "heard"
+    browser.write_text(f'#!/bin/sh\necho "$@" > {heard}.part\nmv {heard}.part {heard}\n')
+    browser.chmod(0o755)
+    for opens in (True, False):
+        with start_studio(tmp_path, "--browser", extra={"BROWSER": f"{browser} %s"}) as studio:
+            while not heard.exists():
+                time.sleep(0.02)
+            page = Path(heard.read_text().strip().removeprefix("file://"))
+            heard.unlink()
+            assert studio.token not in str(page)
+            assert (page.stat().st_mode & 0o777, page.parent.stat().st_mode & 0o777) == (
+                0o600,
+                0o700,
+            )
+            assert f'content="0; url={studio.address}"' in page.read_text()
+            if opens:
+                response(studio, path=f"/?token={studio.token}")
+                assert not page.parent.exists()
+        assert not page.parent.exists()
 
 
 @pytest.mark.parametrize(
@@ -361,16 +461,11 @@ def test_a_flood_of_questions_is_answered_one_at_a_time(studio):
 
 def test_who_does_not_read_is_asked_nothing_more(studio):
     """Refusals of a million questions would lie in the server's memory."""
-    hello = masked(json.dumps({"token": studio.token}).encode())
     question = masked(b'{"panel":"x","seq":1,"state":[1]}')
     with socket.create_connection(("127.0.0.1", studio.port), timeout=1.0) as link:
-        link.sendall(
-            f"GET /socket HTTP/1.1\r\nHost: {studio.host}\r\nOrigin: {studio.origin}\r\n"
-            "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
-        )
+        opening = UPGRADE + "\r\n"
+        link.sendall(opening.format(host=studio.host, token=studio.token).encode())
         assert link.recv(12) == b"HTTP/1.1 101"
-        link.sendall(hello)
         with pytest.raises(TimeoutError):
             send_many(link, question)
 

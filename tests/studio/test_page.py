@@ -454,6 +454,30 @@ def test_a_reload_in_the_middle_of_a_drag_keeps_the_state(tab, grid):
     shows(tab, tab.design(), grid, pose_of(state))
 
 
+def test_the_token_leaves_the_address_and_stays_known(tab, studio):
+    assert tab.page.url == f"{studio.origin}/"
+    tab.page.reload()
+    tab.page.wait_for_selector("#scores .score")
+    beside = Tab(tab.page.context.new_page()).open(f"{studio.origin}/")
+    assert beside.problems == []
+
+
+def test_without_the_token_the_page_says_what_to_do(browser, tmp_path, start_studio):
+    context = browser.new_context()
+    page = context.new_page()
+    with start_studio(tmp_path) as before:
+        page.goto(f"{before.origin}/")
+        page.wait_for_selector("text=Open the whole address")
+        Tab(page).open(before.address)
+    with start_studio(tmp_path, "--port", before.port) as after:
+        page.wait_for_selector("#status:has-text('started anew')")
+        page.goto(f"{after.origin}/")  # with the token of the server before
+        page.wait_for_selector("text=Open the whole address")
+        Tab(page).open(after.address)
+        assert page.url == f"{after.origin}/"
+    context.close()
+
+
 def test_many_walls(tab, studio):
     rocks = [
         shapely.box(25 * i, 25 * j, 25 * i + 9, 25 * j + 9) for i in range(20) for j in range(14)
@@ -534,8 +558,8 @@ def test_a_server_that_ends_and_one_that_starts_anew(tmp_path, start_studio, ope
         with start_studio(tmp_path, "twig.toml", "--port", first.port):
             tab.page.wait_for_selector("#status:has-text('started anew')")
     assert tab.state()["design"]["level"][0]["length"] == 82
-    # The browser itself says in the console that it could not connect.
-    tab.problems[:] = [text for text in tab.problems if "WebSocket connection" not in text]
+    # The browser itself says in the console that it could not connect, or was refused.
+    tab.problems[:] = [text for text in tab.problems if "Failed to load" not in text]
 
 
 def test_many_maps_in_the_second_tab(tab):

@@ -20,7 +20,8 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.studio.door import Door
+from vinefab.studio.connections import Connections
+from vinefab.studio.door import SUBPROTOCOL, Door
 from vinefab.studio.gate import Gate
 from vinefab.studio.lanes import ProcessLane, Question, ThreadLane, first_answer
 from vinefab.studio.workplace import TIP, Workplace
@@ -31,12 +32,6 @@ MODULES = "<!-- modules -->"
 
 _FIRST_PICTURE_S = 2.0
 """Time that everything else leaves to the first picture."""
-
-_PATIENCE_S = 5.0
-"""Time in which a socket must show its token."""
-
-_LONGEST_HELLO = 1000
-"""Characters of a message from whoever has not shown a token yet."""
 
 _MOST_ASKED = 64
 """Questions of one tab that are being answered."""
@@ -62,9 +57,8 @@ def live_scripts() -> tuple[str, str]:
 class Studio:
     """What all tabs share: the lanes, the files, the events."""
 
-    def __init__(self, workplace: Workplace, door: Door) -> None:
+    def __init__(self, workplace: Workplace) -> None:
         self.workplace = workplace
-        self.door = door
         self.live = ThreadLane()
         self.lanes = {name: ProcessLane(name) for name in _LANES}
         self._tabs: set[Tab] = set()
@@ -105,26 +99,15 @@ class Studio:
 
     async def socket(self, socket: WebSocket) -> None:
         """Serve a tab until it is closed."""
-        await socket.accept()
+        await socket.accept(SUBPROTOCOL)
         tab = Tab(self, socket)
-        with suppress(WebSocketDisconnect):
-            if not await self._admits(socket):
-                await socket.close(1008, "the token is missing or old")
-                return
-            self._tabs.add(tab)
-            try:
-                await tab.serve()
-            finally:
-                self._tabs.discard(tab)
-                tab.close()
-
-    async def _admits(self, socket: WebSocket) -> bool:
-        """Tell whether a socket shows the token, soon and at once."""
+        self._tabs.add(tab)
         try:
-            hello = await asyncio.wait_for(_received(socket, _LONGEST_HELLO), _PATIENCE_S)
-        except TimeoutError:
-            return False
-        return self.door.opens(hello.get("token"))
+            with suppress(WebSocketDisconnect):
+                await tab.serve()
+        finally:
+            self._tabs.discard(tab)
+            tab.close()
 
 
 class Tab:
@@ -235,11 +218,10 @@ class Tab:
         return send
 
 
-async def _received(socket: WebSocket, longest: int | None = None) -> Mapping[str, Any]:
+async def _received(socket: WebSocket) -> Mapping[str, Any]:
     """Return the next message of the page; one that is no object closes the socket."""
     try:
-        text = await socket.receive_text()
-        message = json.loads(text) if longest is None or len(text) <= longest else None
+        message = json.loads(await socket.receive_text())
     except (ValueError, RecursionError, KeyError):
         message = None
     except RuntimeError as error:  # sending has found out before that nobody is there
@@ -250,9 +232,9 @@ async def _received(socket: WebSocket, longest: int | None = None) -> Mapping[st
     return message
 
 
-def make_app(workplace: Workplace, door: Door) -> ASGIApp:
+def make_app(workplace: Workplace, door: Door, connections: Connections) -> ASGIApp:
     """Return the guarded application."""
-    studio = Studio(workplace, door)
+    studio = Studio(workplace)
     templates = Path(str(files("vinefab.pages"))) / "templates"
     app = Starlette(
         routes=[
@@ -263,7 +245,7 @@ def make_app(workplace: Workplace, door: Door) -> ASGIApp:
         ],
         lifespan=studio.running,
     )
-    return Gate(app, door, (live_scripts()[1],))
+    return Gate(app, door, connections, (live_scripts()[1],))
 
 
 def _file(path: Path, kind: str) -> Callable[[Request], Response]:

@@ -2,8 +2,9 @@
 
 A page of any website can send requests to this computer's own address, and a name that the website
 owns can be made to lead here (DNS rebinding). So the address alone lets nobody in: every request
-must name this server as its ``Host``, one with an ``Origin`` must come from its own page, and page
-and socket ask for the token that the command printed.
+must name this server as its ``Host``, and one with an ``Origin`` must come from its own page. Only
+the socket gives anything of the user's. Its first request must show the token that the command
+printed, so that no message is read without it.
 """
 
 from urllib.parse import parse_qs
@@ -12,7 +13,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from vinefab.studio.door import Door
+from vinefab.studio.connections import Connections
+from vinefab.studio.door import SUBPROTOCOL, Door
 
 _HEADERS = {
     "x-content-type-options": "nosniff",
@@ -24,12 +26,22 @@ _HEADERS = {
 }
 
 
+OPEN_AGAIN = (
+    "the token is missing or old. Open the whole address that `vinefab studio` printed in its "
+    "terminal; if it has ended, start it again"
+)
+"""What to do without a token."""
+
+
 class Gate:
     """Passes on the requests of the server's own page, and refuses all others."""
 
-    def __init__(self, app: ASGIApp, door: Door, script_hashes: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, app: ASGIApp, door: Door, connections: Connections, script_hashes: tuple[str, ...]
+    ) -> None:
         self._app = app
         self._door = door
+        self._connections = connections
         scripts = " ".join(["'self'", *(f"'{one}'" for one in script_hashes)])
         # Not every browser takes a socket of the page's own address for 'self'.
         sockets = " ".join(f"ws://{name}" for name in door.hosts)
@@ -51,8 +63,13 @@ class Gate:
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": problem})
             return
+        if scope["type"] == "websocket":
+            with self._connections.tab(scope):
+                await self._app(scope, receive, send)
+            return
         app = PlainTextResponse(f"vinefab studio: {problem}\n", 403) if problem else self._app
-        await app(scope, receive, self._guarded(send))
+        with self._connections.answering(scope):
+            await app(scope, receive, self._guarded(send))
 
     def _problem(self, scope: Scope) -> str:
         """Return why a request is refused, or nothing."""
@@ -64,12 +81,24 @@ class Gate:
             return "a socket must say where it comes from"
         if origin is not None and origin not in [f"http://{name}" for name in self._door.hosts]:
             return "a page from elsewhere may not ask"
-        if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
+        if scope["type"] == "websocket":
+            return self._problem_of_socket(scope["subprotocols"])
+        if scope["method"] not in ("GET", "HEAD"):
             return "only pages are read here"
-        if scope["type"] == "http" and scope["path"] == "/":
-            given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])
-            if not self._door.opens(given[0]):
-                return "open the address that the command printed: its token is missing or old"
+        return self._problem_of_page(scope) if scope["path"] == "/" else ""
+
+    def _problem_of_socket(self, offered: list[str]) -> str:
+        if offered[:1] != [SUBPROTOCOL] or not self._door.opens("".join(offered[1:])):
+            return OPEN_AGAIN
+        return "too many tabs are open" if self._connections.full else ""
+
+    def _problem_of_page(self, scope: Scope) -> str:
+        if not scope["query_string"]:
+            return ""  # it holds nothing of the user's, and has stored the token or leads back here
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        if not self._door.opens(query.get("token", [""])[0]):
+            return OPEN_AGAIN
+        self._door.remove_forwarding()
         return ""
 
     def _guarded(self, send: Send) -> Send:

@@ -7,15 +7,19 @@ import socket
 import sys
 import webbrowser
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from threading import Thread
 from threading import enumerate as enumerate_threads
 
 from vinefab.studio.door import Door, bound_socket
 from vinefab.studio.workplace import Opened, Workplace
 
-MOST_MESSAGE_BYTES = 8 << 20
-"""A state with thousands of edits is far below; more closes the socket."""
+MOST_MESSAGE_BYTES = 4 << 20
+"""What a recovery file holds at most; more closes the socket."""
+
+BACKLOG = 32
+"""Connections that wait, and that are accepted in one go: far fewer than may be pending, so that a
+request is read before others take its place. A longer queue lets a flood pile up answers."""
 
 
 def serve(
@@ -39,9 +43,14 @@ def serve(
     def announce() -> None:
         say(f"studio: {door.address}  (Ctrl-C ends it)")
         if browser:
-            Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
+            with suppress(OSError):  # the home folder is full: the address has been printed
+                page = door.write_forwarding()
+                Thread(target=webbrowser.open, args=(page,), daemon=True).start()
 
-    asyncio.run(_until_stopped(workplace, door, bound, announce))
+    try:
+        asyncio.run(_until_stopped(workplace, door, bound, announce))
+    finally:
+        door.remove_forwarding()
     if any(thread.daemon for thread in enumerate_threads()):
         # An answer is still being computed for nobody. A thread inside of compiled code must not
         # meet an interpreter that is being taken down; nothing is open any more.
@@ -66,12 +75,17 @@ async def _until_stopped(
     import uvicorn  # noqa: PLC0415  after the address has been printed
 
     from vinefab.studio.app import make_app  # noqa: PLC0415  as above
+    from vinefab.studio.connections import Connections, limited_protocol  # noqa: PLC0415  as above
 
+    connections = Connections()
     config = uvicorn.Config(
-        make_app(workplace, door),
-        log_level="warning",
+        make_app(workplace, door, connections),
+        log_level="error",  # any user of the computer could fill the terminal with warnings
+        http=limited_protocol(connections),
         ws="websockets-sansio",
         ws_max_size=MOST_MESSAGE_BYTES,
+        backlog=BACKLOG,
+        proxy_headers=False,  # a client would choose its own address
         timeout_graceful_shutdown=2,
         server_header=False,
     )

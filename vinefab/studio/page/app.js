@@ -16,6 +16,7 @@ const PANELS = {
   family: familyPanel, compare: comparePanel, search: searchPanel, export: exportPanel,
 };
 const KEPT = "vinefab-studio";
+const TOKEN = "vinefab-token";
 
 const byId = (id) => document.getElementById(id);
 
@@ -210,6 +211,24 @@ function snapshotWords({ date, hello }) {
     + ` To go on from it: vinefab studio ${/^[\w.-]+$/.test(opens) ? opens : `'${opens}'`}`;
 }
 
+/** Return the token, and move it from the address into the storage of this host and port. */
+function takenToken() {
+  const given = new URLSearchParams(location.search).get("token");
+  try {
+    if (given === null) return localStorage.getItem(TOKEN);
+    localStorage.setItem(TOKEN, given);
+    history.replaceState(null, "", "/");
+  } catch {
+    // Storage is forbidden: a reload needs the address as it is.
+  }
+  return given;
+}
+
+/** Leave for the page that says what to do without a token. */
+function leave() {
+  location.replace("/?token=");
+}
+
 function main() {
   const stored = byId("stored");
   if (stored) {
@@ -218,7 +237,11 @@ function main() {
     return;
   }
   let app = null;
-  const token = new URLSearchParams(location.search).get("token") ?? "";
+  const token = takenToken();
+  if (!token) {
+    leave();
+    return;
+  }
   const link = createLink(token, {
     onEvent(message) {
       if (message.event === "hello" && !app) app = start(message, link, null);
@@ -228,6 +251,7 @@ function main() {
     onState(isUp, isOver) {
       document.documentElement.dataset.link = isUp ? "up" : "down";
       if (isUp) return;
+      if (isOver && !app) leave();
       say(
         isOver ? "The studio was started anew: open the address that it printed"
           : GONE,

@@ -12,13 +12,11 @@ export function createLink(token, { onEvent, onState }) {
   const progress = new Map(); // panel -> Set of functions
   let seq = 0;
   let socket = null;
-  let ended = false;
 
   function connect() {
-    socket = new WebSocket(`ws://${location.host}/socket`);
-    socket.onopen = () => socket.send(JSON.stringify({ token }));
+    socket = new WebSocket(`ws://${location.host}/socket`, ["vinefab", token]);
     socket.onmessage = (event) => take(JSON.parse(event.data));
-    socket.onclose = (event) => {
+    socket.onclose = () => {
       for (const slot of panels.values()) {
         slot.flight?.reject({ stale: true });
         slot.waiting?.reject({ stale: true });
@@ -26,10 +24,20 @@ export function createLink(token, { onEvent, onState }) {
       panels.clear();
       for (const question of desk.values()) question.reject({ message: GONE });
       desk.clear();
-      if (event.code === 1008) ended = true;
-      onState(false, ended);
-      if (!ended) setTimeout(connect, RETRY_MS);
+      onState(false, false);
+      setTimeout(retry, RETRY_MS);
     };
+  }
+
+  /** Connect once there is a server, unless it refuses the token: a socket does not say why. */
+  async function retry() {
+    try {
+      const { status } = await fetch(`/?token=${token}`, { method: "HEAD" });
+      if (status === 403) onState(false, true);
+      else connect();
+    } catch {
+      setTimeout(retry, RETRY_MS);
+    }
   }
 
   function take(message) {

@@ -33,9 +33,9 @@ def test_growth_on_nasty_maps(fuzz):
     assert sum(counts.growths for counts in found.values()) >= GROWTHS
     for kind, counts in found.items():
         assert counts.failures == 0, (kind, counts)
-        assert counts.branches > counts.growths
     # Maps and pressure are in the way of many, and many bodies are wide.
     branches = sum(counts.branches for counts in found.values())
+    assert branches > sum(counts.growths for counts in found.values())
     assert sum(counts.events for counts in found.values()) > branches
     assert sum(counts.held for counts in found.values()) > branches / 10
     assert sum(counts.inflated for counts in found.values()) > branches / 10

@@ -21,6 +21,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import NUMBERS, GrowthOptions
 from vinefab.growth.plan import Plans
@@ -159,8 +160,8 @@ class Counts:
 
 
 def nasty_map(rng: np.random.Generator, kind: str) -> Map:
-    """Return a map of some kind between 1e-3 and 1e6 mm large, somewhere in the plane."""
-    scale = 10.0 ** rng.uniform(-3.0, 6.0) / UNIT
+    """Return a map of some kind between 1e-2 and 1e6 mm large, somewhere in the plane."""
+    scale = 10.0 ** rng.uniform(-2.0, 6.0) / UNIT
     offset = rng.choice([0.0, 1.0, -0.5, rng.uniform(-3.0, 3.0)], 2) * scale * UNIT
     if kind == "streets":  # of a size that people draw
         scale, offset = float(rng.choice([5.0, 6.4, 10.0])), np.zeros(2)
@@ -209,7 +210,7 @@ def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
         )
         for number in range(rng.integers(0, 3))
     )
-    width_mm = size_mm * 10.0 ** rng.uniform(-3.5, -1.0)
+    width_mm = max(size_mm * 10.0 ** rng.uniform(-3.5, -1.0), 4.0 * SMALLEST)
     narrowing = rng.choice([1.0, 1.0, 0.7])
     widths_mm = tuple(float(width_mm * narrowing**level) for level in range(1 + len(levels)))
     # Enough for a thousandth of the map's size, or for ten times that size.

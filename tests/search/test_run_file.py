@@ -267,7 +267,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
             "maps.start.spread_x_mm",
             "0 to",
         ),
-        ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "at most 1"),
+        ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "1e-06 to 1"),
         ("[growth]\nhead_on_half_angle_deg = 91", "head_on_half_angle_deg", "0 to 90"),
         ("[optimizer]\npopulation = 1", "optimizer.population", "2 to"),
         ('[optimizer]\nname = "pso"\nneighbours = 1', "optimizer.neighbours", "at least 2"),

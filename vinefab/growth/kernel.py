@@ -594,7 +594,7 @@ def _straight_to_limit(growth, rules, film, tip, x, y, ux, uy):
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     tension = _tension(growth, rules, film, tip, px, py, ux, uy)
     reach = min((film[3] - tension) / rules.drag_kpa_mm, _length(x - px, y - py))
-    if reach <= _length(tip.x - px, tip.y - py):
+    if reach <= _length(tip.x - px, tip.y - py) + rules.tolerance_mm:
         return _held_at(tip, tip.x, tip.y, tip.ux, tip.uy)
     return _held_at(tip, px + reach * ux, py + reach * uy, ux, uy)
 

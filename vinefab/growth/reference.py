@@ -312,7 +312,9 @@ class GrowingBranch:
             if excess(0.0) < 0.0:
                 self.tip, self.u = at(float(brentq(excess, 0.0, 1.0, xtol=1e-15)))
             else:
-                self.tip, self.u = start, u if from_pivot else at(0.0)[1]
+                self.tip, self.u = at(0.0)
+            if from_pivot and abs(self.tip - start) <= near:
+                self.tip, self.u = start, u
             self.stop, self.wall = Stop.PRESSURE, None
             del self.pivots[len(pivots) :], self.senses[len(pivots) :], self.lengths[len(pivots) :]
         elif len(self.pivots) > len(pivots):

@@ -309,12 +309,9 @@ class GrowingBranch:
 
         tip, heading = at(1.0) if abs(self.tip - pivots[-1]) > near else (self.tip, u)
         if film.used_up(pivots, tip, heading):
-            if excess(0.0) < 0.0:
-                self.tip, self.u = at(float(brentq(excess, 0.0, 1.0, xtol=1e-15)))
-            else:
-                self.tip, self.u = at(0.0)
-            if from_pivot and abs(self.tip - start) <= near:
-                self.tip, self.u = start, u
+            share = float(brentq(excess, 0.0, 1.0, xtol=1e-15)) if excess(0.0) < 0.0 else 0.0
+            stays = from_pivot and share * abs(self.tip - start) <= near
+            self.tip, self.u = (start, u) if stays else at(share)
             self.stop, self.wall = Stop.PRESSURE, None
             del self.pivots[len(pivots) :], self.senses[len(pivots) :], self.lengths[len(pivots) :]
         elif len(self.pivots) > len(pivots):

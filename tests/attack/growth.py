@@ -1,7 +1,8 @@
 """Growth on nasty maps, by the thousand: ``make fuzz``, or ``python tests/attack/growth.py 20000``.
 
-Counts are printed for every kind of map. Every growth must end, stay in free space, and be the
-same by the compiled kernel and by its readable twin. As many again are grown twice, the second time
+Counts are printed for every kind of map. Growth options are drawn from their declaration, so that
+none is left out. Every growth must end, stay in free space, and be the same by the compiled kernel
+and by its readable twin. As many again are grown twice, the second time
 after the whole world was mirrored, turned, scaled or shifted, its obstacles reordered, or its walls
 refined: lengths and stops must be the same within `SAME`. Growths that starts, obstacles or bounds
 moved by `NUDGE` change as well are ties, which rounding may settle either way; they are counted.
@@ -9,8 +10,9 @@ moved by `NUDGE` change as well are ties, which rounding may settle either way; 
 
 import math
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import Field, dataclass, field, fields, replace
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import shapely
@@ -19,14 +21,17 @@ from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import NUMBERS, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import LARGEST_MM, Map, Pose
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
+from vinefab.physics.tube import inflated_diameter_mm
 
 UNIT = 100.0
 GROWTHS_PER_MAP = 40
@@ -39,6 +44,8 @@ SAME = 1e-6
 """Share of the map's size that lengths may differ by after a move of everything."""
 NUDGE = 1e-8
 """Share of the map's size, and radians, that things are moved by to see whether one is a tie."""
+
+MOST_KPA = 10_000.0
 
 Shapes = list[Polygon]
 
@@ -111,12 +118,23 @@ def rounded(rng: np.random.Generator) -> Shapes:
     return shapes
 
 
+def streets(rng: np.random.Generator) -> Shapes:
+    """Boxes of a lattice, apart or side by side: where starts and lengths of a lattice tie."""
+    pitch = UNIT / 20.0
+    shapes = []
+    for x, y in rng.integers(0, 18, (rng.integers(1, 8), 2)):
+        wide, high = rng.integers(1, 5, 2)
+        shapes.append(box(x * pitch, y * pitch, (x + wide) * pitch, (y + high) * pitch))
+    return shapes
+
+
 KINDS: dict[str, Callable[[np.random.Generator], Shapes]] = {
     "touching": touching,
     "collinear": collinear,
     "gaps": gaps,
     "stars": stars,
     "rounded": rounded,
+    "streets": streets,
 }
 
 
@@ -132,6 +150,8 @@ class Counts:
     outside: int = 0
     deepest: float = 0.0
     disagree: int = 0
+    inflated: int = 0  # branches whose bodies are
+    held: int = 0  # branches that pressure stopped
     seeds: list[int] = field(default_factory=list)
 
     @property
@@ -140,9 +160,11 @@ class Counts:
 
 
 def nasty_map(rng: np.random.Generator, kind: str) -> Map:
-    """Return a map of some kind between 1e-3 and 1e6 mm large, somewhere in the plane."""
-    scale = 10.0 ** rng.uniform(-3.0, 6.0) / UNIT
+    """Return a map of some kind between 1e-2 and 1e6 mm large, somewhere in the plane."""
+    scale = 10.0 ** rng.uniform(-2.0, 6.0) / UNIT
     offset = rng.choice([0.0, 1.0, -0.5, rng.uniform(-3.0, 3.0)], 2) * scale * UNIT
+    if kind == "streets":  # of a size that people draw
+        scale, offset = float(rng.choice([5.0, 6.4, 10.0])), np.zeros(2)
     move = (scale, 0.0, 0.0, scale, *offset.tolist())
     shapes = [affine_transform(shape, move) for shape in KINDS[kind](rng)]
     good = [s for s in shapes if s.geom_type == "Polygon" and s.is_valid and s.area > 0.0]
@@ -158,6 +180,9 @@ def nasty_pose(rng: np.random.Generator, terrain: Terrain) -> Pose:
     for _ in range(10_000):
         x, y = rng.uniform((x_min, y_min), (x_max, y_max))
         heading = rng.choice([rng.uniform(-np.pi, np.pi), np.pi / 4 * rng.integers(0, 8)])
+        if rng.random() < 0.2:
+            pitch = (x_max - x_min) / 20.0
+            x, y = x_min + pitch * round((x - x_min) / pitch), y_min + pitch * rng.integers(0, 21)
         drawn = rng.integers(0, len(wall), 2)
         one, other = wall[drawn]
         if rng.random() < 0.4:
@@ -175,21 +200,54 @@ def nasty_pose(rng: np.random.Generator, terrain: Terrain) -> Pose:
 
 def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
     """Return a tree of at most seven branches, up to three times as long as the map."""
+    shares = (0.05, 0.1, 0.3, rng.uniform(0.01, 1.0))
     levels = tuple(
         Level(
             branches=int(rng.integers(1, 4 - number)),
-            length_mm=float(size_mm * rng.uniform(0.01, 1.0)),
-            fan_rad=float(rng.choice([np.pi / 2, np.pi, rng.uniform(0.0, 6.0)])),
-            growth=float(rng.uniform(0.3, 2.0)),
+            length_mm=float(size_mm * rng.choice(shares)),
+            fan_rad=float(rng.choice([*np.pi / np.array([0.5, 1, 1.5, 2]), rng.uniform(0.0, 6.0)])),
+            growth=float(rng.choice([1.0, rng.uniform(0.3, 2.0)])),
         )
         for number in range(rng.integers(0, 3))
     )
+    width_mm = max(size_mm * 10.0 ** rng.uniform(-3.5, -1.0), 4.0 * SMALLEST)
+    narrowing = rng.choice([1.0, 1.0, 0.7])
+    widths_mm = tuple(float(width_mm * narrowing**level) for level in range(1 + len(levels)))
+    # Enough for a thousandth of the map's size, or for ten times that size.
+    reach_mm = size_mm * 10.0 ** rng.uniform(-3.0, 1.0)
+    limit_kpa = FITTED.yield_kpa.value + FITTED.drag_kpa_m.value * reach_mm / 1000.0
+    share = inflated_diameter_mm(width_mm) / FITTED_DIAMETER_MM.value
+    build = Build.standard(1 + len(levels))
     return Design(
         name="fuzz",
-        trunk_length_mm=float(size_mm * 10.0 ** rng.uniform(-1.0, 0.5)),
+        trunk_length_mm=float(size_mm * rng.choice([0.3, 1.0, 10.0 ** rng.uniform(-1.0, 0.5)])),
         levels=levels,
-        build=Build.standard(1 + len(levels)),
+        build=replace(
+            build, widths_mm=widths_mm, pressure_kpa=min(float(limit_kpa / share), MOST_KPA)
+        ),
     )
+
+
+def nasty_options(rng: np.random.Generator) -> GrowthOptions:
+    """Return growth options that each have any of their values, as they are declared."""
+    return GrowthOptions(**{one.name: _nasty_value(rng, one) for one in fields(GrowthOptions)})
+
+
+def _nasty_value(rng: np.random.Generator, option: Field[Any]) -> Any:
+    kind = get_type_hints(GrowthOptions)[option.name]
+    if option.name == "head_on_half_angle_rad":
+        angle_rad = math.radians(float(rng.choice([0.0, 1.0, 15.0, 30.0, 90.0])))
+        return (0.0, angle_rad) if angle_rad and rng.random() < 0.2 else angle_rad
+    if option.name == "contacts":  # says where the other numbers come from, and changes nothing
+        return None
+    if option.name in NUMBERS:
+        low, high, _ = NUMBERS[option.name]
+        return float(
+            rng.choice([option.default, option.default, low, high, rng.uniform(low, high)])
+        )
+    if kind is bool:
+        return bool(rng.random() < 0.5)
+    return rng.choice(get_args(kind)).item()
 
 
 def agree(fast: Deployment, plain: Deployment, exact_mm: float) -> bool:
@@ -199,20 +257,22 @@ def agree(fast: Deployment, plain: Deployment, exact_mm: float) -> bool:
         and fast.first_point.tolist() == plain.first_point.tolist()
         and bool(np.abs(fast.points_mm - plain.points_mm).max(initial=0.0) <= exact_mm)
         and bool(np.abs(fast.grown_mm - plain.grown_mm).max(initial=0.0) <= exact_mm)
+        and bool(np.abs(fast.contact_turn_rad - plain.contact_turn_rad).max(initial=0.0) <= 1e-6)
         and fast.tight_exit.tolist() == plain.tight_exit.tolist()
     )
 
 
-def depth_mm(grown: Deployment, free: BaseGeometry) -> float:
-    """Return how far the chains of a deployment are outside a free space, at worst."""
+def depth_mm(grown: Deployment, free: Sequence[BaseGeometry]) -> float:
+    """Return how far the chains of a deployment are outside the free space of their levels."""
     worst = 0.0
     for branch in np.flatnonzero(grown.deployed).tolist():
-        outside = shapely.difference(shapely.LineString(grown.chain_mm(branch)), free)
+        level = free[grown.tree.level[branch] - 1]
+        outside = shapely.difference(shapely.LineString(grown.chain_mm(branch)), level)
         if not outside.is_empty:
             samples = shapely.line_interpolate_point(
                 shapely.get_parts(outside)[:, None], [0.0, 0.3, 0.6, 1.0], normalized=True
             )
-            worst = max(worst, float(shapely.distance(free, samples).max()))
+            worst = max(worst, float(shapely.distance(level, samples).max()))
     return worst
 
 
@@ -223,10 +283,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     if len(terrain.walls().wall) == 0:
         return
     size_mm = max(terrain.world.size_mm)
-    options = GrowthOptions.published(
-        head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),
-        children_of_stuck=str(rng.choice(["stop", "deploy"])),
-    )
+    options = nasty_options(rng)
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
     poses = [nasty_pose(rng, terrain) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
     batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([terrain]), [poses]), options)
@@ -239,11 +296,16 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
         counts.most_events = max(counts.most_events, most)
         counts.endless += most >= MOST_EVENTS
     before = counts.failures
+    angles_rad = options.half_angles_rad(len(poses)).tolist()
     for number, fast in enumerate(batch.deployments()):
-        pose, design = poses[number // len(designs)], designs[number % len(designs)]
-        plain = grow(design, terrain, pose, options, "reference")
-        deep = depth_mm(fast, terrain.free_space()) / size_mm
+        launch, design = number // len(designs), designs[number % len(designs)]
+        alone = replace(options, head_on_half_angle_rad=angles_rad[launch])
+        plain = grow(design, terrain, poses[launch], alone, "reference")
+        free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
+        deep = depth_mm(fast, free) / size_mm
         counts.growths += 1
+        counts.inflated += int(fast.deployed.sum()) * (options.body == "inflated")
+        counts.held += int((fast.stop == Stop.PRESSURE).sum())
         counts.branches += int(fast.deployed.sum())
         counts.deepest = max(counts.deepest, deep)
         counts.outside += deep > EXACT
@@ -484,12 +546,13 @@ def main() -> int:
     """Print the counts; return 1 if anything failed."""
     growths = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
     found = fuzz(growths)
-    heads = ("growths", "branches", "events", "most", "endless", "outside", "deepest", "disagree")
+    heads = ("growths", "branches", "inflated", "held", "events", "most")
+    heads += ("endless", "outside", "deepest", "disagree")
     lines = [f"{'kind':10s}" + "".join(f"{head:>10s}" for head in heads)]
     for kind, one in found.items():
         lines.append(
-            f"{kind:10s}{one.growths:10d}{one.branches:10d}{one.events:10d}{one.most_events:10d}"
-            f"{one.endless:10d}{one.outside:10d}{one.deepest:10.1e}{one.disagree:10d}"
+            f"{kind:10s}{one.growths:10d}{one.branches:10d}{one.inflated:10d}{one.held:10d}"
+            f"{one.events:10d}{one.most_events:10d}{one.endless:10d}{one.outside:10d}{one.deepest:10.1e}{one.disagree:10d}"
             + (f"  maps {one.seeds[:5]}" if one.seeds else "")
         )
     moved = moves(growths)

@@ -148,6 +148,28 @@ def test_a_rule_of_another_package_is_checked_and_a_broken_one_is_named(vinefab,
     assert vinefab("check", out / "best.toml", "-q")[0] == 0
 
 
+@pytest.mark.parametrize(
+    ("broken", "name"),
+    [("raise RuntimeError", "RuntimeError"), ("raise SystemExit(0)", "SystemExit")],
+)
+@pytest.mark.parametrize(
+    "arguments",
+    [("check", "three_level_tree"), ("rules",), ("score", "plain_vine", "--task", "x", "--maps")],
+)
+def test_a_plugin_that_breaks_down_ends_every_command_that_loads_it(
+    vinefab, their_package, grid, broken, name, arguments
+):
+    facts = their_package / "theirs-1.0.dist-info" / "entry_points.txt"
+    facts.write_text("[vinefab.rules]\nX-1 = their_wild:R\n[vinefab.tasks]\nx = their_wild:T\n")
+    (their_package / "their_wild.py").write_text(broken)
+    maps = [grid] if "--maps" in arguments else []
+    code, words, complaint = vinefab(*arguments, *maps)
+    assert (code, words) == (2, "")
+    assert complaint.count("\n") == 1
+    assert "of package theirs (vinefab." in complaint
+    assert f"their_wild:{'T' if 'x' in arguments else 'R'}) does not load ({name}" in complaint
+
+
 @pytest.mark.thorough
 def test_parts_of_another_package_work_on_the_workers_of_a_cluster(their_package, tmp_path):
     run_file, out = tmp_path / "theirs.toml", tmp_path / "cluster"

@@ -226,7 +226,7 @@ class SmallSteps:
         if self.wall >= 0 and pressing <= 0.0:
             self.stop = "corner"
             return
-        if math.acos(min(1.0, pressing)) <= self.half_angle_rad:
+        if math.acos(min(1.0, pressing)) <= self.half_angle_rad or self.is_split():
             self.stop = "head_on"
             return
         along = math.copysign(1.0, dot(heading, tangent)) * tangent
@@ -234,6 +234,15 @@ class SmallSteps:
             self.stop = "corner"
             return
         self.take(wall, along)
+
+    def is_split(self) -> bool:
+        """Return whether the tip is at a corner that turns it as much one way as the other."""
+        normals, before = self.walls.normal, self.walls.before
+        return any(
+            abs(dot(self.heading, normals[before[vertex]] - normals[vertex])) <= TOUCH_MM
+            for vertex, place in enumerate(self.walls.vertex)
+            if abs(place - self.tip) <= TOUCH_MM and not self.walls.is_hollow(vertex)
+        )
 
     def take(self, wall: int, along: complex) -> None:
         self.wall, self.along, self.near_steps = wall, along, 0

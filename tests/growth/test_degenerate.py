@@ -5,11 +5,33 @@ import math
 import pytest
 from numpy.testing import assert_allclose
 from shapely import Polygon, box
+from shapely.affinity import rotate
 
 from vinefab.model.deployment import Stop
 
 ROOM = box(0.0, 0.0, 100.0, 100.0)
 WIDE = box(-1000.0, -1000.0, 1000.0, 1000.0)
+
+
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+@pytest.mark.parametrize("turn_deg", range(0, 180, 13))
+def test_a_wall_met_at_right_angles_stops_whichever_way_it_lies(
+    launch, tree, terrain, turn_deg, body
+):
+    # Rounding makes such walls lean to either side by up to 1e-11.
+    ground = terrain(rotate(box(-90.0, -90.0, 90.0, 90.0), turn_deg))
+    robot = tree(300.0, (2, 300.0, 180.0, 1.0))
+    grown = launch(robot, ground, (3, 2, turn_deg), body=body, children_of_stuck="deploy")
+    assert grown.stop.tolist() == [Stop.HEAD_ON] * 3
+
+
+@pytest.mark.parametrize("turn_deg", range(0, 180, 13))
+def test_a_length_used_up_at_the_wall_is_full_length(launch, tree, terrain, turn_deg):
+    ground = terrain(rotate(box(-90.0, -90.0, 90.0, 90.0), turn_deg))
+    robot = tree(90.0, (1, 90.0, 0.0, 1.0), (1, 90.0, 0.0, 1.0))
+    grown = launch(robot, ground, (0, 0, turn_deg), children_of_stuck="deploy")
+    assert grown.stop.tolist() == [Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.HEAD_ON]
+    assert_allclose(grown.grown_mm, [90.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_body_flush_with_a_wall_goes_along_it(launch, vine, terrain):
@@ -116,7 +138,7 @@ def test_start_exactly_in_a_corner(launch, vine, terrain, heading_deg, tip, stop
 
 @pytest.mark.parametrize(
     ("heading_deg", "tip"),
-    [(45.0, (110.0, 0.0)), (30.0, (110.0, 0.0)), (90.0, (100.0, 10.0)), (225.0, None)],
+    [(45.0, (100.0, 0.0)), (30.0, (110.0, 0.0)), (90.0, (100.0, 10.0)), (225.0, None)],
 )
 def test_start_exactly_at_a_convex_vertex(launch, vine, terrain, heading_deg, tip):
     # The block fills the quadrant right of and above (100, 0).
@@ -124,12 +146,9 @@ def test_start_exactly_at_a_convex_vertex(launch, vine, terrain, heading_deg, ti
     grown = launch(vine(10.0), ground, (100.0, 0.0, heading_deg))
     u = (math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg)))
     free = (100.0 + 10.0 * u[0], 10.0 * u[1])
-    assert grown.stop[0] == Stop.FULL_LENGTH
-    if heading_deg == 45.0:
-        # A dead tie between the two walls: either is right, as long as it slides along one.
-        assert sorted(abs(grown.tips_mm[0] - [100.0, 0.0])) == pytest.approx([0.0, 10.0], abs=1e-9)
-    else:
-        assert_allclose(grown.tips_mm, [tip or free], atol=1e-9)
+    # Only in a dead tie between the two walls no way is better than the other.
+    assert grown.stop[0] == (Stop.HEAD_ON if heading_deg == 45.0 else Stop.FULL_LENGTH)
+    assert_allclose(grown.tips_mm, [tip or free], atol=1e-9)
 
 
 def test_touching_obstacles_leave_no_way_through(launch, vine, terrain):

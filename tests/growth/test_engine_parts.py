@@ -20,6 +20,7 @@ from vinefab.growth.simulator import (
     INTERPRETED_BRANCHES,
     KERNEL,
     MOST_EVENTS,
+    TIE,
     TOLERANCE_RAD,
     grow_branches_of,
 )
@@ -35,6 +36,7 @@ RULES = Rules(
     deploys_stuck=False,
     tolerance_mm=ROOM.tolerance_mm,
     tolerance_rad=TOLERANCE_RAD,
+    tie=TIE,
     most_events=MOST_EVENTS,
     friction=0.0,
     drag_kpa_mm=0.0,

@@ -13,7 +13,7 @@ from shapely import affinity, box
 
 from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import TOLERANCE_RAD, grow, grow_branches_of
+from vinefab.growth.simulator import TIE, TOLERANCE_RAD, grow, grow_branches_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
@@ -88,6 +88,7 @@ def _stopped_after(engine, trunk_arrays, terrain, pose, length_mm, most_events):
         deploys_stuck=False,
         tolerance_mm=terrain.tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,
+        tie=TIE,
         most_events=most_events,
         friction=0.0,
         drag_kpa_mm=0.0,

@@ -13,7 +13,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import Stop
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.physics.growth_pressure import FITTED, growth_pressure_kpa
 from vinefab.physics.tube import inflated_diameter_mm
@@ -52,6 +52,33 @@ def test_film_on_a_spool_and_too_little_pressure_stop_it_at_once(engine, vine):
         grown = grow(at_pressure(vine(300.0), pressure_kpa, (20.0,)), OPEN, ORIGIN, options, engine)
         assert (grown.stop[0], grown.grown_mm[0]) == (Stop.PRESSURE, 0.0)
         assert grown.deployed[0]
+
+
+def test_just_enough_pressure_is_enough(engine, tree):
+    """A child of the same width has left what the trunk's film needed for what rode inside."""
+    for length_mm in (50.0, 100.0, 123.0):
+        robot = at_pressure(tree(3000.0, (1, length_mm, 0.0, 1.0)), 4.0, (20.0, 20.0))
+        options = replace(PRESSED, children_of_stuck="deploy")
+        grown = grow(robot, OPEN, ORIGIN, options, engine)
+        assert grown.stop.tolist() == [Stop.PRESSURE, Stop.FULL_LENGTH]
+
+
+def test_a_turn_at_the_base_that_the_pressure_does_not_make_keeps_the_heading(engine, tree):
+    room = Terrain.of(Map(name="room", bounds=box(-4000.0, -4000.0, 100.0, 4000.0)))
+    robot = tree(50.0, (1, 60.0, 0.0, 1.0), (2, 1000.0, 180.0, 1.0))
+    options = replace(PRESSED, children_of_stuck="deploy")
+    pose = Pose(x_mm=60.0, y_mm=0.0, heading_rad=0.3)  # the trunk slides up the wall x = 100
+    held = list[Deployment]()
+    for pressure_kpa in np.linspace(1.0, 10.0, 400).tolist():
+        grown = grow(at_pressure(robot, pressure_kpa, (20.0,) * 3), room, pose, options, engine)
+        if grown.stop[0] == Stop.FULL_LENGTH and grown.grown_mm[1] < 1e-6:
+            held.append(grown)
+    assert len(held) > 3
+    for grown in held:
+        assert (grown.stop[1], grown.grown_mm[1]) == (Stop.PRESSURE, 0.0)
+        trunk, left = (np.diff(grown.chain_mm(branch), axis=0)[-1] for branch in (0, 3))
+        assert grown.grown_mm[3] > 10.0
+        assert trunk @ left == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_design_without_pressure_is_not_stopped(engine, vine):
@@ -133,10 +160,11 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         ended = fast.stop == Stop.PRESSURE
         inside = fast.deployed & ~ended
         assert (needed_kpa[inside] <= working_kpa * (1.0 + 1e-9)).all(), number
-        # A child that begins on a wall turns there at once: no length has just the pressure.
+        # A child that begins on a wall turns there at once, or not at all: then it keeps the
+        # heading that it has pressure for.
         begun = ended & (fast.grown_mm > 1e-6)
         assert_allclose(needed_kpa[begun], working_kpa, rtol=1e-6)
-        assert (needed_kpa[ended & ~begun] >= working_kpa * (1.0 - 1e-9)).all()
+        assert (fast.grown_mm[ended & ~begun] == 0.0).all()
         stopped += int(begun.sum())
     assert stopped >= 8
 

@@ -31,6 +31,8 @@ def towards_the_ceiling(body_mm: float, steepness_deg: float, engine: str) -> De
     [
         (LONG_WIDTHS + 0.1, 70.0, True),
         (LONG_WIDTHS + 0.1, 61.0, True),
+        (LONG_WIDTHS + 0.1, 60.0, False),
+        (LONG_WIDTHS + 0.2, 60.0, False),
         (LONG_WIDTHS + 0.1, 59.0, False),
         (LONG_WIDTHS - 0.1, 70.0, False),
     ],

@@ -87,7 +87,8 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
 def test_rules_agree_one_by_one(random_map):
     """Every rule of the kernel against the twin's of the same name, also at the tolerances."""
     rng = np.random.default_rng(7)
-    answers = {name: set() for name in ("presses", "is_head_on", "slide_sense", "is_wedged")}
+    names = ("presses", "is_head_on", "slide_sense", "is_wedged", "is_split")
+    answers = {name: set() for name in names}
     for kind in ("convex", "star", "needles", "lattice"):
         terrain = Terrain.of(random_map(rng, kind))
         walls = terrain.walls()
@@ -110,7 +111,14 @@ def test_rules_agree_one_by_one(random_map):
             assert sense == world.slide_sense(u, wall)
             wedged = kernel.is_wedged(walls, rules, wall, sense, first)
             assert wedged == world.is_wedged(wall, int(sense), first)
-            for name, answer in zip(answers, (presses, head_on, sense, wedged), strict=True):
+            place = float(rng.choice([0.0, world.walls[wall].length]))
+            end = 1 if place else 0
+            both = world.walls[wall].normal + world.walls[world.neighbours[wall][end]].normal
+            if rng.random() < 0.3:
+                u = -both / abs(both)
+            split = kernel.is_split(walls, rules, u.real, u.imag, wall, place)
+            assert split == world.is_split(u, wall, place)
+            for name, answer in zip(answers, (presses, head_on, sense, wedged, split), strict=True):
                 answers[name].add(answer)
     assert all(len(seen) == 2 for seen in answers.values())
 

@@ -202,7 +202,7 @@ def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
         ({"target_mm": [[1, 2], [3, "a"]]}, "task.target_mm[2]", "mm"),
         ({"target_mm": [[1, float("nan")]]}, "task.target_mm[1]", "mm"),
         ({"target_mm": [[1, 2]] * 1001}, "task.target_mm", "at most 1000"),
-        ({"tolerance_mm": 0.0}, "task.tolerance_mm", "above 0"),
+        ({"tolerance_mm": 0.0}, "task.tolerance_mm", "1e-06 to"),
         ({"falloff_mm": -1.0}, "task.falloff_mm", "0 to"),
         ({"reached_by": "base"}, "task.reached_by", "'body' or 'tip'"),
     ],

@@ -88,6 +88,19 @@ class UnknownNameError(VinefabError, KeyError):
         return type(self)(self.kind, self.name, self.known, source, self.problem)
 
 
+class BrokenPluginError(VinefabError, ImportError):
+    """A plug-in, code of another package, breaks down while it is loaded."""
+
+    def __init__(self, plugin: str, problem: str) -> None:
+        self.plugin = plugin
+        self.problem = problem
+        super().__init__(plugin, problem)
+
+    def __str__(self) -> str:
+        problem = shortened(" ".join(self.problem.split()))
+        return f"plug-in {self.plugin} does not load ({problem}); repair or uninstall its package"
+
+
 class ForeignFileError(VinefabError, FileExistsError):
     """The path to write to holds something that vinefab did not write."""
 

@@ -1,17 +1,20 @@
 """Registries of named parts, extended by plug-ins, and parts built from a table of parameters."""
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stdout
 from dataclasses import fields, is_dataclass
-from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from traceback import format_exception_only
+from typing import Any, Generic, TypeVar
 
-from vinefab.core.errors import BadInputError, UnknownNameError, nearest
+from vinefab.core.errors import BadInputError, BrokenPluginError, UnknownNameError, nearest
 from vinefab.core.validation import plain_number
 
 T = TypeVar("T")
 
 _BROKEN_PLUGIN = (ImportError, AttributeError, NameError, SyntaxError, TypeError, ValueError)
-"""Errors that importing a broken plug-in raises."""
+"""Errors of a plug-in that does not fit what is installed: noted, and the others go on."""
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -66,23 +69,65 @@ class Registry(Mapping[str, T], Generic[T]):
 
         Looking up a name that vinefab lacks does so too: every command and every process of a run
         finds plug-ins, and only those that need them wait for them. A built-in name is never
-        replaced.
+        replaced, and one that two plug-ins share is neither's. What they print goes to stderr.
+
+        Raises
+        ------
+        BrokenPluginError
+            If a plug-in breaks down; one that is only not importable is noted in ``broken``.
         """
-        group, self._group = self._group, ""
-        for point in entry_points(group=group) if group else ():
-            if point.name in self._parts:
-                self.broken[point.name] = "the name is taken by a part of vinefab"
-                continue
-            try:
-                part = point.load()
-            except _BROKEN_PLUGIN as error:
-                self.broken[point.name] = f"{type(error).__name__}: {error}"
-                continue
-            if problem := self._problem(point.name, part):
-                self.broken[point.name] = problem
+        offered: dict[str, set[EntryPoint]] = {}
+        for point in entry_points(group=self._group) if self._group else ():
+            offered.setdefault(point.name, set()).add(point)
+        parts: dict[str, T] = {}
+        for name, points in offered.items():
+            if name in self._parts:
+                self.broken[name] = "the name is taken by a part of vinefab"
+            elif len(points) > 1:
+                self.broken[name] = (
+                    f"the name is taken twice: {', '.join(sorted(map(_of, points)))}"
+                )
             else:
-                self._parts[point.name] = part
-                self.packages[point.name] = point.dist.name if point.dist else ""
+                (point,) = points
+                part, problem = self._loaded(point)
+                if problem:
+                    self.broken[name] = problem
+                else:
+                    parts[name] = part
+                    self.packages[name] = point.dist.name if point.dist else ""
+        self._parts |= parts
+        self._group = ""
+
+    def _loaded(self, point: EntryPoint) -> tuple[Any, str]:
+        """Return a plug-in's part, and why it cannot be used; empty if it can.
+
+        Foreign code may raise anything, also what ends a program. Here, and nowhere else, all of
+        it becomes an error of ours, but for the user's interrupt and want of memory.
+        """
+        try:
+            with redirect_stdout(sys.stderr):
+                part = point.load()
+                return part, self._problem(point.name, part)
+        except (KeyboardInterrupt, MemoryError):
+            raise
+        except BaseException as error:
+            words = f"{type(error).__name__}: {_text(error)}"
+            if isinstance(error, _BROKEN_PLUGIN):
+                return None, words
+            raise BrokenPluginError(f"{self.kind} {point.name!r} {_of(point)}", words) from error
+
+
+def _of(point: EntryPoint) -> str:
+    """Return where a plug-in comes from: its package and its entry point."""
+    package = f"of package {point.dist.name} " if point.dist else ""
+    return f"{package}({point.group}: {point.value})"
+
+
+def _text(error: BaseException) -> str:
+    """Return the words of any error, also of one that cannot be printed."""
+    if isinstance(error, SyntaxError):
+        return str(error)
+    return format_exception_only(error)[-1].partition(": ")[2].strip()
 
 
 def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, object]) -> T:

@@ -14,6 +14,8 @@ Ints = NDArray[np.int64]
 
 LARGEST_MM = 1e7
 """Limit of lengths and coordinates (10 km): a larger one is a mixed-up unit."""
+SMALLEST = 1e-6
+"""Least number, in any unit, where it must be above zero: what divides by less may overflow."""
 
 
 def number(key: str, value: float, low: float, high: float, unit: str = "") -> float:
@@ -33,14 +35,8 @@ def plain_number(value: Any) -> Any:  # noqa: ANN401  whatever else is given is 
 
 
 def positive(key: str, value: float, high: float = LARGEST_MM, unit: str = "mm") -> float:
-    """Return a finite number above zero and at most ``high``, or raise BadInputError."""
-    try:
-        allowed = math.isfinite(value) and 0.0 < value <= high
-    except TypeError:
-        allowed = False
-    if not allowed:
-        raise BadInputError(key, value, f"above 0, at most {high:g} {unit}")
-    return float(value)
+    """Return a number from `SMALLEST` to ``high``, or raise BadInputError."""
+    return number(key, value, SMALLEST, high, unit)
 
 
 DEEPEST_NESTING = 32

@@ -103,6 +103,9 @@ class Rules(NamedTuple):
         Distances up to this count as touching.
     tolerance_rad
         Directions that differ by up to this count as parallel.
+    tie
+        Angles (rad), and shares of a pressure, that differ by up to this count as equal: a tip that
+        meets a wall at the half-angle stops, and one that has just enough pressure goes on.
     most_events
         Limit of a branch's events; it then ends as ``corner``. A guard, never reached in tests.
     friction
@@ -115,6 +118,7 @@ class Rules(NamedTuple):
     deploys_stuck: bool
     tolerance_mm: float
     tolerance_rad: float
+    tie: float
     most_events: int
     friction: float
     drag_kpa_mm: float

@@ -42,6 +42,10 @@ _HALVINGS = 60
 
 STEEP_COSINE = 0.5
 
+TIE_STEPS = 8.0
+"""Lengths that differ by up to so many tolerances are equal: a wall that is turned with its map may
+be rounded by several."""
+
 NO_WALL = -1
 NO_POINT = -1
 
@@ -88,14 +92,30 @@ def presses(walls, rules, ux, uy, wall):
 
 @inlined
 def is_head_on(walls, rules, ux, uy, wall):
-    """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
+    """Tell whether a tip that meets a wall stops: the angle between u and -n is small.
+
+    An angle equal to the half-angle stops, so that no rounding decides which way a tip slides.
+    """
     tx, ty = walls.wall[wall, 2], walls.wall[wall, 3]
     along = abs(ux * tx + uy * ty)
     # An angle is not smaller than its sine: most contacts need no arc tangent.
-    if along > rules.head_on_half_angle_rad + 1e-9:
+    if along > rules.head_on_half_angle_rad + 2.0 * rules.tie:
         return False
     against = ux * ty - uy * tx
-    return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
+    return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tie
+
+
+@inlined
+def is_split(walls, rules, ux, uy, wall, place):
+    """Tell whether a tip meets a convex corner that turns it as much one way as the other."""
+    at_end = place >= walls.wall[wall, 4] - rules.tolerance_mm
+    if (place > rules.tolerance_mm) & (not at_end):
+        return False
+    other = np.int64(walls.link[wall, 1] if at_end else walls.link[wall, 0])
+    tx, ty = walls.wall[wall, 2], walls.wall[wall, 3]
+    nx, ny = -walls.wall[other, 3], walls.wall[other, 2]
+    is_convex = (1.0 if at_end else -1.0) * (tx * nx + ty * ny) > 0.0
+    return is_convex & (abs(ux * nx + uy * ny - (uy * tx - ux * ty)) <= rules.tie)
 
 
 @inlined
@@ -410,7 +430,9 @@ def _meet(walls, rules, tip, wall, place):
     """Return the tip after meeting a wall: stopped, or about to slide on it."""
     if tip.wall != NO_WALL and not presses(walls, rules, tip.ux, tip.uy, wall):
         return _stopped(tip, CORNER)
-    if is_head_on(walls, rules, tip.ux, tip.uy, wall):
+    if is_head_on(walls, rules, tip.ux, tip.uy, wall) or is_split(
+        walls, rules, tip.ux, tip.uy, wall, place
+    ):
         return _stopped(tip, HEAD_ON)
     sense = slide_sense(walls, tip.ux, tip.uy, wall)
     if tip.wall != NO_WALL and is_wedged(walls, rules, wall, sense, tip.wall):
@@ -459,12 +481,14 @@ def _grow_free(walls, rules, growth, tip, length):
     left = room - _length(tip.x - px, tip.y - py)
     ray = (tip.x, tip.y, tip.ux, tip.uy)
     wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
-    if (wall == NO_WALL) | (distance >= left):
+    if wall == NO_WALL:
         x, y = px + room * tip.ux, py + room * tip.uy
         return TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
     y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
     arrived = TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    if distance >= left - TIE_STEPS * rules.tolerance_mm:
+        return _stopped(arrived, FULL_LENGTH)
     return _meet(walls, rules, arrived, wall, place)
 
 
@@ -508,14 +532,16 @@ def _slide(walls, rules, growth, tip, base, length):
     to_release = _release_distance(growth, tip, base, qx, qy, sx, sy)
     reach = min(reach, to_hit)
     sweep = (px, py, qx, qy, sx, sy, ux, uy, sense)
-    vertex, to_vertex = _vertex_swept(walls, rules, sweep, ends, min(reach, to_release))
+    # Where something else happens as the length is used up, it does not happen any more.
+    last = to_length - TIE_STEPS * rules.tolerance_mm
+    vertex, to_vertex = _vertex_swept(walls, rules, sweep, ends, min(reach, to_release, last))
     if to_release <= reach and (vertex == NO_POINT or to_release <= to_vertex):
         return _with_pivot(_moved(walls, rules, growth, tip, to_release), tip.pivot - 1)
     if vertex != NO_POINT:
         return _wrapped(walls, growth, _moved(walls, rules, growth, tip, to_vertex), vertex)
-    if reach >= to_length:
-        return _stopped(_moved(walls, rules, growth, tip, to_length), FULL_LENGTH)
     tip = _moved(walls, rules, growth, tip, reach)
+    if reach >= last:
+        return _stopped(tip, FULL_LENGTH)
     if hit != NO_WALL:
         return _meet(walls, rules, tip, hit, _place_on(walls, tip.x, tip.y, hit))
     return _reach_end(walls, rules, tip)
@@ -560,14 +586,17 @@ def _held_at(tip, x, y, ux, uy):
 
 
 @inlined
-def _flown_to_limit(growth, rules, film, tip, x, y):
-    """Return the tip where a free flight to (x, y) has used up the pressure: linear in length."""
+def _straight_to_limit(growth, rules, film, tip, x, y, ux, uy):
+    """Return the tip where going along u to (x, y) has used up the pressure: linear in length.
+
+    Where the pressure does not suffice to turn into u, the tip keeps its place and heading.
+    """
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
-    nearest = _length(tip.x - px, tip.y - py)
-    farthest = _length(x - px, y - py)
-    tension = _tension(growth, rules, film, tip, px, py, tip.ux, tip.uy)
-    reach = min(max((film[3] - tension) / rules.drag_kpa_mm, nearest), farthest)
-    return _held_at(tip, px + reach * tip.ux, py + reach * tip.uy, tip.ux, tip.uy)
+    tension = _tension(growth, rules, film, tip, px, py, ux, uy)
+    reach = min((film[3] - tension) / rules.drag_kpa_mm, _length(x - px, y - py))
+    if reach <= _length(tip.x - px, tip.y - py) + rules.tolerance_mm:
+        return _held_at(tip, tip.x, tip.y, tip.ux, tip.uy)
+    return _held_at(tip, px + reach * ux, py + reach * uy, ux, uy)
 
 
 @inlined
@@ -592,16 +621,28 @@ def _slid_to_limit(growth, rules, film, tip, x, y):
 
 
 @inlined
-def _within_pressure(growth, rules, film, tip, after):
+def _is_used_up(rules, film, tension):
+    """Tell whether a tension is more than the pressure everts; just as much is not."""
+    return tension > film[3] * (1.0 + rules.tie)
+
+
+@inlined
+def _within_pressure(walls, growth, rules, film, tip, after):
     """Return the tip after an event, or where on the way the pressure was used up."""
     if film[3] == math.inf:
         return after
     ux, uy = tip.ux, tip.uy
     if tip.wall != NO_WALL:
         ux, uy = _heading(rules, growth, tip, after.x, after.y)
-    if _tension(growth, rules, film, tip, after.x, after.y, ux, uy) > film[3]:
+    tension = _tension(growth, rules, film, tip, after.x, after.y, ux, uy)
+    if _is_used_up(rules, film, tension):
+        px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
         if tip.wall == NO_WALL:
-            return _flown_to_limit(growth, rules, film, tip, after.x, after.y)
+            return _straight_to_limit(growth, rules, film, tip, after.x, after.y, ux, uy)
+        if _length(tip.x - px, tip.y - py) <= rules.tolerance_mm:
+            # A body that slides from its pivot on lies along the wall from the beginning.
+            sx, sy = tip.sense * walls.wall[tip.wall, 2], tip.sense * walls.wall[tip.wall, 3]
+            return _straight_to_limit(growth, rules, film, tip, after.x, after.y, sx, sy)
         return _slid_to_limit(growth, rules, film, tip, after.x, after.y)
     if after.pivot > tip.pivot:
         turned = _capstan(growth, rules, film[0], film[1], tip.pivot, ux, uy)
@@ -631,8 +672,8 @@ def _everted(growth, rules, film, tip):
     """Return the tip at a branch's base: stopped if the pressure is used up by the joint."""
     if film[3] == math.inf:
         return tip
-    used_up = _tension(growth, rules, film, tip, tip.x, tip.y, tip.ux, tip.uy) > film[3]
-    return _stopped(tip, PRESSURE) if used_up else tip
+    tension = _tension(growth, rules, film, tip, tip.x, tip.y, tip.ux, tip.uy)
+    return _stopped(tip, PRESSURE) if _is_used_up(rules, film, tension) else tip
 
 
 @inlined
@@ -650,12 +691,12 @@ def _record_film(growth, rules, film, branch, tip):
 
 
 @inlined
-def _steep_body(walls, growth, tip):
+def _steep_body(walls, rules, growth, tip):
     """Return how long the body from pivot to tip is if it slides steeply, else 0."""
     qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
     along = tip.sense * (qx * walls.wall[tip.wall, 2] + qy * walls.wall[tip.wall, 3])
     reach = _length(qx, qy)
-    return reach if along < STEEP_COSINE * reach else 0.0
+    return reach if along < (STEEP_COSINE - rules.tie) * reach else 0.0
 
 
 @inlined
@@ -722,9 +763,9 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
         if tip.wall == NO_WALL:
             tip = _grow_free(walls, rules, growth, tip, length)
         else:
-            steep = max(steep, _steep_body(walls, growth, tip))
+            steep = max(steep, _steep_body(walls, rules, growth, tip))
             tip = _slide(walls, rules, growth, tip, base, length)
-        tip = _within_pressure(growth, rules, film, before, tip)
+        tip = _within_pressure(walls, growth, rules, film, before, tip)
         events += 1
     if tip.stop == GROWING:
         tip = _stopped(tip, CORNER)
@@ -785,7 +826,7 @@ _Walls = namedtuple(
 _Tree = namedtuple("_Tree", "parent turn length fits limit store")
 _Rules = namedtuple(
     "_Rules",
-    "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad most_events friction "
+    "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad tie most_events friction "
     "drag_kpa_mm",
 )
 _Start = namedtuple("_Start", "x y ux uy")
@@ -873,6 +914,7 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
             rules.deploys_stuck,
             atlas.tolerance[jobs.page[job]],
             rules.tolerance_rad,
+            rules.tie,
             rules.most_events,
             rules.friction,
             rules.drag_kpa_mm,

@@ -25,7 +25,7 @@ own robots replace them (`GrowthOptions.contact_angles_deg`)."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
-_NUMBERS = {
+NUMBERS = {
     "storage_kpa": (0.0, 1000.0, "kPa"),
     "fitted_diameter_mm": (1.0, 1000.0, "mm"),
     "body_width_ratio": (0.5, 2.0, ""),
@@ -85,7 +85,7 @@ class GrowthOptions:
             raise BadInputError("children_of_stuck", self.children_of_stuck, "'stop' or 'deploy'")
         if self.body not in ("centerline", "inflated"):
             raise BadInputError("body", self.body, "'centerline' or 'inflated'")
-        for name, (low, high, unit) in _NUMBERS.items():
+        for name, (low, high, unit) in NUMBERS.items():
             number(name, getattr(self, name), low, high, unit)
 
     @classmethod
@@ -123,7 +123,7 @@ class GrowthOptions:
         if values.get("contacts") is not None:
             values["contacts"] = contacts_of(values["contacts"])
             values = {**_measured_values(values["contacts"]), **values}
-        for name, (low, high, unit) in _NUMBERS.items():
+        for name, (low, high, unit) in NUMBERS.items():
             if name in values:
                 values[name] = _number(name, values[name], low, high, unit)
         if HALF_ANGLE_DEG in values:

@@ -111,7 +111,18 @@ class World:
         """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
         along, against = abs(_dot(u, self.walls[wall].tangent)), -_dot(u, self.walls[wall].normal)
         rules = self.rules
-        return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
+        return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tie
+
+    def is_split(self, u: complex, number: int, place: float) -> bool:
+        """Tell whether a tip meets a convex corner that turns it as much one way as the other."""
+        wall, tolerance = self.walls[number], self.rules.tolerance_mm
+        end = 1 if place >= wall.length - tolerance else 0
+        if not end and place > tolerance:
+            return False
+        other = self.walls[self.neighbours[number][end]]
+        outward = wall.tangent if end else -wall.tangent
+        turns_alike = abs(_dot(u, other.normal) - _dot(u, wall.normal)) <= self.rules.tie
+        return turns_alike and _dot(outward, other.normal) > 0.0
 
     def slide_sense(self, u: complex, wall: int) -> int:
         """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
@@ -216,6 +227,10 @@ class Film:
         factor = self.turned(pivots, u)
         return self.gain[-1] * factor, self.drawn[-1] * factor + abs(tip - pivots[-1])
 
+    def used_up(self, pivots: list[complex], tip: complex, u: complex) -> bool:
+        """Tell whether the tension at a tip is above the limit; just as much is not."""
+        return self.excess(pivots, tip, u) > self.limit * self.rules.tie
+
     def excess(self, pivots: list[complex], tip: complex, u: complex) -> float:
         """Return by how much the tension at a tip is above the limit."""
         gain, drawn = self.to(pivots, tip, u)
@@ -256,43 +271,51 @@ class GrowingBranch:
     def grow(self) -> int:
         """Grow until it stops; return the number of events."""
         events = 0
-        if self.film is not None and self.film.excess(self.pivots, self.tip, self.u) > 0.0:
+        if self.film is not None and self.film.used_up(self.pivots, self.tip, self.u):
             self.stop = Stop.PRESSURE
         while self.stop is None and events < self.world.rules.most_events:
-            start, pivots, u = self.tip, list(self.pivots), self.u
+            start, pivots, u, along = self.tip, list(self.pivots), self.u, self.u
             if self.wall is None:
                 self.grow_free()
             else:
+                along = self.sense * self.world.walls[self.wall].tangent
                 self.slide(self.wall)
             if self.film is not None:
-                self.hold_back(self.film, start, pivots, u)
+                self.hold_back(self.film, start, pivots, u, along)
             events += 1
         if self.stop is None:
             self.stop = Stop.CORNER
         return events
 
-    def hold_back(self, film: Film, start: complex, pivots: list[complex], u: complex) -> None:
+    def hold_back(
+        self, film: Film, start: complex, pivots: list[complex], u: complex, along: complex
+    ) -> None:
         """Stop on the way from ``start``, which one event went, if the pressure is used up there.
 
-        ``pivots`` and ``u`` are those before the event.
+        ``pivots`` and ``u`` are those before the event; the tip went ``along``.
         """
+        near = self.world.rules.tolerance_mm
+        from_pivot = abs(start - pivots[-1]) <= near
 
-        def heading(share: float) -> tuple[complex, complex]:
+        def at(share: float) -> tuple[complex, complex]:
             tip = start + share * (self.tip - start)
             body = tip - pivots[-1]
-            known = abs(body) > self.world.rules.tolerance_mm
-            return tip, body / abs(body) if known else u
+            if from_pivot:  # the body lies along the way from the beginning
+                return tip, along
+            return tip, body / abs(body) if abs(body) > near else u
 
         def excess(share: float) -> float:
-            return film.excess(pivots, *heading(share))
+            return film.excess(pivots, *at(share))
 
-        if excess(1.0) > 0.0:
+        tip, heading = at(1.0) if abs(self.tip - pivots[-1]) > near else (self.tip, u)
+        if film.used_up(pivots, tip, heading):
             share = float(brentq(excess, 0.0, 1.0, xtol=1e-15)) if excess(0.0) < 0.0 else 0.0
-            self.tip, self.u = heading(share)
+            stays = from_pivot and share * abs(self.tip - start) <= near
+            self.tip, self.u = (start, u) if stays else at(share)
             self.stop, self.wall = Stop.PRESSURE, None
             del self.pivots[len(pivots) :], self.senses[len(pivots) :], self.lengths[len(pivots) :]
         elif len(self.pivots) > len(pivots):
-            film.wrap(pivots, self.pivots[-1], heading(1.0)[1])
+            film.wrap(pivots, self.pivots[-1], heading)
         elif len(self.pivots) < len(pivots):
             film.gain.pop()
             film.drawn.pop()
@@ -302,11 +325,14 @@ class GrowingBranch:
         room = self.length - self.lengths[-1]
         left = room - abs(self.tip - self.pivots[-1])
         met = self.world.wall_ahead(self.tip, self.u, (self.corner,), left)
-        if met is None or met.distance >= left:
+        if met is None:
             self.tip = self.pivots[-1] + room * self.u
             self.stop = Stop.FULL_LENGTH
-            return
-        self.meet(met.wall, met.place)
+        elif met.distance >= left - 8.0 * self.world.rules.tolerance_mm:
+            self.tip = self.world.walls[met.wall].at(met.place)
+            self.stop = Stop.FULL_LENGTH
+        else:
+            self.meet(met.wall, met.place)
 
     def slide(self, wall: int) -> None:
         """Rule 2: along the wall to the first event; the body turns about the pivot."""
@@ -314,22 +340,24 @@ class GrowingBranch:
         ends = self.world.walls[wall].ends
         self.turn_to(self.tip)
         body = self.tip - self.pivots[-1]
-        if _dot(body, along) < math.cos(math.radians(60.0)) * abs(body):
+        if _dot(body, along) < (0.5 - self.world.rules.tie) * abs(body):
             self.steep = max(self.steep, abs(body))
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
         to_length = self.distance_to_length(along, to_end)
         met = self.world.wall_ahead(self.tip, along, ends, min(to_length, to_end))
         reach = min(to_length, to_end) if met is None else met.distance
         to_release = self.distance_to_release(along)
-        vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release))
+        # Where something else happens as the length is used up, it does not happen any more.
+        last = to_length - 8.0 * self.world.rules.tolerance_mm
+        vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release, last))
         if to_release <= min(reach, to_vertex):
             self.move(wall, to_release)
             self.release()
         elif vertex is not None:
             self.move(wall, to_vertex)
             self.wrap(vertex)
-        elif reach >= to_length:
-            self.move(wall, to_length)
+        elif reach >= last:
+            self.move(wall, reach)
             self.stop = Stop.FULL_LENGTH
         elif met is not None:
             self.move(wall, reach)
@@ -357,7 +385,7 @@ class GrowingBranch:
         sense = self.world.slide_sense(self.u, wall)
         if self.wall is not None and not self.world.presses(self.u, wall):
             self.stop = Stop.CORNER
-        elif self.world.is_head_on(self.u, wall):
+        elif self.world.is_head_on(self.u, wall) or self.world.is_split(self.u, wall, place):
             self.stop = Stop.HEAD_ON
         elif self.wall is not None and self.world.is_wedged(wall, sense, self.wall):
             self.stop = Stop.CORNER

@@ -40,6 +40,10 @@ GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int
 TOLERANCE_RAD = 2.0**-42
 """Directions that differ by less are parallel: far below the bend of any corner of a terrain."""
 
+TIE = 1e-9
+"""Angles (rad) and shares of a pressure that differ by less are equal: above what rounding leaves
+of the directions of walls and bodies, far below what anybody measures."""
+
 MOST_EVENTS = 100_000
 """Guard against a branch that never ends; the most seen in tests is below a hundred."""
 
@@ -194,6 +198,7 @@ def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
         deploys_stuck=options.deploys_stuck,
         tolerance_mm=tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,
+        tie=TIE,
         most_events=MOST_EVENTS,
         friction=FITTED.friction.value,
         drag_kpa_mm=FITTED.drag_kpa_m.value / 1000.0,

@@ -7,6 +7,9 @@ from enum import StrEnum
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import number
 
+LARGEST_QUANTITY = 1e12
+"""Limit of every number with a standing, in its unit."""
+
 
 class Standing(StrEnum):
     """How far a number may be trusted."""
@@ -45,10 +48,10 @@ class Quantity:
     uncertainty_95: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        number("value", self.value, -1e12, 1e12)
+        number("value", self.value, -LARGEST_QUANTITY, LARGEST_QUANTITY)
         for name in ("uncertainty", "uncertainty_95"):
             if (given := getattr(self, name)) is not None:
-                number(name, given, 0.0, 1e12)
+                number(name, given, 0.0, LARGEST_QUANTITY)
 
     def __float__(self) -> float:
         return self.value
@@ -116,6 +119,12 @@ class Machine:
     acceleration_mm_s2: Quantity
     colours: str = "default"
     hairline_mm: float = 0.01
+
+    def __post_init__(self) -> None:
+        least_mm = min(self.bed_width_mm.value, self.bed_height_mm.value)
+        if 2.0 * self.margin_mm.value >= least_mm:
+            allowed = f"less than half of the bed ({least_mm:g} mm)"
+            raise BadInputError("margin_mm", self.margin_mm.value, allowed)
 
     @property
     def usable_mm(self) -> tuple[float, float]:

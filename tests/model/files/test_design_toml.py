@@ -98,7 +98,7 @@ BAD = {
     "nan": ("length = 90.0", "length = nan", "level[1].length is nan"),
     "infinite": ("length = 90.0", "length = inf", "level[1].length is inf"),
     "huge": ("length = 90.0", "length = 1e300", "level[1].length is 1e+300"),
-    "huge after scaling": ("= 2.0", "= 1e7", "allowed: above 0, at most 1e+07 mm"),
+    "huge after scaling": ("= 2.0", "= 1e7", "allowed: 1e-06 to 1e+07 mm"),
     "too few widths": ("[40.0, 24.0]", "[40.0]", "2 widths, one per level, trunk first"),
     "text for a number": ("length = 90.0", 'length = "90"', "level[1].length is '90'"),
     "missing trunk": ("[trunk]\nlength = 120", "", "trunk is missing"),

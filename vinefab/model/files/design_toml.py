@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
-from vinefab.core.validation import LARGEST_MM, check_plain
+from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain
 from vinefab.model.design import (
     DEFAULT_FILLET_RATIO,
     DEFAULT_MOUNTING,
@@ -38,8 +38,8 @@ from vinefab.model.files.toml import Form, read_toml, validated
 WIDEST_BODY_MM = 1e4
 """Wider ones are a mixed-up unit, and their outlines would take gigabytes."""
 _SCHEMA = "vinefab/design-1"
-Positive = Annotated[float, Field(gt=0, le=LARGEST_MM)]
-Width = Annotated[float, Field(gt=0, le=WIDEST_BODY_MM)]
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST_MM)]
+Width = Annotated[float, Field(ge=SMALLEST, le=WIDEST_BODY_MM)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST_MM)]
 Taper = Annotated[float, Field(ge=0.01, le=1)]
 
@@ -96,7 +96,8 @@ class BuildForm(Form):
     # lay-flat lumen width of each level, trunk first; inflates to 2 w / pi
     widths_mm: list[Width] | None = None
     trunk_width_mm: Width | None = None  # in place of widths_mm, with width_ratio
-    width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None  # of a level over the one before
+    # of a level over the one before
+    width_ratio: Annotated[float, Field(ge=SMALLEST, le=1)] | None = None
     # width at the end of each level's branches over that at their beginning
     taper: list[Taper] | None = None
     fillet_mm: list[NotNegative] | None = None  # radius in each level's joints, level 2 first

@@ -8,10 +8,12 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.validation import SMALLEST
 from vinefab.model.files.named_file import is_inside
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
+    LARGEST_QUANTITY,
     SEAM_KEYS,
     SHRINKAGE_PERCENT,
     EnergyWindow,
@@ -42,9 +44,9 @@ class QuantityForm(Form):
     standing: Annotated[Standing, Field(strict=False)]
     source: Annotated[str, Field(min_length=1)]  # who says so, or how it was found
     # one standard deviation, in the same unit
-    uncertainty: Annotated[float, Field(ge=0)] | None = None
+    uncertainty: Annotated[float, Field(ge=0, le=LARGEST_QUANTITY)] | None = None
     # half of the 95 % interval, in the same unit
-    uncertainty_95: Annotated[float, Field(ge=0)] | None = None
+    uncertainty_95: Annotated[float, Field(ge=0, le=LARGEST_QUANTITY)] | None = None
 
     def noun(self) -> Quantity:
         """Return the number with its standing."""
@@ -66,9 +68,12 @@ def _within(low: float, high: float) -> Callable[[QuantityForm], QuantityForm]:
     return check_value
 
 
-Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
+Positive = Annotated[QuantityForm, AfterValidator(_within(SMALLEST, 1e9))]
 Shrinkage = Annotated[QuantityForm, AfterValidator(_within(*SHRINKAGE_PERCENT))]
 NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
+Length = Annotated[QuantityForm, AfterValidator(_within(SMALLEST, 1e5))]
+Breadth = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e3))]
+Friction = Annotated[QuantityForm, AfterValidator(_within(0.0, 10.0))]
 Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
 Power = Annotated[QuantityForm, AfterValidator(_within(1e-6, 100.0))]
 Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
@@ -91,10 +96,10 @@ class MachineForm(NamedForm):
     schema_: Literal["vinefab/machine-1"] = Field(alias="schema")  # kind of file and its version
     colours: str = "default"  # preset of its software
     # line width that its driver takes for a cut
-    hairline_mm: Annotated[float, Field(gt=0, le=10)] = 0.01
-    bed_width_mm: Positive  # along x
-    bed_height_mm: Positive  # along y
-    margin_mm: NotNegative  # rim of the bed that stays free
+    hairline_mm: Annotated[float, Field(ge=SMALLEST, le=10)] = 0.01
+    bed_width_mm: Length  # along x
+    bed_height_mm: Length  # along y
+    margin_mm: Breadth  # rim of the bed that stays free
     power_w: Positive  # of the laser
     spot_mm: Positive  # diameter in focus
     rayleigh_mm: Positive  # depth over which the spot grows by the root of 2
@@ -109,11 +114,11 @@ class MaterialForm(NamedForm):
     plies: Annotated[int, Field(ge=1, le=10)]  # layers that are welded at once
     weldable: bool  # whether a laser can weld it
     ply_mm: Positive  # thickness of one layer
-    roll_width_mm: Positive  # of the film as it is bought
+    roll_width_mm: Length  # of the film as it is bought
     density_kg_m3: Positive  # of the film
     modulus_mpa: Positive  # of elasticity
     strength_mpa: Positive  # in tension
-    friction: NotNegative  # against the environment
+    friction: Friction  # against the environment
     burst_kpa: Positive | None = None  # at which a tube burst
     burst_width_mm: Positive | None = None  # lay-flat width of that tube
     survived_kpa: Positive | None = None  # that a tube bore
@@ -133,9 +138,9 @@ class OperationForm(Form):
     focus_offset_mm: Offset  # above the focus; widens the spot
     frequency_hz: NotNegative  # of pulses
     spot_mm: Positive  # diameter at this offset
-    kerf_mm: NotNegative  # width that is removed
-    seam_width_mm: NotNegative  # width that is fused beside the kerf
-    overcut_mm: NotNegative  # that a closed path runs past its start
+    kerf_mm: Breadth  # width that is removed
+    seam_width_mm: Breadth  # width that is fused beside the kerf
+    overcut_mm: Breadth  # that a closed path runs past its start
 
 
 class OperationsForm(Form):
@@ -162,7 +167,7 @@ class MeasuredForm(Form):
     burst_width_mm: Positive | None = None  # lay-flat width of that tube
     survived_kpa: Positive | None = None  # that a tube of yours bore
     survived_width_mm: Positive | None = None  # lay-flat width of that tube
-    friction: NotNegative | None = None  # of your film on your obstacles
+    friction: Friction | None = None  # of your film on your obstacles
     shrinkage_percent: Shrinkage | None = None  # of your film where it is welded
 
 
@@ -172,7 +177,7 @@ class GrowthForm(Form):
     yield_kpa: NotNegative  # below which film does not evert
     drag_kpa_m: NotNegative  # per metre of path
     storage_kpa: NotNegative  # tension of the film in its store
-    friction: NotNegative  # film on film, per radian of turn
+    friction: Friction  # film on film, per radian of turn
     width_mm: Positive  # lay-flat width of the tube that was grown
 
 
@@ -408,18 +413,14 @@ def _nouns(form: Form) -> dict[str, Quantity]:
 
 def _machine_at(path: Path) -> Machine:
     form = _read(MachineForm, path)
-    machine = Machine(
-        name=form.name,
-        title=form.title,
-        colours=form.colours,
-        hairline_mm=form.hairline_mm,
-        **_nouns(form),
-    )
-    if min(machine.usable_mm) <= 0.0:
-        least_mm = min(form.bed_width_mm.value, form.bed_height_mm.value)
-        allowed = f"less than {least_mm / 2.0:g}, half the bed"
-        raise BadInputError("margin_mm", form.margin_mm.value, allowed, path)
-    return machine
+    with located(path):
+        return Machine(
+            name=form.name,
+            title=form.title,
+            colours=form.colours,
+            hairline_mm=form.hairline_mm,
+            **_nouns(form),
+        )
 
 
 def _material_at(path: Path) -> Material:

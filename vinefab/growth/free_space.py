@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Ints32, WallArrays
 from vinefab.model.map import Map
+from vinefab.model.rings import Rings, linked, rings_of, without_notches
 
 Shapes = NDArray[np.object_]
 
@@ -54,52 +55,17 @@ def shrunk_free_space(free: BaseGeometry, radius_mm: float, grid_mm: float) -> B
     """Return where the centreline of a body of some radius may be, snap-rounded."""
     free = without_notches(free, NOTCH_SHARE * radius_mm)
     if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
-        return _shrunk_piecewise(free, radius_mm, grid_mm)
+        return shrunk_piecewise(free, radius_mm, grid_mm)
     shrunk = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
     return shapely.set_precision(shrunk, grid_mm)
 
 
-def without_notches(free: BaseGeometry, mouth_mm: float) -> BaseGeometry:
-    """Return a free space less its sharp notches whose mouths are no wider than some length.
-
-    Side by side, narrow notches cost time that grows with the square of their number, because each
-    thickened wall meets all others that are near it.
-    """
-    rings = walls = _rings(free)
-    corners: shapely.STRtree | None = None
-    while len(notch := _notches(walls, mouth_mm)):
-        corners = corners or shapely.STRtree(shapely.points(rings.corner))
-        around = np.stack([walls.before[notch], notch, walls.after[notch]], axis=1)
-        filled = shapely.polygons(walls.corner[around])
-        # Its own three corners are in it; what holds another one stays open.
-        count = np.bincount(corners.query(filled, "intersects")[0], minlength=len(notch))
-        if not (count <= 3).any():
-            break
-        kept = np.delete(np.arange(len(walls.ring)), notch[count <= 3])
-        walls = _linked(walls.corner[kept], walls.ring[kept])
-    return free if walls is rings else _as_polygons(walls, free)
-
-
-def _notches(rings: "_Rings", mouth_mm: float) -> Ints:
-    """Return corners of less than a right angle of free space; no two are neighbours."""
-    back, on = rings.corner[rings.before] - rings.corner, rings.corner[rings.after] - rings.corner
-    sharp = (np.sum(back * on, axis=1) > 0.0) & (np.hypot(*(back - on).T) <= mouth_mm)
-    sharp &= on[:, 0] * back[:, 1] - on[:, 1] * back[:, 0] > 0.0
-    sharp &= ~sharp[rings.before]
-    # A ring of five could be left with two.
-    return np.flatnonzero(sharp & (np.bincount(rings.ring)[rings.ring] > 5))
-
-
-def _as_polygons(rings: "_Rings", free: BaseGeometry) -> BaseGeometry:
-    """Return rings as the polygons that they had in a free space."""
-    _, part = shapely.get_rings(shapely.get_parts(free), return_index=True)
-    lines = np.asarray(shapely.linearrings(rings.corner, indices=rings.ring))
-    first = np.searchsorted(part, np.unique(part))
-    polygons = [shapely.polygons(shell, holes) for shell, *holes in np.split(lines, first[1:])]
-    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
-
-
-def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
+def shrunk_piecewise(
+    free: BaseGeometry,
+    radius_mm: float,
+    grid_mm: float,
+    segments: int = ARC_SEGMENTS_PER_QUARTER,
+) -> BaseGeometry:
     """Return a free space less all that is near its walls, taken a few at a time and merged."""
     shrunk = list[BaseGeometry]()
     for part in shapely.get_parts(free):
@@ -110,7 +76,7 @@ def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> B
         outlines = [shell, *shapely.get_exterior_ring(large).tolist()]
         pieces = [piece for outline in outlines for piece in _pieces(outline)]
         near = [*solid[small], *pieces]
-        grown = shapely.buffer(near, radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+        grown = shapely.buffer(near, radius_mm, quad_segs=segments)
         merged = shapely.disjoint_subset_union_all([*grown, *large])
         shrunk.append(_without(shapely.Polygon(shell), shapely.get_parts(merged), grid_mm))
     places = shapely.get_parts(shrunk)
@@ -163,7 +129,7 @@ def _are_wide(obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
     wide[few] = shapely.minimum_clearance(obstacles[few]) > apart_mm
     # That measures every corner against every wall of a jagged outline.
     for index in np.flatnonzero(~few):
-        walls = _rings(obstacles[index])
+        walls = rings_of(obstacles[index])
         lines = np.stack([walls.corner, walls.corner[walls.after]], axis=1)
         corner, wall = shapely.STRtree(shapely.linestrings(lines)).query(
             shapely.points(walls.corner), "dwithin", apart_mm
@@ -209,24 +175,15 @@ class FreeSpaceWalls(NamedTuple):
     vertex_point: Ints
 
 
-class _Rings(NamedTuple):
-    """Corners of all rings, concatenated: their ring, and their neighbours in it."""
-
-    corner: Floats
-    ring: Ints
-    before: Ints
-    after: Ints
-
-
 def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     """Return the walls of a free space."""
-    rings = _rings(free)
+    rings = rings_of(free)
     place, count = _places(rings.corner)
     straight = (_bulge(rings) <= tolerance_mm) & (count[place] == 1)
     # A needle keeps its flat corner: without it, it would have no inside.
     straight &= np.bincount(rings.ring, weights=~straight)[rings.ring] >= 3
     if straight.any():
-        rings = _linked(rings.corner[~straight], rings.ring[~straight])
+        rings = linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)
     wall = _wall_rows(rings)
     follower = _followers(wall, place, rings.after, count)
@@ -237,26 +194,6 @@ def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     return FreeSpaceWalls(wall, link, vertex, link[owner, 3])
 
 
-def _rings(free: BaseGeometry) -> _Rings:
-    polygons = shapely.get_parts(shapely.orient_polygons(free))
-    rings = shapely.get_rings(polygons)
-    corner, owner = shapely.get_coordinates(rings, return_index=True)
-    # Every ring repeats its first corner at its end.
-    closing = np.append(owner[1:] != owner[:-1], True)[: len(owner)]
-    # Adding zero turns -0.0 into 0.0, so that equal places have equal bytes.
-    return _linked(corner[~closing] + 0.0, owner[~closing])
-
-
-def _linked(corner: Floats, ring: Ints) -> _Rings:
-    """Return corners with their neighbours; ``ring`` rises."""
-    index = np.arange(len(ring))
-    first = np.searchsorted(ring, ring, side="left")
-    last = np.searchsorted(ring, ring, side="right") - 1
-    before = np.where(index == first, last, index - 1)
-    after = np.where(index == last, first, index + 1)
-    return _Rings(corner, ring, before.astype(np.int64), after.astype(np.int64))
-
-
 def _places(corner: Floats) -> tuple[Ints, Ints]:
     """Return the number of each corner's place and how many corners share each place."""
     if len(corner) == 0:
@@ -265,7 +202,7 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     return place.reshape(-1).astype(np.int64), count.astype(np.int64)
 
 
-def _bulge(rings: _Rings) -> Floats:
+def _bulge(rings: Rings) -> Floats:
     """Return how far each corner stands out from the line between its neighbours."""
     back = rings.corner - rings.corner[rings.before]
     on = rings.corner[rings.after] - rings.corner
@@ -276,7 +213,7 @@ def _bulge(rings: _Rings) -> Floats:
     return np.where(turns_back, np.inf, out)
 
 
-def _wall_rows(rings: _Rings) -> Floats:
+def _wall_rows(rings: Rings) -> Floats:
     start, end = rings.corner, rings.corner[rings.after]
     span = end - start
     length = np.hypot(span[:, 0], span[:, 1])

@@ -28,16 +28,19 @@ the square of their number: seconds up to here, hours for 100,000."""
 FEW_CORNERS = 1_000
 """The clearance of obstacles with no more corners is measured as a whole."""
 
+MANY_NOTCHES = 200
+"""Fewer cost little, and stay."""
+
 PAIRS_AT_ONCE = 1_000_000
 """Pairs of walls that are looked at together: about 100 MB."""
 
 WALLS_PER_PIECE = 32
 """Walls that are thickened together: few, because each meets all others that are near it."""
 
-NOTCH_SHARE = 0.05
+NOTCH_SHARE = 0.1
 """Of a body's radius: sharp notches with so wide a mouth are filled before the free space shrinks.
 
-It moves the boundary by 0.0003 radii at most, a quarter of what rounded corners are off.
+It moves the boundary by 0.00125 radii at most, as much as rounded corners are off.
 """
 
 
@@ -53,7 +56,7 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
 
 def shrunk_free_space(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
     """Return where the centreline of a body of some radius may be, snap-rounded."""
-    free = without_notches(free, NOTCH_SHARE * radius_mm)
+    free = without_notches(free, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
     if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
         return shrunk_piecewise(free, radius_mm, grid_mm)
     shrunk = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)

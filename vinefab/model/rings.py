@@ -39,15 +39,16 @@ def linked(corner: Floats, ring: Ints) -> Rings:
     return Rings(corner, ring, before.astype(np.int64), after.astype(np.int64))
 
 
-def without_notches(free: BaseGeometry, mouth_mm: float) -> BaseGeometry:
+def without_notches(free: BaseGeometry, mouth_mm: float, at_least: int = 1) -> BaseGeometry:
     """Return a free space less its sharp notches whose mouths are no wider than some length.
 
     Side by side, narrow notches cost time that grows with the square of their number, because each
-    thickened wall meets all others that are near it.
+    thickened wall meets all others that are near it. Fewer than ``at_least`` stay as they are.
     """
     rings = walls = rings_of(free)
     corners: shapely.STRtree | None = None
-    while len(notch := _notches(walls, mouth_mm)):
+    while len(notch := _notches(walls, mouth_mm)) >= max(at_least, 1):
+        at_least = 1
         corners = corners or shapely.STRtree(shapely.points(rings.corner))
         around = np.stack([walls.before[notch], notch, walls.after[notch]], axis=1)
         filled = shapely.polygons(walls.corner[around])

@@ -20,7 +20,7 @@ from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
-from vinefab.growth.free_space import NOTCH_SHARE, shrunk_piecewise
+from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.results_json import pose_content
@@ -117,7 +117,7 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     """
     arcs = _ARC_SEGMENTS_PER_QUARTER
     point = Point(start.pose.x_mm, start.pose.y_mm)
-    home = without_notches(home, NOTCH_SHARE * radius_mm)
+    home = without_notches(home, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
     if shapely.get_num_coordinates(home) > _MOST_AT_ONCE:
         middles = shrunk_piecewise(home, radius_mm, _GRID_SHARE * radius_mm, arcs)
     else:

@@ -133,12 +133,13 @@ def _are_wide(obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
     # That measures every corner against every wall of a jagged outline.
     for index in np.flatnonzero(~few):
         walls = rings_of(obstacles[index])
-        lines = np.stack([walls.corner, walls.corner[walls.after]], axis=1)
-        corner, wall = shapely.STRtree(shapely.linestrings(lines)).query(
+        ends = np.stack([walls.corner, walls.corner[walls.after]], axis=1)
+        lines = np.asarray(shapely.linestrings(ends))
+        corner, wall = shapely.STRtree(lines).query(
             shapely.points(walls.corner), "dwithin", apart_mm
         )
         own = (wall == corner) | (wall == walls.before[corner])
-        wide[index] = own.all() and (shapely.length(shapely.linestrings(lines)) > apart_mm).all()
+        wide[index] = own.all() and (shapely.length(lines) > apart_mm).all()
     return wide
 
 

@@ -49,7 +49,7 @@ def without_notches(free: BaseGeometry, mouth_mm: float, at_least: int = 1) -> B
     corners: shapely.STRtree | None = None
     while len(notch := _notches(walls, mouth_mm)) >= max(at_least, 1):
         at_least = 1
-        corners = corners or shapely.STRtree(shapely.points(rings.corner))
+        corners = corners or shapely.STRtree(np.asarray(shapely.points(rings.corner)))
         around = np.stack([walls.before[notch], notch, walls.after[notch]], axis=1)
         filled = shapely.polygons(walls.corner[around])
         # Its own three corners are in it; what holds another one stays open.

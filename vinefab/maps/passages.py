@@ -42,10 +42,10 @@ _LEAST_SHARE = 0.1
 
 _PAIRS_AT_ONCE = 2_000_000
 
-_SOME_PAIRS = 1e6
+_SOME_PAIRS = 5e5
 """For fewer pairs of walls in a round it does not matter how they are found."""
 
-_MANY_PAIRS = 1e7
+_MANY_PAIRS = 2e6
 """For more pairs of walls in a round, walls are simplified: widths are good to 0.1 % from there."""
 
 _MOST_PAIRS = 1e8

@@ -12,6 +12,7 @@ from vinefab.growth import free_space as freespace
 from vinefab.growth.free_space import free_space
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map
+from vinefab.model.rings import without_notches
 
 
 def subtracted(world, grid_mm):
@@ -102,3 +103,49 @@ def test_what_is_beside_a_ring_is_found_piece_by_piece_too(monkeypatch):
 
 def polar(radius, turn):
     return radius * math.cos(turn), radius * math.sin(turn)
+
+
+def jagged_star(corners):
+    angle = np.arange(corners) * 2.0 * np.pi / corners
+    radius = np.where(np.arange(corners) % 2, 90.0, 130.0)[:, None]
+    return Polygon([300, 200] + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def test_a_jagged_star_shrinks_in_time_and_to_its_hull():
+    """Its slots are 0.04 mm wide at the mouth: a body of 10 mm sees the polygon of its tips."""
+    world = Map(name="star", bounds=box(0, 0, 600, 400), obstacles=(jagged_star(40_000),))
+    begin = time.process_time()
+    terrain = Terrain.of(world)
+    terrain.walls(10.0)
+    assert time.process_time() - begin < 15.0  # hours before
+    hull = world.obstacles[0].convex_hull
+    closed_form_mm2 = 580.0 * 380.0 - (hull.area + 10.0 * hull.length + 100.0 * math.pi)
+    assert terrain.free_space(10.0).area == pytest.approx(closed_form_mm2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("peg", "filled"),
+    [(None, True), (box(49.99, 15, 50.01, 16), False), (box(49, 40, 51, 41), True)],
+)
+def test_notches_are_filled_where_nothing_stands_in_them(peg, filled):
+    slit = Polygon([(0, 0), (100, 0), (100, 30), (50.1, 30), (50, 10), (49.9, 30), (0, 30)])
+    free = box(-20, -20, 120, 80) - slit - (peg or Polygon())
+    assert without_notches(free, 0.1) is free  # its mouth is wider
+    closed = without_notches(free, 0.3)
+    assert closed.is_valid
+    assert (free.area - closed.area) == pytest.approx(2.0 if filled else 0.0, abs=1e-9)
+
+
+def test_walls_of_jagged_obstacles_are_told_apart_as_of_others(random_map, monkeypatch):
+    shapes = [
+        shape
+        for kind in ("convex", "star", "needles")
+        for number in range(20)
+        for shape in random_map(np.random.default_rng([5, number]), kind).obstacles
+    ]
+    obstacles = np.array(shapes, dtype=object)
+    clearance_mm = shapely.minimum_clearance(obstacles)
+    monkeypatch.setattr(freespace, "FEW_CORNERS", 0)
+    for apart_mm in np.quantile(clearance_mm, [0.1, 0.5, 0.9]):
+        wide = freespace._are_wide(obstacles, 1.0001 * apart_mm)
+        assert (wide == (clearance_mm > 1.0001 * apart_mm)).all()

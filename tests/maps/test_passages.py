@@ -1,4 +1,5 @@
 import math
+import time
 
 import numpy as np
 import pytest
@@ -6,6 +7,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vinefab.core.errors import BadInputError
+from vinefab.maps import passages
 from vinefab.maps.generators.cave import CaveOptions, cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.passages import narrow_passages
@@ -230,3 +233,29 @@ def test_dead_ends_are_what_closing_a_passage_cuts_off(seed, turn):
         cut_off = min(filled[0], outside - filled[0]) if len(filled) > 1 else math.inf
         expected = math.sqrt(4 * cut_off / math.pi) if cut_off < 0.1 * outside else math.inf
         assert passage.dead_end_mm == pytest.approx(expected, rel=1e-3, abs=1e-2)
+
+
+def jagged(corners):
+    angle = np.arange(corners) * 2.0 * np.pi / corners
+    radius = np.where(np.arange(corners) % 2, 90.0, 130.0)[:, None]
+    points = [430, 230] + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return shapely.box(0, 0, 600, 400) - shapely.Polygon(points)
+
+
+def test_many_jagged_corners_are_searched_in_time():
+    begin = time.process_time()
+    assert widths_of(jagged(16_000)) == pytest.approx([40.0, 40.0, 100.0, 300.0], rel=1e-3)
+    assert time.process_time() - begin < 30.0  # minutes before
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_simplified_walls_have_the_same_passages(seed, monkeypatch):
+    free = grid_map(seed).free_space
+    exact = widths_of(free, 8)
+    monkeypatch.setattr(passages, "_SOME_PAIRS", 0.0)  # parallel walls by their direction
+    assert widths_of(free, 8) == exact
+    monkeypatch.setattr(passages, "_MANY_PAIRS", 0.0)
+    assert widths_of(free, 8) == pytest.approx(exact, rel=1e-3)
+    monkeypatch.setattr(passages, "_MOST_PAIRS", 0.0)
+    with pytest.raises(BadInputError, match="--simplify-mm"):
+        narrow_passages(free)

@@ -5,6 +5,7 @@ import pytest
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon, box
 
+from vinefab.core.errors import BadInputError
 from vinefab.model.map import Pose, Start
 from vinefab.rig.plate import build_rig
 from vinefab.rig.rig_options import RigOptions
@@ -31,6 +32,12 @@ def rig_of(make_printer, make_map):
 
 def _start(x_mm, y_mm, heading_deg):
     return Start(pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=math.radians(heading_deg)))
+
+
+def test_more_corners_than_a_printer_resolves_are_refused_at_once(make_map, make_printer):
+    disc = Point(200, 150).buffer(80, quad_segs=6_000)
+    with pytest.raises(BadInputError, match="--simplify-mm"):
+        build_rig(make_map(disc), make_printer())
 
 
 def test_the_border_is_open_behind_a_start(rig_of, up_start, faces_at):

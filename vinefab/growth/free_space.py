@@ -1,5 +1,6 @@
 """Free space on a grid of coordinates: as polygons, as walls and vertices, and their grid index."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Ints32, WallArrays
 from vinefab.model.map import Map
+from vinefab.model.rings import Rings, linked, rings_of, without_notches
 
 Shapes = NDArray[np.object_]
 
@@ -23,8 +25,23 @@ MOST_AT_ONCE = 20_000
 """A free space with more corners is shrunk piece by piece. At once it takes time that grows with
 the square of their number: seconds up to here, hours for 100,000."""
 
+FEW_CORNERS = 1_000
+"""The clearance of obstacles with no more corners is measured as a whole."""
+
+MANY_NOTCHES = 200
+"""Fewer cost little, and stay."""
+
+PAIRS_AT_ONCE = 1_000_000
+"""Pairs of walls that are looked at together: about 100 MB."""
+
 WALLS_PER_PIECE = 32
 """Walls that are thickened together: few, because each meets all others that are near it."""
+
+NOTCH_SHARE = 0.1
+"""Of a body's radius: sharp notches with so wide a mouth are filled before the free space shrinks.
+
+It moves the boundary by 0.00125 radii at most, as much as rounded corners are off.
+"""
 
 
 def free_space(world: Map, grid_mm: float) -> BaseGeometry:
@@ -39,13 +56,19 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
 
 def shrunk_free_space(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
     """Return where the centreline of a body of some radius may be, snap-rounded."""
+    free = without_notches(free, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
     if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
-        return _shrunk_piecewise(free, radius_mm, grid_mm)
+        return shrunk_piecewise(free, radius_mm, grid_mm)
     shrunk = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
     return shapely.set_precision(shrunk, grid_mm)
 
 
-def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
+def shrunk_piecewise(
+    free: BaseGeometry,
+    radius_mm: float,
+    grid_mm: float,
+    segments: int = ARC_SEGMENTS_PER_QUARTER,
+) -> BaseGeometry:
     """Return a free space less all that is near its walls, taken a few at a time and merged."""
     shrunk = list[BaseGeometry]()
     for part in shapely.get_parts(free):
@@ -56,7 +79,7 @@ def _shrunk_piecewise(free: BaseGeometry, radius_mm: float, grid_mm: float) -> B
         outlines = [shell, *shapely.get_exterior_ring(large).tolist()]
         pieces = [piece for outline in outlines for piece in _pieces(outline)]
         near = [*solid[small], *pieces]
-        grown = shapely.buffer(near, radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+        grown = shapely.buffer(near, radius_mm, quad_segs=segments)
         merged = shapely.disjoint_subset_union_all([*grown, *large])
         shrunk.append(_without(shapely.Polygon(shell), shapely.get_parts(merged), grid_mm))
     places = shapely.get_parts(shrunk)
@@ -96,10 +119,28 @@ def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> ND
     alone &= ~shapely.dwithin(edge, obstacles, apart_mm)
     alone &= shapely.get_num_interior_rings(obstacles) == 0
     # Parts of one obstacle that are nearly as close as the grid are left to exact rounding.
-    alone &= shapely.minimum_clearance(obstacles) > apart_mm
+    alone &= _are_wide(obstacles, apart_mm)
     pairs = shapely.STRtree(obstacles).query(obstacles, "dwithin", apart_mm)
     alone &= np.bincount(pairs[0], minlength=len(obstacles)) == 1
     return alone
+
+
+def _are_wide(obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
+    """Tell which obstacles have no corners or walls of their own closer to each other."""
+    few = shapely.get_num_coordinates(obstacles) <= FEW_CORNERS
+    wide = np.ones(len(obstacles), dtype=np.bool_)
+    wide[few] = shapely.minimum_clearance(obstacles[few]) > apart_mm
+    # That measures every corner against every wall of a jagged outline.
+    for index in np.flatnonzero(~few):
+        walls = rings_of(obstacles[index])
+        ends = np.stack([walls.corner, walls.corner[walls.after]], axis=1)
+        lines = np.asarray(shapely.linestrings(ends))
+        corner, wall = shapely.STRtree(lines).query(
+            shapely.points(walls.corner), "dwithin", apart_mm
+        )
+        own = (wall == corner) | (wall == walls.before[corner])
+        wide[index] = own.all() and (shapely.length(lines) > apart_mm).all()
+    return wide
 
 
 def _rounded(obstacles: Shapes, grid_mm: float) -> Shapes:
@@ -138,24 +179,15 @@ class FreeSpaceWalls(NamedTuple):
     vertex_point: Ints
 
 
-class _Rings(NamedTuple):
-    """Corners of all rings, concatenated: their ring, and their neighbours in it."""
-
-    corner: Floats
-    ring: Ints
-    before: Ints
-    after: Ints
-
-
 def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     """Return the walls of a free space."""
-    rings = _rings(free)
+    rings = rings_of(free)
     place, count = _places(rings.corner)
     straight = (_bulge(rings) <= tolerance_mm) & (count[place] == 1)
     # A needle keeps its flat corner: without it, it would have no inside.
     straight &= np.bincount(rings.ring, weights=~straight)[rings.ring] >= 3
     if straight.any():
-        rings = _linked(rings.corner[~straight], rings.ring[~straight])
+        rings = linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)
     wall = _wall_rows(rings)
     follower = _followers(wall, place, rings.after, count)
@@ -166,26 +198,6 @@ def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     return FreeSpaceWalls(wall, link, vertex, link[owner, 3])
 
 
-def _rings(free: BaseGeometry) -> _Rings:
-    polygons = shapely.get_parts(shapely.orient_polygons(free))
-    rings = shapely.get_rings(polygons)
-    corner, owner = shapely.get_coordinates(rings, return_index=True)
-    # Every ring repeats its first corner at its end.
-    closing = np.append(owner[1:] != owner[:-1], True)[: len(owner)]
-    # Adding zero turns -0.0 into 0.0, so that equal places have equal bytes.
-    return _linked(corner[~closing] + 0.0, owner[~closing])
-
-
-def _linked(corner: Floats, ring: Ints) -> _Rings:
-    """Return corners with their neighbours; ``ring`` rises."""
-    index = np.arange(len(ring))
-    first = np.searchsorted(ring, ring, side="left")
-    last = np.searchsorted(ring, ring, side="right") - 1
-    before = np.where(index == first, last, index - 1)
-    after = np.where(index == last, first, index + 1)
-    return _Rings(corner, ring, before.astype(np.int64), after.astype(np.int64))
-
-
 def _places(corner: Floats) -> tuple[Ints, Ints]:
     """Return the number of each corner's place and how many corners share each place."""
     if len(corner) == 0:
@@ -194,7 +206,7 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     return place.reshape(-1).astype(np.int64), count.astype(np.int64)
 
 
-def _bulge(rings: _Rings) -> Floats:
+def _bulge(rings: Rings) -> Floats:
     """Return how far each corner stands out from the line between its neighbours."""
     back = rings.corner - rings.corner[rings.before]
     on = rings.corner[rings.after] - rings.corner
@@ -205,7 +217,7 @@ def _bulge(rings: _Rings) -> Floats:
     return np.where(turns_back, np.inf, out)
 
 
-def _wall_rows(rings: _Rings) -> Floats:
+def _wall_rows(rings: Rings) -> Floats:
     start, end = rings.corner, rings.corner[rings.after]
     span = end - start
     length = np.hypot(span[:, 0], span[:, 1])
@@ -273,7 +285,9 @@ def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     """Return the walls with their grid index, all arrays read-only."""
     grid = _grid_over(walls.wall)
     wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
-    crowded = _crowded(walls, wall_item, _lists_at_starts(grid, walls.wall, wall_first), near_mm)
+    crowded = np.zeros(len(walls.wall), dtype=np.int64)
+    for owner, place in _lists_at_starts(grid, walls.wall, wall_first):
+        crowded[_crowded(walls, owner, wall_item[place].astype(np.int64), near_mm)] = 1
     vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall[:, :5]),
@@ -343,18 +357,24 @@ def _heights(grid: _Grid, wall: Floats, column: Ints, margin: float) -> tuple[Fl
     return np.minimum(y + one * dy, y + two * dy), np.maximum(y + one * dy, y + two * dy)
 
 
-def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> tuple[Ints, Ints]:
-    """Return (wall, place in the list of items) for all walls in the cell of each wall's start."""
+def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> Iterator[tuple[Ints, Ints]]:
+    """Yield (wall, place in the list of items) for all walls in the cell of each wall's start.
+
+    They come in batches that bound the memory.
+    """
     cell = _row(grid, wall[:, 1]) * grid.columns + _column(grid, wall[:, 0])
-    return _expanded(first[cell].astype(np.int64), first[cell + 1].astype(np.int64) - 1)
+    begin, end = first[cell].astype(np.int64), first[cell + 1].astype(np.int64)
+    batch = np.cumsum(end - begin) // PAIRS_AT_ONCE
+    for some in np.split(np.arange(len(cell)), np.flatnonzero(np.diff(batch)) + 1):
+        owner, place = _expanded(begin[some], end[some] - 1)
+        yield some[owner], place
 
 
-def _crowded(walls: FreeSpaceWalls, item: Ints32, pairs: tuple[Ints, Ints], near_mm: float) -> Ints:
-    """Return 1 for every wall that another comes near to, except where they join.
+def _crowded(walls: FreeSpaceWalls, owner: Ints, other: Ints, near_mm: float) -> NDArray[np.bool_]:
+    """Tell which walls another one comes near to, except where they join, given pairs to look at.
 
     Walls do not cross, so what comes nearest is an end of one of the two.
     """
-    owner, other = pairs[0], item[pairs[1]].astype(np.int64)
     start, end = walls.link[:, 2], walls.link[:, 3]
     apart = (start[other] != start[owner]) & (end[other] != start[owner])
     owner, other = owner[apart], other[apart]
@@ -362,9 +382,10 @@ def _crowded(walls: FreeSpaceWalls, item: Ints32, pairs: tuple[Ints, Ints], near
     along = np.sum(r * t, axis=1)
     aside = np.abs(r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0])
     near = (aside <= near_mm) & (along >= -near_mm) & (along <= walls.wall[other, 4] + near_mm)
-    crowded = np.zeros(len(start), dtype=np.int64)
-    crowded[other[near]] = 1
-    crowded[np.isin(start, start[owner[near]]) | np.isin(end, start[owner[near]])] = 1
+    crowded = np.zeros(len(start), dtype=np.bool_)
+    if near.any():
+        crowded[other[near]] = True
+        crowded |= np.isin(start, start[owner[near]]) | np.isin(end, start[owner[near]])
     return crowded
 
 

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from shapely import Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
+from vinefab.model.rings import without_notches
 
 _EXACT_SHARE = 1e-9
 """Lengths that differ by less than this share of the free space's size are equal."""
@@ -39,6 +41,20 @@ _LEAST_SHARE = 0.1
 """A dead end of at least this share of its free part is no notch, however wide the body is."""
 
 _PAIRS_AT_ONCE = 2_000_000
+
+_SOME_PAIRS = 5e5
+"""For fewer pairs of walls in a round it does not matter how they are found."""
+
+_MANY_PAIRS = 2e6
+"""For more pairs of walls in a round, walls are simplified: widths are good to 0.1 % from there."""
+
+_MOST_PAIRS = 1e8
+"""More pairs of simplified walls are refused."""
+
+_COARSE_SHARE, _COARSE_NOTCH = 0.0001, 0.02
+"""Of the least width looked for: how far simplified walls are off, and mouths of notches that are
+filled, into which circles of that width reach by 0.0004 widths."""
+
 _SAMPLES = 15
 _POLYGON = shapely.GeometryType.POLYGON
 
@@ -78,6 +94,11 @@ def narrow_passages(
     starts_mm
         Places that bodies come from, however small the dead end that they are in.
 
+    Raises
+    ------
+    BadInputError
+        If the walls are too many and too jagged to be searched in about a minute.
+
     Examples
     --------
     >>> room = shapely.box(0, 0, 100, 50) - shapely.box(40, 0, 60, 20) - shapely.box(40, 27, 60, 50)
@@ -90,8 +111,13 @@ def narrow_passages(
     places = np.array(list(starts_mm), dtype=np.float64).reshape(-1, 2)
     shares, rooms = [np.zeros((0, 2, 2))], [np.zeros(0)]
     least_mm, most_mm, count = 0.0, walls.typical_mm, 0
+    seen = walls
     while count < most and least_mm < walls.widest_mm:
-        for ends in walls.gaps(least_mm, most_mm):
+        if seen.pair_count(most_mm) > _MANY_PAIRS:
+            seen = _Walls(_coarser(free, least_mm))
+            _refuse_crowded(walls, seen.pair_count(most_mm))
+        found_ends = seen.gaps(least_mm, most_mm)
+        for ends in found_ends if seen is walls else map(walls.nearest, found_ends):
             room_mm = walls.dead_ends_mm(ends, places)
             shares.append(ends[room_mm >= narrow_mm])
             rooms.append(room_mm[room_mm >= narrow_mm])
@@ -100,6 +126,18 @@ def narrow_passages(
         count = sum(passage.dead_end_mm >= wide_mm for passage in found)
         least_mm, most_mm = most_mm, 2.0 * most_mm
     return found
+
+
+def _coarser(free: BaseGeometry, least_mm: float) -> BaseGeometry:
+    """Return a free space without what hardly changes passages wider than some width."""
+    filled = without_notches(free, _COARSE_NOTCH * least_mm)
+    return shapely.simplify(filled, _COARSE_SHARE * least_mm)
+
+
+def _refuse_crowded(walls: "_Walls", pairs: float) -> None:
+    if pairs > _MOST_PAIRS:
+        allowed = "fewer or smoother ones: vinefab map import --simplify-mm leaves corners out"
+        raise BadInputError("map: number of corners", len(walls.start), allowed)
 
 
 class _Gaps:
@@ -151,6 +189,15 @@ class _Walls:
         """
         least_mm = max(least_mm, _EXACT_SHARE * self.size_mm)
         return [*self._parallel_gaps(least_mm, most_mm), *self._corner_gaps(least_mm, most_mm)]
+
+    def pair_count(self, reach_mm: float) -> float:
+        """Return an estimate of how many pairs of walls lie within reach of each other."""
+        return self._neighbour_count(reach_mm) * len(self.lines)
+
+    def nearest(self, ends: Floats) -> Floats:
+        """Return the points of walls nearest to the ends of gaps."""
+        points = ends.reshape(-1, 2)
+        return self._foot(points, self._wall_at(points)).reshape(ends.shape)
 
     def are_empty(self, ends: Floats) -> NDArray[np.bool_]:
         """Return for which ends the circle between them is free and has no wall inside."""
@@ -252,8 +299,7 @@ class _Walls:
         along = self.end - self.start
         length, unit = np.hypot(*along.T), _unit(along)
         long = np.flatnonzero(length >= least_mm)
-        for index, other in self._near(self.lines[long], most_mm):
-            one = long[index]
+        for one, other in self._parallels(long, most_mm):
             # Each pair once; walls with free space between them run in opposite directions.
             cross = unit[one, 0] * unit[other, 1] - unit[one, 1] * unit[other, 0]
             facing = np.sum(unit[one] * unit[other], axis=1) < 0.0
@@ -262,6 +308,27 @@ class _Walls:
             width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             keep = (overlap >= width) & (width > least_mm) & (width <= most_mm)
             yield ends[keep][self.are_empty(ends[keep])]
+
+    def _parallels(self, walls: Ints, reach_mm: float) -> Iterator[tuple[Ints, Ints]]:
+        """Yield pairs of walls that hold all parallel ones within reach: few, or all that are near.
+
+        Long walls that stand close have many others near them, but few in the same direction.
+        """
+        along = self.end[walls] - self.start[walls]
+        angle = np.arctan2(along[:, 1], along[:, 0]) % np.pi
+        order = np.argsort(angle, kind="stable")
+        # Those just under half a turn are parallel to those just above none.
+        angle = np.concatenate([angle[order], angle[order] + np.pi])
+        last = np.searchsorted(angle, angle[: len(walls)] + 2.0 * _PARALLEL_RAD)
+        count = last - np.arange(len(walls)) - 1
+        if max(_SOME_PAIRS, count.sum()) >= self.pair_count(reach_mm):
+            for index, other in self._near(self.lines[walls], reach_mm):
+                yield walls[index], other
+            return
+        one = np.repeat(np.arange(len(walls)), count)
+        step = np.arange(len(one)) - np.repeat(np.cumsum(count) - count, count) + 1
+        pair = walls[order[np.stack([one, (one + step) % len(walls)])]]
+        yield pair.min(axis=0), pair.max(axis=0)
 
     def _halfway(self, one: Ints, other: Ints, unit: Floats) -> tuple[Floats, Floats]:
         """Return the ends halfway along the overlap of two walls, and the length of the overlap."""

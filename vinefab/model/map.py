@@ -7,9 +7,11 @@ from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -21,6 +23,10 @@ from vinefab.core.units import deg, rad, warn_of_radians
 from vinefab.core.validation import LARGEST_MM, number
 
 _MANY_OBSTACLES = 1000
+
+_MANY_CORNERS = 1000
+_FOUND_VALID = WeakSet[BaseGeometry]()
+"""Polygons of many corners: looking at a jagged one takes time that grows with their square."""
 
 START_CLEARANCE_MM = 15.0
 """From walls, of positions drawn from an area: room for a trunk of up to 47 mm lay-flat width."""
@@ -340,7 +346,20 @@ def _unsound(polygons: tuple[Polygon, ...]) -> list[int]:
     items = np.array(polygons, dtype=np.object_)
     near = (np.abs(shapely.bounds(items).reshape(-1, 4)) <= LARGEST_MM).all(axis=1)
     plain = shapely.get_type_id(items) == shapely.GeometryType.POLYGON
-    return [int(index) for index in np.flatnonzero(~(near & plain & shapely.is_valid(items)))]
+    return [int(index) for index in np.flatnonzero(~(near & plain & are_valid(items)))]
+
+
+def are_valid(polygons: NDArray[np.object_]) -> NDArray[np.bool_]:
+    """Tell which polygons are valid, shape (n,); jagged ones are looked at once."""
+    valid: NDArray[np.bool_] = np.ones(len(polygons), dtype=np.bool_)
+    many = shapely.get_num_coordinates(polygons) > _MANY_CORNERS
+    valid[~many] = shapely.is_valid(polygons[~many])
+    for index in np.flatnonzero(many):
+        if polygons[index] not in _FOUND_VALID:
+            valid[index] = shapely.is_valid(polygons[index])
+            if valid[index]:
+                _FOUND_VALID.add(polygons[index])
+    return valid
 
 
 def _check_start_area(area: BaseGeometry) -> None:
@@ -362,7 +381,7 @@ def _check_polygon(key: str, polygon: Polygon) -> None:
     if polygon.is_empty or polygon.geom_type != "Polygon":
         raise BadInputError(key, polygon.geom_type, "one polygon with an area")
     _check_near(key, polygon)
-    if not polygon.is_valid:
+    if not are_valid(np.array([polygon], dtype=np.object_))[0]:
         raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid")
 
 

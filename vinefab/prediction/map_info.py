@@ -20,11 +20,13 @@ from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
+from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
 from vinefab.model.files.results_json import pose_content
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
+from vinefab.model.rings import without_notches
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 
@@ -35,6 +37,12 @@ _HALVINGS = 7
 COARSE = 0.01
 """The widest bodies are known to about 1 % of the one that just fits at the start: walls are
 smoothed by so much, and the range is halved so often."""
+
+_MOST_AT_ONCE = 2_000
+"""More corners are shrunk piece by piece: at once, each meets all that are near it."""
+
+_GRID_SHARE = 1e-6
+"""Of a radius: what is shrunk piece by piece is rounded to it."""
 
 _ARC_SEGMENTS_PER_QUARTER = 8
 """Rounded corners of swept areas: within 0.5 % of a radius."""
@@ -109,7 +117,12 @@ def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeomet
     """
     arcs = _ARC_SEGMENTS_PER_QUARTER
     point = Point(start.pose.x_mm, start.pose.y_mm)
-    parts = shapely.get_parts(shapely.buffer(home, -radius_mm, quad_segs=arcs))
+    home = without_notches(home, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
+    if shapely.get_num_coordinates(home) > _MOST_AT_ONCE:
+        middles = shrunk_piecewise(home, radius_mm, _GRID_SHARE * radius_mm, arcs)
+    else:
+        middles = shapely.buffer(home, -radius_mm, quad_segs=arcs)
+    parts = shapely.get_parts(middles)
     away_mm = shapely.distance(parts, point)
     if not np.any(away_mm <= COARSE * start.clearance_mm):
         return Point()

@@ -85,15 +85,17 @@ def relief_png(
     )
     picture = Image.new("RGB", camera.size_px, RELIEF_PAPER)
     tops = [_tops(solid) for solid in solids]
+    rims = [_rims(solid) for solid in solids]
+    sides = [_sides(camera, solid.colour, *rim) for solid, rim in zip(solids, rims, strict=True)]
     levels = sorted({level for found in tops for level in found})
     base_mm = min(float(solid.vertices_mm[:, 2].min()) for solid in solids)
     low_px = camera.lift_px(base_mm)
     for index, level in enumerate(levels):
-        mask, side = _standing(camera, solids, tops, levels[index:])
+        mask, side = _standing(camera, solids, tops, sides, levels[index:])
         for lift_px in range(low_px, camera.lift_px(level), _SUPERSAMPLING):
             picture.paste(side, (0, -lift_px), mask)
         low_px = camera.lift_px(level)
-        mask, top = _roof(camera, solids, tops, level)
+        mask, top = _roof(camera, solids, tops, [edges for edges, _ in rims], level)
         picture.paste(top, (0, -low_px), mask)
     size = camera.size_px[0] // _SUPERSAMPLING, camera.size_px[1] // _SUPERSAMPLING
     picture = picture.resize(size, Image.Resampling.BOX)
@@ -145,33 +147,51 @@ def _rims(solid: Prism) -> tuple[Floats, Floats]:
     return edge, normal[one, :2] / length[one, None]
 
 
+def _sides(
+    camera: Camera, colour: Colour, edges: Floats, outward: Floats
+) -> list[tuple[list[tuple[float, ...]], Colour]]:
+    """Return the lines that upper edges are seen as, with the colours of the faces below them."""
+    cos, sin = math.cos(camera.turn_rad), math.sin(camera.turn_rad)
+    facing = outward @ np.array([[cos, sin], [-sin, cos]])
+    light = 0.62 + 0.3 * (facing @ _LIGHT)
+    shades = {share: _shaded(colour, share) for share in np.unique(light).tolist()}
+    return [
+        ([tuple(end) for end in edge], shades[share])
+        for edge, share in zip(camera.flat(edges).tolist(), light.tolist(), strict=True)
+    ]
+
+
 def _standing(
-    camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], levels: list[float]
+    camera: Camera,
+    solids: Sequence[Prism],
+    tops: list[dict[float, Floats]],
+    sides: list[list[tuple[list[tuple[float, ...]], Colour]]],
+    levels: list[float],
 ) -> tuple[Image.Image, Image.Image]:
     """Return where anything reaches one of some heights, and the colours of its sides there."""
     mask, side = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, RELIEF_PAPER)
     on_mask, on_side = ImageDraw.Draw(mask), ImageDraw.Draw(side)
-    cos, sin = math.cos(camera.turn_rad), math.sin(camera.turn_rad)
     for solid, found in zip(solids, tops, strict=True):
+        colour = _shaded(solid.colour, _EDGE)
         for level in levels:
-            for triangle in camera.flat(found.get(level, np.zeros((0, 3, 3)))):
+            for triangle in camera.flat(found.get(level, np.zeros((0, 3, 3)))).tolist():
                 corners = [tuple(corner) for corner in triangle]
                 on_mask.polygon(corners, fill=1)
-                on_side.polygon(corners, fill=_shaded(solid.colour, _EDGE))
-    for solid, found in zip(solids, tops, strict=True):
+                on_side.polygon(corners, fill=colour)
+    for lines, found in zip(sides, tops, strict=True):
         if max(found, default=-math.inf) < levels[0]:
             continue  # lower than the others here: its sides must not colour theirs
-        edges, outward = _rims(solid)
-        facing = outward @ np.array([[cos, sin], [-sin, cos]])
-        light = 0.62 + 0.3 * (facing @ _LIGHT)
-        for edge, share in zip(camera.flat(edges), light.tolist(), strict=True):
-            ends = [tuple(end) for end in edge]
-            on_side.line(ends, fill=_shaded(solid.colour, share), width=5)
+        for ends, colour in lines:
+            on_side.line(ends, fill=colour, width=5)
     return mask, side
 
 
 def _roof(
-    camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], level: float
+    camera: Camera,
+    solids: Sequence[Prism],
+    tops: list[dict[float, Floats]],
+    rims: list[Floats],
+    level: float,
 ) -> tuple[Image.Image, Image.Image]:
     """Return the upward faces at one height and their colours, rims drawn darker."""
     mask, top = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, RELIEF_PAPER)
@@ -184,12 +204,11 @@ def _roof(
             corners = [tuple(corner) for corner in triangle]
             on_mask.polygon(corners, fill=1)
             on_top.polygon(corners, fill=colour)
-    for solid in solids:
-        edges, _ = _rims(solid)
+    for solid, edges in zip(solids, rims, strict=True):
         here = np.abs(edges[:, 0, 2] - level) < _LEVEL_MM
-        for edge in camera.flat(edges[here]):
-            ends = [tuple(end) for end in edge]
-            on_top.line(ends, fill=_shaded(solid.colour, _EDGE), width=2)
+        dark = _shaded(solid.colour, _EDGE)
+        for edge in camera.flat(edges[here]).tolist():
+            on_top.line([tuple(end) for end in edge], fill=dark, width=2)
     return mask, top
 
 

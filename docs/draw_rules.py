@@ -111,7 +111,7 @@ SCENES = {
         wrong=of((20, 200.0, 320.0)), right=of((4, 200.0, 120.0)), draw=drawn.draw_packing
     ),
     "VF-W04": RuleScene(wrong=seamed(-0.4), right=seamed(0.0), draw=drawn.draw_built_width),
-    "VF-C01": RuleScene(wrong=near(128.0), right=near(118.0), draw=drawn.draw_pair),
+    "VF-C01": RuleScene(wrong=near(126.5), right=near(118.0), draw=drawn.draw_pair),
     "VF-C02": RuleScene(
         wrong=of((2, 200.0, 10.0)), right=of((2, 200.0, 40.0)), draw=drawn.draw_angle
     ),
@@ -124,7 +124,7 @@ SCENES = {
         draw=drawn.draw_fillet,
     ),
     "VF-C05": RuleScene(
-        wrong=of((2, 90.0, 80.0), (2, 45.0, 280.0), fillet_mm=(40.0, 3.0)),
+        wrong=of((2, 90.0, 80.0), (2, 45.0, 280.0), fillet_mm=(38.0, 3.0)),
         right=of((2, 90.0, 80.0), (2, 45.0, 280.0), fillet_mm=(12.0, 3.0)),
         draw=drawn.draw_foreign_fillet,
     ),
@@ -132,7 +132,7 @@ SCENES = {
         wrong=of((2, 160.0, 240.0)), right=of((2, 160.0, 100.0)), draw=drawn.draw_turn
     ),
     "VF-C07": RuleScene(
-        wrong=of((2, 200.0, 40.0), pouch=Pouch(shape="round", radius_mm=67.5)),
+        wrong=of((2, 200.0, 40.0), pouch=Pouch(shape="round", radius_mm=66.8)),
         right=of((2, 200.0, 40.0), pouch=Pouch(shape="round", radius_mm=45.0)),
         draw=drawn.draw_pouch,
     ),

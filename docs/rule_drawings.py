@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 from rule_sketch import Sketch, short_number
 from rule_subjects import CROSSING, block, open_block, pieced, profile
 from shapely.affinity import scale as scaled_shape
@@ -110,6 +111,13 @@ def draw_crossing(subject: Subject, sketch: Sketch) -> None:
     sketch.says = "no line crosses" if subject.body.is_valid else "the outline crosses itself"
 
 
+def film_left(subject: Subject, sketch: Sketch, ends_mm: ArrayLike) -> None:
+    """Draw the way from lumen to lumen, with the film that the beams leave on it."""
+    start, end = np.asarray(ends_mm)[[0, -1]]
+    left_mm = np.hypot(*(end - start)) - 2.0 * subject.taken_mm
+    sketch.dimension(start, end, f"{left_mm:.3g} mm left")
+
+
 def draw_pair(subject: Subject, sketch: Sketch) -> None:
     """Draw two grandchildren that come near each other, with their gap or their overlap."""
     outlined(subject, sketch, (470.0, -65.0, 565.0, 65.0))
@@ -121,8 +129,8 @@ def draw_pair(subject: Subject, sketch: Sketch) -> None:
         sketch.says = "two branches at one place"
         return
     ends = shapely.get_coordinates(shapely.shortest_line(one, two))
-    sketch.dimension(ends[0], ends[1])
-    sketch.says = "film between lumens; beams take some of it"
+    film_left(subject, sketch, ends)
+    sketch.says = "film left as made"
 
 
 def draw_mouth(subject: Subject, sketch: Sketch) -> None:
@@ -221,7 +229,7 @@ def draw_foreign_fillet(subject: Subject, sketch: Sketch) -> None:
     ends = shapely.get_coordinates(
         shapely.shortest_line(shapely.LineString(arc.flattened_mm(0.05)), near)
     )
-    sketch.dimension(ends[0], ends[-1])
+    film_left(subject, sketch, ends)
     sketch.says = f"fillet of {arc.radius_mm:.3g} mm"
 
 
@@ -241,7 +249,7 @@ def draw_pouch(subject: Subject, sketch: Sketch) -> None:
         for row in rows(subject, "0.0", "0.1")
     )
     ends = shapely.get_coordinates(shapely.shortest_line(one, two))
-    sketch.dimension(ends[0], ends[1])
+    film_left(subject, sketch, ends)
     sketch.says = "film between pouches"
 
 

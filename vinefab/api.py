@@ -863,7 +863,7 @@ def _write_result(
     folder: Path, result: RunResult, settings: RunSettings, *, page: bool, force: bool
 ) -> None:
     """Write the winner of a run, its page and its front."""
-    result.best.write(folder / "best.toml", force=force)
+    result.write_winner(folder, force=force)
     if page:
         from vinefab.prediction.run_page import EndedRun, write_run_page
 

@@ -128,6 +128,7 @@ def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
         "README.txt", "job.json", "outline.dxf", "outline_polyline.dxf", "outline.svg",
         "outline.lbrn2", "recipe.clb", "animation.svg", "design.toml",
         "preview.png", "checks.json", "report.html", "bom.csv", "MANIFEST.sha256",
+        "assembly.svg", "assembly.pdf",
     }  # fmt: skip
     assert {path.name for path in out.iterdir()} == names
     assert len(zipfile.ZipFile(tmp_path / "package.zip").namelist()) == len(names)

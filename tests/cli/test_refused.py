@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 import sqlite3
 
 import numpy as np
@@ -98,7 +99,7 @@ def test_a_run_that_finds_no_robot_says_so_and_keeps_everything(vinefab, hopeles
     code, output, words = vinefab("optimize", hopeless, "--out", out, "--json", "-")
     assert code == 1
     (line,) = [line for line in words.split("\n") if "found no manufacturable robot" in line]
-    assert "the winner violates VF-C03 (" in line
+    assert "the winner violates VF-C03" in line
     assert "changes of the best 2: none is manufacturable" in words
     document = json.loads(output)
     assert document["fabricable"] is False
@@ -178,6 +179,6 @@ def test_damaged_records_are_named_and_kept(vinefab, run_file, tmp_path):
         code, _, complaint = vinefab(*again)
         assert code in (0, 2)
         assert complaint.count("\n") == (code == 2)
-        for path in out.iterdir():
-            path.unlink()
+        shutil.rmtree(out)
+        out.mkdir()
     assert 10 < sum(codes) < 60

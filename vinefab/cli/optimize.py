@@ -18,9 +18,8 @@ from vinefab.cli.common_options import (
     Verbose,
     names_like,
 )
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
-from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import locate
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search.live_page import PAGE_NAME
@@ -141,7 +140,7 @@ def optimize_command(
             )
         violations = violations_of(result, settings)
     with _resumable(command), _recorded(command):
-        write_text(out / "best.toml", design_text(result.best), force=force)
+        result.write_winner(out, force=force)
         for line in result_lines(result, violations, verbose=verbose):
             output.say(line)
         output.give_json(result_json(result))

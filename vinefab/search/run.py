@@ -214,7 +214,6 @@ def run_search(  # noqa: PLR0913  options by keyword
             store.keep("recipe", asdict(recipe))
         result = search.run(store=store, progress=progress, workers=workers)
         if recipe is not None:
-            recipe.write(folder)
             result = result.with_recipe(recipe, folder)
         prediction = store.kept("prediction")
         if predict is not None and not prediction:

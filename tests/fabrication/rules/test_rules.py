@@ -590,9 +590,9 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     # 274.6 mm of lumen in the narrowest strip, where the rectangle of least area is 328.4 mm wide
     ("VF-S02", rolled(276.0, (2, 250.0, 210.0)), set()),
     ("VF-S02", rolled(275.0, (2, 250.0, 210.0)), {W}),
-    # Whole it is 407 mm wide; its pieces are nested on sheets of 66 and 253 mm
-    ("VF-S02", rolled(254.0, (3, 250.0, 210.0), pieces=PieceSettings()), set()),
-    ("VF-S02", rolled(252.0, (3, 250.0, 210.0), pieces=PieceSettings()), {W}),
+    # Whole it is 407 mm wide; its pieces are nested on sheets of 63 and 256.5 mm
+    ("VF-S02", rolled(257.0, (3, 250.0, 210.0), pieces=PieceSettings()), set()),
+    ("VF-S02", rolled(256.0, (3, 250.0, 210.0), pieces=PieceSettings()), {W}),
     # What was not measured, or only bore its load, warns
     ("VF-J03", cut(2, pressure_kpa=41.95, load=assumed(0.2)), {W}),
     ("VF-J03", cut(2, pressure_kpa=41.85, load=assumed(0.2)), set()),

@@ -139,13 +139,16 @@ def _near_own_end(
     found = np.zeros(len(within_mm), dtype=np.bool_)
     of = np.array([path.of for path in paths])
     ends = np.array([path.contour.points_mm[[0, -1]] for path in paths])
+    along = pieces.end_mm - pieces.start_mm
+    (x0, y0), (x1, y1) = (along[side].T for side in pair)
+    across = np.abs(x0 * y1 - y0 * x1) > 0.5 * np.hypot(x0, y0) * np.hypot(x1, y1)
     both = pieces.is_mouth[pair[0]] & pieces.is_mouth[pair[1]]
     own = of[pieces.path[pair[0]]] == of[pieces.path[pair[1]]]
     for mouth, other, place in ((0, 1, places_mm[1]), (1, 0, places_mm[0])):
         path = pieces.path[pair[other]]
         to_end = np.linalg.norm(ends[path] - place[:, None], axis=2).min(axis=1)
-        # Paths of no robot may end on a seam: the sides of a peel strip do.
-        found |= own & (of[path] == "") & (to_end <= within_mm)
+        # Paths of no robot may end across a seam: the sides of a peel strip do.
+        found |= own & (of[path] == "") & (to_end <= within_mm) & across
         found |= own & pieces.is_mouth[pair[mouth]] & (to_end <= within_mm) & ~both
     return found
 

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.hashing import fingerprint
@@ -20,6 +21,7 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map
@@ -247,6 +249,12 @@ class RunResult:
         """Return the result with the recipe of the run, which is copied into its folder."""
         origin = {**self.best.origin, ORIGIN_RECIPE: recipe.origin}
         return replace(self, recipe=recipe, best=replace(self.best, origin=origin, folder=folder))
+
+    def write_winner(self, folder: Path, *, force: bool = False) -> None:
+        """Write the winner into a folder, with the files of the recipe that its origin names."""
+        write_text(folder / "best.toml", design_text(self.best), force=force)
+        if self.recipe is not None:
+            self.recipe.write(folder)
 
     @property
     def pieces_words(self) -> str:

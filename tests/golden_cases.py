@@ -69,36 +69,35 @@ friction_incline,,20,deg,1
 RUN = """schema = "vinefab/run-1"
 name = "golden"
 [maps]
-environment = "{environment}"
-options = {{ size_mm = 250.0 }}
-count = 3
+environment = "grid"
+options = {{ size_mm = 250.0, columns = 3, rows = 3 }}
+count = 2
 seed = 5
 [task]
 name = "{task}"
 {extra}
 [optimizer]
-population = 12
-generations = 6
+population = 8
+generations = 4
 seed = 3
 {optimizer}
 [evaluation]
 fabricable = {fabricable}
-finalists = 3
+finalists = 2
 """
 PIECES = "[build]\ntrunk_width_mm = 24.0\nwidth_ratio = 0.65\npieces = { most = 6 }"
-RUNS = {  # environment, task, more of the task and the design, optimizer, makeable only
-    "islands": ("grid", "coverage", "", "", "true"),
-    "islands_free": ("rubble", "reach", "", 'name = "islands"', "false"),
-    "pieces": ("grid", "coverage", PIECES, "", "true"),
-    "cmaes_makeable": ("grid", "coverage", "", 'name = "cmaes"', "true"),
-    "cmaes_sight": ("grid", "coverage", 'clip = "sight"', 'name = "cmaes"', "false"),
-    "pso": ("cave", "reach", "", 'name = "pso"', "false"),
-    "particleswarm": ("cave", "coverage", "", 'name = "particleswarm"', "false"),
-    "evolution": ("rubble", "coverage", "", 'name = "evolution"', "false"),
-    "random": ("pegs", "reach", "", 'name = "random"', "true"),
-    "anchoring": ("grid", "anchoring", "", 'name = "cmaes"', "false"),
+RUNS = {  # task, more of the task and the design, optimizer, makeable only
+    "islands": ("coverage", "", "", "true"),
+    "islands_free": ("reach", "", 'name = "islands"', "false"),
+    "pieces": ("coverage", PIECES, "", "true"),
+    "cmaes_makeable": ("coverage", "", 'name = "cmaes"', "true"),
+    "cmaes_sight": ("coverage", 'clip = "sight"', 'name = "cmaes"', "false"),
+    "pso": ("reach", "", 'name = "pso"', "false"),
+    "particleswarm": ("coverage", "", 'name = "particleswarm"', "false"),
+    "evolution": ("coverage", "", 'name = "evolution"', "false"),
+    "random": ("reach", "", 'name = "random"', "true"),
+    "anchoring": ("anchoring", "", 'name = "cmaes"', "false"),
     "front": (
-        "corridors",
         "coverage",
         'objectives = ["coverage", "film_length"]',
         'name = "nsga2"',
@@ -108,7 +107,7 @@ RUNS = {  # environment, task, more of the task and the design, optimizer, makea
 
 
 def _run_file(name: str) -> str:
-    keys = ("environment", "task", "extra", "optimizer", "fabricable")
+    keys = ("task", "extra", "optimizer", "fabricable")
     return RUN.format(**dict(zip(keys, RUNS[name], strict=True)))
 
 
@@ -199,7 +198,7 @@ def _grow_case(design: str) -> str:
     lines = []
     for kind in KINDS:
         lines.append(f"map {kind} --seed 1 --out {kind}.geojson")
-        out = f"--json {kind}.json --svg {kind}.svg"
+        out = f"--json {kind}.json" + (f" --svg {kind}.svg" if kind in ("grid", "cave") else "")
         lines.append(f"grow {design} --map {kind}.geojson {out}")
     lines.append(f"grow {design} --map cave.geojson --body centerline --json line.json")
     return "\n".join(lines)
@@ -283,8 +282,8 @@ show("design", design)
 show("map", world)
 show("info", world.info(width_mm=20.0))
 show("deployment", design.grow(world))
-show("line", design.grow(world, (30.0, 40.0, 60.0), body="centerline"))
-show("score", vf.score(design, "reach", maps=[world, vf.maps.cave(seed=2)], poses=2, radius_mm=60))
+show("line", design.grow(world, (250.0, 15.0, 60.0), body="centerline"))
+show("score", vf.score(design, "reach", maps=[world, vf.maps.cave(seed=2)], poses=2, buffer_mm=9))
 show("lists", [vf.designs(), vf.recipes(), vf.printers(), vf.examples()])
 show("rules", vf.rules())
 show("profile", vf.profile("co2_60w__stretchlon_200"))""",
@@ -293,7 +292,7 @@ world = vf.maps.grid(seed=3)
 aimed = vf.aim("plain_vine", world, deployments=5000, progress=False, alone=True)
 show("aim", aimed)
 show("compare", vf.compare(["plain_vine", "grid_explorer"], [world], poses=2, progress=False))
-show("run", vf.optimize("run_islands.toml", out="run", generations=3, page=False, progress=False))
+show("run", vf.optimize("run_islands.toml", out="run", page=False, progress=False))
 show("runs", vf.runs("run"))
 show("settings", vf.RunSettings.read("run_pieces.toml"))
 show("report", vf.report("plain_vine", out="page.html", maps=[world], poses=2, progress=False))""",

@@ -36,7 +36,8 @@ MASKED_KEYS = {
 
 MASKED_WORDS = [
     (r"written by vinefab [\w.+-]+", "version of vinefab"),
-    (r"^time: .*|.*(elapsed|took|per second).*", "timing"),
+    (r"\b(took|elapsed|in) \d[\d.]* (s|min)\b", "timing"),
+    (r"\d[\d.,]* per second", "timing"),
 ]
 """Parts of sentences that are no results, and why."""
 
@@ -157,7 +158,7 @@ def _xml(data: bytes) -> object:
 def _record(data: bytes) -> object:
     """Return the tables of a run's record; arrays of numbers as lists."""
     connection = sqlite3.connect(":memory:")
-    connection.deserialize(data)
+    connection.deserialize(data[:18] + b"\1\1" + data[20:])  # no log beside it is looked for
     tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")
     content = {}
     for (table,) in tables.fetchall():

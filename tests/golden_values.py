@@ -61,4 +61,11 @@ def _object(value: object) -> object:
         names = [field.name for field in fields(kind) if not field.name.startswith("_")]
     else:
         return str(value) if isinstance(value, Path) else kind.__name__
-    return {name: plain(getattr(value, name, "missing")) for name in names}
+    return {name: _attribute(value, name) for name in names}
+
+
+def _attribute(value: object, name: str) -> object:
+    try:
+        return plain(getattr(value, name, "missing"))
+    except ValueError as error:  # a deployment without its design has no summary
+        return f"refused: {type(error).__name__}"

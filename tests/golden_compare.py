@@ -27,10 +27,15 @@ import trimesh
 RELATIVE, FLOOR = 1e-12, 1e-12
 """Of numbers: ``|a - b| <= RELATIVE * max(|a|, |b|) + FLOOR``; integers are exact."""
 
+_PARTS = ("loading", "evaluating", "growth", "scoring", "optimizer", "store")
 MASKED_KEYS = {
     "generator": "version of vinefab",
     "times": "a run's own timing",
     "seconds": "a run's own timing",
+    "began_utc": "when a session began",
+    **dict.fromkeys(
+        (f"{what}_s" for what in (*_PARTS, "processor", "other", "beside")), "a session's timing"
+    ),
 }
 """Keys of JSON and columns of records whose values are no results, and why."""
 
@@ -38,6 +43,7 @@ MASKED_WORDS = [
     (r"written by vinefab [\w.+-]+", "version of vinefab"),
     (r"\b(took|elapsed|in) \d[\d.]* (s|min)\b", "timing"),
     (r"\d[\d.,]* per second", "timing"),
+    (r"\btime: \d.*", "timing"),
 ]
 """Parts of sentences that are no results, and why."""
 

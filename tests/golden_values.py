@@ -67,5 +67,5 @@ def _object(value: object) -> object:
 def _attribute(value: object, name: str) -> object:
     try:
         return plain(getattr(value, name, "missing"))
-    except ValueError as error:  # a deployment without its design has no summary
+    except (IndexError, ValueError) as error:  # some parts of a result have no summary
         return f"refused: {type(error).__name__}"

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import settings
 
 # Programs that import their neighbours, as they can where they lie; they hold no tests.
-collect_ignore = ["attack/failing_system.py", "growth/against_dynamic.py"]
+collect_ignore = [
+    "attack/failing_system.py",
+    "golden.py",
+    "golden_cases.py",
+    "golden_compare.py",
+    "golden_values.py",
+    "growth/against_dynamic.py",
+]
 
 # Timings on shared machines say nothing, so no deadline; the same examples every run.
 settings.register_profile("vinefab", deadline=None, derandomize=True)

@@ -1,258 +1,176 @@
-"""Record what every command writes for shipped designs and fixed seeds; compare recordings.
+"""Record what every command, the Python door and the studio give, and compare recordings.
 
-    python tests/golden.py record OUT        # with the vinefab that is installed
-    python tests/golden.py compare OLD NEW   # names what differs; exit code 1 if anything
+    python tests/golden.py record DIR [--only NAME]       # of the vinefab on PYTHONPATH
+    python tests/golden.py compare OLD [NEW] [--only NAME]
 
-A change that is meant to move code and not results records before and after. Records of runs
-(SQLite) are left out: they hold times. So are lines about times and commits.
+NAME is a case of `golden_cases.CASES` or a pattern (``fabricate_*``), also several. Without NEW
+the cases of OLD are recorded afresh. Numbers and drawings that differ give exit code 1; sentences
+and pictures are listed (`golden_compare.KINDS` says which file is what). Linux and macOS only.
 """
 
-import hashlib
+import argparse
+import contextlib
 import json
 import os
-import re
+import runpy
+import shlex
+import shutil
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-DESIGNS = (
-    "cave_explorer",
-    "cave_explorer_pieces",
-    "grid_explorer",
-    "grid_explorer_pieces",
-    "plain_vine",
-    "six_branch_anchor",
-    "three_level_tree",
-)
-RUN = """schema = "vinefab/run-1"
-name = "golden"
-[maps]
-environment = "{environment}"
-count = 3
-seed = 5
-[task]
-name = "{task}"
-{extra}
-[optimizer]
-name = "{optimizer}"
-population = 12
-generations = 6
-seed = 3
-[evaluation]
-fabricable = {fabricable}
-finalists = 3
-"""
-RUNS = {
-    "cmaes_makeable": ("grid", "coverage", "", "cmaes", "true"),
-    "cmaes_sight": ("grid", "coverage", 'clip = "sight"', "cmaes", "false"),
-    "pso": ("cave", "reach", "", "pso", "false"),
-    "particleswarm": ("cave", "coverage", "", "particleswarm", "false"),
-    "evolution": ("rubble", "coverage", "", "evolution", "false"),
-    "random": ("pegs", "reach", "", "random", "true"),
-    "anchoring": ("grid", "anchoring", "", "cmaes", "false"),
-    "front": (
-        "corridors",
-        "coverage",
-        'objectives = ["coverage", "film_length"]',
-        "nsga2",
-        "false",
-    ),
+from golden_cases import BESIDE, CASES, inputs
+from golden_compare import compare
+from golden_values import plain
+
+SAID, EXITS = "said.txt", "exits.json"
+SETTINGS = {
+    "SOURCE_DATE_EPOCH": "0",
+    "COLUMNS": "100",
+    "NO_COLOR": "1",
+    "TZ": "UTC",
+    "VINEFAB_PROFILES": os.devnull,  # no designs and recipes of the user's own
+    "XDG_STATE_HOME": os.devnull,
+    "OPENBLAS_NUM_THREADS": "1",
 }
-
-
-def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
-    """Every command line of the recording, in order; later ones read what earlier ones wrote."""
-    kinds = ("grid", "cave", "rubble", "corridors", "pegs")
-    lines = [
-        f"map {kind} --seed {seed} --out {kind}{seed}.geojson" for kind in kinds for seed in (1, 2)
-    ]
-    lines += [
-        f"map info {kind}1.geojson --width-mm 20 --json {kind}_info.json --svg {kind}.svg"
-        for kind in kinds
-    ]
-    for design in designs:
-        for kind in kinds:
-            name = f"{design}_{kind}"
-            lines.append(f"grow {design} --map {kind}1.geojson --json {name}.json --svg {name}.svg")
-            lines.append(
-                f"grow {design} --map {kind}2.geojson --body inflated --json {name}_wide.json"
-            )
-        for task in ("coverage", "reach", "anchoring"):
-            lines.append(
-                f"score {design} --task {task} --maps grid1.geojson --maps cave1.geojson --poses 3"
-                f" --json {design}_{task}.score.json"
-            )
-        lines.append(f"check {design} --json {design}.checks.json --svg {design}.checks.svg")
-        lines.append(f"check {design} --map grid1.geojson --json {design}_map.checks.json")
-        lines.append(f"fabricate {design} --out {design}_package --allow-uncalibrated")
-        lines.append(
-            f"fabricate {design} --out {design}_two --process weld+cut --allow-uncalibrated --r12"
-        )
-    lines += [
-        "grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300"
-        " --json history.json",
-        "grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8",
-        "fabricate six_branch_anchor --copies 2 --with plain_vine --out nested"
-        " --allow-uncalibrated",
-        "fabricate long.toml --out tiled --allow-uncalibrated",
-        "check broken.toml --fix mended.toml --json broken.json",
-        "coupon --out coupons",
-        "profiles --json profiles.json",
-        "profiles co2_60w__stretchlon_200 --json profile.json",
-        "rig grid1.geojson --fit-mm 300 --out rig",
-        "rig cave1.geojson --style board --lid --fit-mm 300 --out rig_board",
-        "report grid_explorer --environment grid --count 6 --out report.html --json report.json",
-        "report six_branch_anchor --environment cave --count 4 --out anchor.html"
-        " --json anchor.json",
-        "compare grid_explorer plain_vine --environment grid --count 6 --out compare.html"
-        " --json compare.json",
-        "map import drawing.svg --scale-mm-per-unit 1 --out drawing.geojson",
-        "map import points.csv --out points.geojson",
-        "map import world.yaml --scale-mm-per-unit 100 --out world.geojson",
-    ]
-    for name in RUNS:
-        lines.append(f"optimize run_{name}.toml --out run_{name} --json run_{name}.json")
-    return lines
-
-
-DRAWING = """<svg xmlns="http://www.w3.org/2000/svg" width="300mm" height="200mm" \
-viewBox="0 0 300 200">
-<rect x="5" y="5" width="290" height="190"/><circle cx="80" cy="80" r="20"/>
-<path d="M150 60 L200 70 L180 120 Z M220 120 q 20 -30 40 0 a 15 15 0 0 1 -40 0 z"/></svg>
-"""
-POINTS = "polygon,x_mm,y_mm\n" + "".join(
-    f"{name},{x},{y}\n"
-    for name, ring in {
-        "bounds": ((0, 0), (200, 0), (200, 150), (0, 150)),
-        "a": ((50, 60), (80, 60), (70, 90)),
-        "b": ((120, 70), (150, 80), (140, 110), (110, 100)),
-    }.items()
-    for x, y in ring
+LOADED_ONCE = (  # takes most of a command's start; nothing of vinefab's
+    "matplotlib.backends.backend_svg",
+    "numba",
+    "pydantic",
+    "rich.console",
+    "scipy.optimize",
+    "scipy.stats",
+    "svgwrite",
 )
-LONG = """schema = "vinefab/design-1"
-name = "long"
-[trunk]
-length = 1500.0
-[[level]]
-branches = 2
-length = 300.0
-angle_deg = 80.0
-[build]
-widths_mm = [40.0, 24.0]
-"""
-BROKEN = LONG.replace("1500.0", "200.0").replace("80.0", "14.0").replace("24.0", "38.0")
 
 
-def _ros_map(folder: Path) -> None:
-    cells = bytearray(b"\xfe" * 3600)
-    for row in range(60):
-        for column in range(60):
-            border = row in (0, 59) or column in (0, 59)
-            block = (row // 12 + column // 12) % 2 and row % 12 < 5 and column % 12 < 5
-            if border or block:
-                cells[60 * row + column] = 0
-    (folder / "world.pgm").write_bytes(b"P5\n60 60\n255\n" + bytes(cells))
-    (folder / "world.yaml").write_text(
-        "image: world.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+def record(folder: Path, names: list[str]) -> None:
+    """Run cases, each in a folder of its own that must not be there."""
+    for module in LOADED_ONCE:
+        import_module(module)
+    given = inputs()
+    spec = find_spec("vinefab")
+    sys.stdout.write(f"vinefab of {Path(spec.origin).parent if spec else '?'}\n")
+    for name in names:
+        place, text = folder / name, CASES[name]
+        place.mkdir(parents=True)
+        read = {file: data for file, data in given.items() if file in text}
+        for file in list(read):
+            read |= BESIDE.get(file, {})
+        for file, data in read.items():
+            (place / file).write_bytes(data)
+        steps = [text] if text.startswith("import") else text.splitlines()
+        codes = [_said(place, step) for step in steps]
+        (place / EXITS).write_text(json.dumps(codes))
+        for file, data in read.items():  # what was read is no result, unless it was changed
+            if (place / file).is_file() and (place / file).read_bytes() == data:
+                (place / file).unlink()
+        failed = [step for step, code in zip(steps, codes, strict=True) if code > 1]
+        sys.stdout.write(f"{name}: {os.times().children_user:.0f} s of processor time so far\n")
+        sys.stdout.writelines(f"  failed: {step}\n" for step in failed)
+        sys.stdout.flush()
+
+
+def _said(place: Path, step: str) -> int:
+    """Run a step in a process of its own; what it prints is added to ``said.txt``."""
+    shown = f"$ vinefab {step}" if not step.startswith("import") else step
+    with (place / SAID).open("a", encoding="utf-8") as said:
+        said.write(f"{shown}\n")
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.chdir(place)
+            out = os.open(SAID, os.O_WRONLY | os.O_APPEND)
+            for number, stream in enumerate((os.open(os.devnull, os.O_RDONLY), out, out)):
+                os.dup2(stream, number)
+            code = _run(step)
+        finally:
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def _run(step: str) -> int:
+    """Run a command line as ``python -m vinefab`` does, or a piece of Python."""
+    try:
+        if step.startswith("import"):
+            exec(compile(step, "case", "exec"), {"show": show})  # noqa: S102  our own table
+        else:
+            sys.argv = ["vinefab", *shlex.split(step)]
+            runpy.run_module("vinefab", run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:  # as the interpreter ends a program
+        sys.excepthook(*sys.exc_info())
+        return 3
+    return 0
+
+
+def show(name: str, value: object) -> None:
+    """Write the public attributes of a value as ``name.json``."""
+    Path(f"{name}.json").write_text(json.dumps(plain(value), indent=1))
+
+
+@contextlib.contextmanager
+def _newer(old: Path, new: Path | None, names: list[str]) -> Iterator[Path]:
+    """Give the newer recording; without one, that of the vinefab on the path."""
+    if new is not None:
+        yield new
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        there = [name for name in names if (old / name).is_dir()]
+        _in_fresh_process(["record", folder, *[f"--only={name}" for name in there]])
+        yield Path(folder)
+
+
+def _in_fresh_process(words: list[str]) -> None:
+    """Run this program with the settings of a recording, which are read when Python starts."""
+    path = os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[1])
+    settings = os.environ | SETTINGS | {"PYTHONPATH": path}
+    subprocess.run([sys.executable, __file__, *words], env=settings, check=True)
+
+
+def _names(patterns: list[str]) -> list[str]:
+    unknown = [one for one in patterns if not any(fnmatchcase(name, one) for name in CASES)]
+    if unknown:
+        raise SystemExit(f"no case {', '.join(unknown)}; there are: {' '.join(CASES)}")
+    return [name for name in CASES if any(fnmatchcase(name, one) for one in patterns or ["*"])]
+
+
+def main(words: list[str]) -> int:
+    """Run one of the two commands and return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-
-
-def record(folder: Path) -> None:
-    """Run every command in ``folder``; what each prints stands in ``said.txt``."""
-    folder.mkdir(parents=True)
-    for name, (environment, task, extra, optimizer, fabricable) in RUNS.items():
-        text = RUN.format(
-            environment=environment,
-            task=task,
-            extra=extra,
-            optimizer=optimizer,
-            fabricable=fabricable,
-        )
-        (folder / f"run_{name}.toml").write_text(text)
-    (folder / "drawing.svg").write_text(DRAWING)
-    (folder / "points.csv").write_text(POINTS)
-    (folder / "long.toml").write_text(LONG)
-    (folder / "broken.toml").write_text(BROKEN)
-    _ros_map(folder)
-    environment_variables = os.environ | {
-        "PYTHONHASHSEED": "0",
-        "SOURCE_DATE_EPOCH": "0",
-        "COLUMNS": "100",
-        "NO_COLOR": "1",
-    }
-    with (folder / "said.txt").open("w", encoding="utf-8") as said:
-        for line in _commands():
-            done = subprocess.run(
-                [sys.executable, "-m", "vinefab", *line.split()],
-                cwd=folder,
-                env=environment_variables,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                check=False,
-            )
-            said.write(f"$ vinefab {line}\n{done.stdout}{done.stderr}exit {done.returncode}\n\n")
-            said.flush()
-
-
-_DIGEST = re.compile(r"(written by vinefab [\w.]+) \[[0-9a-f]{16}\]")
-_TIMED = re.compile(r"^time: |elapsed|took|commit|/tmp/|^file /|^ \"file\": |busy|per second")
-
-
-def _without_times(value: object) -> object:
-    """Take what a run measured of itself out of its JSON."""
-    if isinstance(value, dict):
-        kept = {key: _without_times(part) for key, part in value.items()}
-        return {key: part for key, part in kept.items() if key not in {"times", "seconds"}}
-    return [_without_times(part) for part in value] if isinstance(value, list) else value
-
-
-def _content(path: Path) -> str:
-    """A hash of what must not change: without times, versions of packages and paths."""
-    data = path.read_bytes()
-    if path.name.startswith("run_") and path.suffix == ".json":
-        text = json.dumps(_without_times(json.loads(data)))
-        data = _DIGEST.sub(r"\1", text).encode()
-    elif path.suffix in {".html", ".json", ".txt", ".toml", ".svg", ".dxf", ".csv", ".geojson"}:
-        text = _DIGEST.sub(r"\1", data.decode("utf-8", "replace"))
-        lines = text.splitlines(keepends=True)
-        text = "".join(line for line in lines if len(line) > 2000 or not _TIMED.search(line))
-        data = text.encode()
-    return hashlib.sha256(data).hexdigest()
-
-
-def compare(old: Path, new: Path) -> int:
-    """Print every file that stands in one recording only, or with other content."""
-
-    def files(folder: Path) -> set[str]:
-        return {
-            str(path.relative_to(folder))
-            for path in folder.rglob("*")
-            if path.is_file() and ".sqlite" not in path.name and path.name != "MANIFEST.sha256"
-        }
-
-    before, after = files(old), files(new)
-    different = sorted(before ^ after)
-    different += [
-        name for name in sorted(before & after) if _content(old / name) != _content(new / name)
-    ]
-    for name in different:
-        place = (
-            ""
-            if name in before & after
-            else (" (only before)" if name in before else " (only after)")
-        )
-        sys.stdout.write(f"differs: {name}{place}\n")
-    sys.stdout.write(f"{len(before & after)} files compared, {len(different)} differ\n")
-    return 1 if different else 0
+    parser.add_argument("command", choices=("record", "compare"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("new", type=Path, nargs="?")
+    parser.add_argument("--only", action="append", default=[], metavar="NAME")
+    parser.add_argument("--all", action="store_true", help="list every sentence that differs")
+    given = parser.parse_args(words)
+    names = _names(given.only)
+    if given.command == "record":
+        if os.environ | SETTINGS != os.environ:
+            _in_fresh_process(words)
+            return 0
+        for name in names if given.only else []:
+            if (given.folder / name / SAID).is_file():
+                shutil.rmtree(given.folder / name)
+        record(given.folder, names)
+        return 0
+    with _newer(given.folder, given.new, names) as new:
+        result = compare(given.folder, new, names)
+    sys.stdout.write(result.text(None if given.all else 5))
+    return int(bool(result.failures))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3 and sys.argv[1] == "record":
-        record(Path(sys.argv[2]))
-    elif len(sys.argv) == 4 and sys.argv[1] == "compare":
-        raise SystemExit(compare(Path(sys.argv[2]), Path(sys.argv[3])))
-    else:
-        raise SystemExit(__doc__)
+    raise SystemExit(main(sys.argv[1:]))

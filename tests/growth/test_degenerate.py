@@ -151,6 +151,13 @@ def test_start_exactly_at_a_convex_vertex(launch, vine, terrain, heading_deg, ti
     assert_allclose(grown.tips_mm, [tip or free], atol=1e-9)
 
 
+def test_a_step_as_short_as_rounding_turns_nothing(launch, vine, terrain):
+    # Met, slid along and stopped in the corner: on 1e-10 mm, in a direction that rounding gives.
+    grown = launch(vine(500.0), terrain(ROOM), (100.0 - 5e-11, 100.0 - 1e-10, 10.0))
+    assert grown.stop[0] == Stop.CORNER
+    assert grown.contact_turn_rad[0] == 0.0
+
+
 def test_touching_obstacles_leave_no_way_through(launch, vine, terrain):
     # Two squares that touch in (0, 0); the tip slides along one into the pinch.
     ground = terrain(WIDE, box(0.0, 0.0, 100.0, 100.0), box(-100.0, -100.0, 0.0, 0.0))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from shapely import box
 
 from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
@@ -14,6 +15,7 @@ from vinefab.growth.reference import World
 from vinefab.growth.simulator import KERNEL, grow, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
+from vinefab.model.map import Pose
 
 kernel = interpreted(KERNEL)
 MAPS = 60
@@ -126,3 +128,22 @@ def test_rules_agree_one_by_one(random_map):
 def test_stop_codes_are_those_of_the_model():
     names = ("FULL_LENGTH", "HEAD_ON", "CORNER", "NOT_DEPLOYED", "PRESSURE")
     assert {name: getattr(kernel, name) for name in names} == {s.name: s.value for s in Stop}
+
+
+@pytest.mark.parametrize("x_mm", [-115.7, -114.7, -112.7])
+def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, terrain, x_mm):
+    """Turned along the wall or not, it sends its children to the wall at 90 degrees or along it."""
+    ground = terrain(box(-2000.0, -2000.0, 2000.0, 2000.0))
+    robot = tree(3000.0, (3, 2000.0, 60.0, 0.8), (1, 400.0, 90.0, 1.0), (3, 1000.0, 180.0, 1.0))
+    build = replace(robot.build, widths_mm=(40.0,) * 4, pressure_kpa=6.5574184435189595)
+    options = GrowthOptions(
+        head_on_half_angle_rad=0.0, body_width_ratio=1.3, children_of_stuck="deploy"
+    )
+    pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
+    fast, plain = (
+        grow(replace(robot, build=build), ground, pose, options, engine)
+        for engine in ("kernel", "reference")
+    )
+    assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())
+    assert fast.stop.tolist() == plain.stop.tolist()
+    assert_allclose(fast.grown_mm, plain.grown_mm, atol=1e-6)

@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -136,6 +137,15 @@ def _free(tree) -> Deployment:
         grown_mm=tree.length_mm.copy(),
         contact_turn_rad=np.zeros(len(tree)),
     )
+
+
+def test_a_step_as_short_as_rounding_turns_nothing() -> None:
+    tree = branch_tree(replace(TREE, levels=(), build=Build.standard(1)))
+    free = _free(tree)
+    for back in (1e-13, -1e-13):
+        points = np.array([*free.points_mm, free.points_mm[-1] + (back, 0.0)])
+        grown = replace(free, points_mm=points, first_point=np.array([0, 3]))
+        assert grown_paths(grown)[0].turn_rad == pytest.approx(0.0)
 
 
 def base_turns_rad(deployment: Deployment, branch: int) -> tuple[float, float]:

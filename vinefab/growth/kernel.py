@@ -700,13 +700,16 @@ def _steep_body(walls, rules, growth, tip):
 
 
 @inlined
-def _turning(growth, first, last, ux, uy):
-    """Return the sum of absolute turns along a chain that was launched along u."""
+def _turning(rules, growth, first, last, ux, uy):
+    """Return the sum of absolute turns along a chain that was launched along u.
+
+    Steps as short as rounding have no direction, and are left out.
+    """
     total = 0.0
     for k in range(first, last):
         dx = growth.points[k + 1, 0] - growth.points[k, 0]
         dy = growth.points[k + 1, 1] - growth.points[k, 1]
-        if (dx != 0.0) | (dy != 0.0):
+        if _length(dx, dy) > TIE_STEPS * rules.tolerance_mm:
             total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
             ux, uy = dx, dy
     return total
@@ -773,7 +776,9 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     growth.events[branch], growth.steep[branch] = events, steep
     _record(growth, branch, tip, length)
     # A single event is a flight: straight.
-    growth.turn[branch] = _turning(growth, base, tip.pivot + 1, ux, uy) if events > 1 else 0.0
+    growth.turn[branch] = 0.0
+    if events > 1:
+        growth.turn[branch] = _turning(rules, growth, base, tip.pivot + 1, ux, uy)
     return True
 
 

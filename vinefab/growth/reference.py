@@ -510,9 +510,12 @@ def _launched(
     return grown
 
 
-def _turning(launch: complex, chain: list[complex]) -> float:
-    """Return the sum of absolute turns along a chain that was launched along a heading."""
-    steps = [b - a for a, b in itertools.pairwise(chain) if b != a]
+def _turning(launch: complex, chain: list[complex], shortest: float) -> float:
+    """Return the sum of absolute turns along a chain that was launched along a heading.
+
+    Steps no longer than ``shortest`` have no direction, and are left out.
+    """
+    steps = [b - a for a, b in itertools.pairwise(chain) if abs(b - a) > shortest]
     headings = [launch, *steps]
     return sum(math.atan2(abs(_cross(a, b)), _dot(a, b)) for a, b in itertools.pairwise(headings))
 
@@ -535,7 +538,8 @@ def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex)
         path = branch.film.to(branch.pivots, branch.tip, branch.u)
         growth.gain[number], growth.drawn[number] = path
     # A single event is a flight: straight.
-    growth.turn[number] = _turning(launch, chain) if growth.events[number] > 1 else 0.0
+    shortest = 8.0 * branch.world.rules.tolerance_mm
+    growth.turn[number] = _turning(launch, chain, shortest) if growth.events[number] > 1 else 0.0
     return True
 
 

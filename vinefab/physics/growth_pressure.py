@@ -124,6 +124,9 @@ FITTED_DIAMETER_MM = Quantity(
 FITTED_DIAMETER_RANGE_MM = (15.0, 40.0)
 """Least and greatest that it may well have been [assumed]."""
 
+_ROUNDING = 2.0**-39
+"""Two steps of a map's coordinates, as a share of its size."""
+
 NO_TENSION = Quantity(
     value=0.0, standing=Standing.ASSUMED, source="film crumpled loosely behind the base"
 )
@@ -283,7 +286,9 @@ def _chain_steps(chain_mm: Floats, before_rad: float, joint_rad: float) -> tuple
     """
     runs = np.diff(chain_mm, axis=0)
     lengths = np.hypot(runs[:, 0], runs[:, 1])
-    runs, lengths = runs[lengths > 0.0], lengths[lengths > 0.0]
+    # A step as short as the rounding of its places has no direction.
+    long = lengths > _ROUNDING * np.abs(chain_mm).max()
+    runs, lengths = runs[long], lengths[long]
     if len(runs) == 0:  # it emerged and stopped at once
         return [(abs(joint_rad), 0.0)], before_rad + joint_rad
     headings = np.concatenate([[before_rad], np.arctan2(runs[:, 1], runs[:, 0])])

@@ -488,7 +488,7 @@ def test_a_message_of_endless_parts_drops_its_connection(studio):
         opening = UPGRADE + "\r\n"
         link.sendall(opening.format(host=studio.host, token=studio.token).encode())
         assert link.recv(12) == b"HTTP/1.1 101"
-        with pytest.raises(OSError, match="reset|Broken pipe"):
+        with pytest.raises(OSError, match=r"reset|Broken pipe"):
             send_many(link, b"\x00\x80" + bytes(4), first=b"\x01\x80" + bytes(4))
 
 

@@ -39,6 +39,7 @@ UPGRADE = (
     "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: vinefab, TOKEN\r\n\r\n"
 )
+PART, PING = b"\x00\x80" + bytes(4), b"\x89\xfd" + bytes(4 + 125)
 MESSAGE = b"\x81\xff" + MOST_MESSAGE_BYTES.to_bytes(8, "big") + bytes(3 + MOST_MESSAGE_BYTES)
 
 
@@ -48,19 +49,24 @@ class Kind:
 
     count: int = 1100
     first: str = ""  # sent at once
-    then: bytes = b""  # sent after an answer; a single byte: again and again
+    then: bytes = b""  # sent after an answer
+    again: bytes = b""  # sent again and again
+    leaves: bool = False  # before it is answered
     most_mb: float = 50.0  # what the server may grow by
 
 
 KINDS = {
     "idle": Kind(),
-    "slow head": Kind(first=f"{GET}x: ", then=b"x"),
+    "slow head": Kind(first=f"{GET}x: ", again=b"x"),
     "broken": Kind(first=f"{GET}Transfer-Encoding: chunked\r\n\r\nzz\r\n"),
-    "slow body": Kind(first=f"{GET}Content-Length: 9999\r\n\r\n", then=b"x"),
+    "slow body": Kind(first=f"{GET}Content-Length: 9999\r\n\r\n", again=b"x"),
     "unread": Kind(first=f"{GET}\r\n" * 200),
+    "flood": Kind(count=300, first=f"{GET}\r\n", leaves=True),
     "message": Kind(count=100, first=UPGRADE.replace("TOKEN", "x" * 43), then=MESSAGE),
     # The owner's own pages: as many as there may be but for one.
     "token": Kind(count=MOST_TABS - 1, first=UPGRADE, then=MESSAGE, most_mb=400.0),
+    "parts": Kind(count=2, first=UPGRADE, then=b"\x01" + PART[1:], again=PART * 50_000),
+    "pings": Kind(count=2, first=UPGRADE, again=PING * 5_000),
 }
 
 
@@ -75,6 +81,7 @@ class Crowd(Thread):
             kind.first.replace("HOST", studio.host).replace("TOKEN", studio.token).encode()
         )
         self._open: list[socket.socket] = []
+        self._rest: dict[socket.socket, bytes] = {}  # of what is sent again and again
         self.stop = Event()
         self.full = Event()
         self.made = 0
@@ -87,7 +94,12 @@ class Crowd(Thread):
                 with suppress(OSError):
                     self._open.append(self._connected())
             self.full.set()
-            self.stop.wait(0.2)
+            if self._kind.leaves:
+                for link in self._open:
+                    link.close()
+                self._open = []
+            else:
+                self.stop.wait(0.2)
         for link in self._open:
             link.close()
 
@@ -95,7 +107,7 @@ class Crowd(Thread):
         link = socket.create_connection(("127.0.0.1", self._studio.port), timeout=0.5)
         self.made += 1
         link.sendall(self._first)
-        if len(self._kind.then) > 1:  # after the answer to the upgrade
+        if "Upgrade" in self._kind.first:
             link.recv(4096)
             link.sendall(self._kind.then)
         link.settimeout(0.0)
@@ -103,8 +115,9 @@ class Crowd(Thread):
 
     def _is_held(self, link: socket.socket) -> bool:
         try:
-            if len(self._kind.then) == 1:
-                link.send(self._kind.then)
+            if self._kind.again:
+                rest = self._rest.get(link) or self._kind.again
+                self._rest[link] = rest[link.send(rest) :]
             if link.recv(1, socket.MSG_PEEK):
                 return True
         except BlockingIOError:

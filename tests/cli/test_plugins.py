@@ -84,6 +84,7 @@ def their_package(tmp_path, monkeypatch):
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
     (facts / "entry_points.txt").write_text(POINTS)
     (folder / "their_depth.py").write_text(MODULE)
+    sys.modules.pop("their_depth", None)
     monkeypatch.syspath_prepend(folder)
     for registry in (TASKS, OPTIMIZERS, ENVIRONMENTS, RULES):
         group = f"vinefab.{registry.kind}s"
@@ -92,6 +93,18 @@ def their_package(tmp_path, monkeypatch):
         monkeypatch.setattr(registry, "broken", {})
         monkeypatch.setattr(registry, "packages", {})
     return folder
+
+
+@pytest.mark.parametrize(
+    "broken", ["0 / 0", "count(subject, limits)", "raise SystemExit(0)", "raise B"]
+)
+def test_a_rule_that_breaks_down_when_it_is_called_is_named(vinefab, their_package, broken):
+    module = their_package / "their_depth.py"
+    ends = MODULE.replace("    found = float", f"    {broken}\n    found = float")
+    module.write_text(f"class B(BaseException):\n    pass\n{ends}")
+    code, _, complaint = vinefab("check", "grid_explorer")
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "rule 'MY-F01' of package theirs" in complaint
 
 
 @pytest.mark.usefixtures("their_package")
@@ -167,7 +180,7 @@ def test_a_plugin_that_breaks_down_ends_every_command_that_loads_it(
     assert (code, words) == (2, "")
     assert complaint.count("\n") == 1
     assert "of package theirs (vinefab." in complaint
-    assert f"their_wild:{'T' if 'x' in arguments else 'R'}) does not load ({name}" in complaint
+    assert f"their_wild:{'T' if 'x' in arguments else 'R'}) breaks down ({name}" in complaint
 
 
 @pytest.mark.thorough

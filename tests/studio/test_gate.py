@@ -8,12 +8,14 @@ import socket
 import time
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from vinefab.studio.connections import MOST_PENDING, MOST_TABS, PATIENCE_S
+from vinefab.studio.app import Tab
+from vinefab.studio.connections import DROP, MOST_PENDING, MOST_TABS, PATIENCE_S
 from vinefab.studio.door import SUBPROTOCOL
 from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
@@ -470,7 +472,28 @@ def test_who_does_not_read_is_asked_nothing_more(studio):
             send_many(link, question)
 
 
-def send_many(link, frame):
+def test_who_reads_no_events_is_dropped():
+    """They come without a question, so that asking nothing more does not bound them."""
+    dropped = []
+    unread = Tab(None, SimpleNamespace(scope={"state": {DROP: lambda: dropped.append(True)}}))
+    for _ in range(40):
+        unread.put({"event": "x" * (1 << 20)})
+    assert dropped
+    assert unread._out.qsize() < 20
+
+
+def test_a_message_of_endless_parts_drops_its_connection(studio):
+    """Empty ones add nothing to its length."""
+    with socket.create_connection(("127.0.0.1", studio.port), timeout=5.0) as link:
+        opening = UPGRADE + "\r\n"
+        link.sendall(opening.format(host=studio.host, token=studio.token).encode())
+        assert link.recv(12) == b"HTTP/1.1 101"
+        with pytest.raises(OSError, match=r"reset|Broken pipe"):
+            send_many(link, b"\x00\x80" + bytes(4), first=b"\x01\x80" + bytes(4))
+
+
+def send_many(link, frame, first=b""):
+    link.sendall(first)
     for _ in range(500):
         link.sendall(frame * 2000)
 

@@ -70,7 +70,8 @@ def fabricate_command(
     for line in _report_lines(prepared):
         output.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
-        older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
+        is_older = (out / PACKAGE_MARK).is_file()
+        older = f"; {out} still holds an earlier package, not this design" if is_older else ""
         typer.echo(f"nothing written: {why}{older}", err=True)
         return EXIT_FINDINGS
     files = package(prepared)

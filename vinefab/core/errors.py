@@ -89,7 +89,7 @@ class UnknownNameError(VinefabError, KeyError):
 
 
 class BrokenPluginError(VinefabError, ImportError):
-    """A plug-in, code of another package, breaks down while it is loaded."""
+    """A plug-in, code of another package, breaks down while it is loaded or called."""
 
     def __init__(self, plugin: str, problem: str) -> None:
         self.plugin = plugin
@@ -98,7 +98,7 @@ class BrokenPluginError(VinefabError, ImportError):
 
     def __str__(self) -> str:
         problem = shortened(" ".join(self.problem.split()))
-        return f"plug-in {self.plugin} does not load ({problem}); repair or uninstall its package"
+        return f"plug-in {self.plugin} breaks down ({problem}); repair or uninstall its package"
 
 
 class ForeignFileError(VinefabError, FileExistsError):

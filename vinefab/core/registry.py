@@ -2,13 +2,19 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from traceback import format_exception_only
 from typing import Any, Generic, TypeVar
 
-from vinefab.core.errors import BadInputError, BrokenPluginError, UnknownNameError, nearest
+from vinefab.core.errors import (
+    BadInputError,
+    BrokenPluginError,
+    UnknownNameError,
+    VinefabError,
+    nearest,
+)
 from vinefab.core.validation import plain_number
 
 T = TypeVar("T")
@@ -99,22 +105,39 @@ class Registry(Mapping[str, T], Generic[T]):
         self._group = ""
 
     def _loaded(self, point: EntryPoint) -> tuple[Any, str]:
-        """Return a plug-in's part, and why it cannot be used; empty if it can.
-
-        Foreign code may raise anything, also what ends a program. Here, and nowhere else, all of
-        it becomes an error of ours, but for the user's interrupt and want of memory.
-        """
+        """Return a plug-in's part, and why it cannot be used; empty if it can."""
         try:
-            with redirect_stdout(sys.stderr):
+            with _foreign_code(f"{self.kind} {point.name!r} {_of(point)}"):
                 part = point.load()
                 return part, self._problem(point.name, part)
-        except (KeyboardInterrupt, MemoryError):
+        except BrokenPluginError as error:
+            if isinstance(error.__cause__, _BROKEN_PLUGIN):
+                return None, error.problem
             raise
-        except BaseException as error:
-            words = f"{type(error).__name__}: {_text(error)}"
-            if isinstance(error, _BROKEN_PLUGIN):
-                return None, words
-            raise BrokenPluginError(f"{self.kind} {point.name!r} {_of(point)}", words) from error
+
+    @contextmanager
+    def calling(self, name: str) -> Iterator[None]:
+        """Name the plug-in whose part breaks down in the block; parts of vinefab pass."""
+        if name not in self.packages:
+            yield
+            return
+        with _foreign_code(f"{self.kind} {name!r} of package {self.packages[name]}", VinefabError):
+            yield
+
+
+@contextmanager
+def _foreign_code(plugin: str, passing: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
+    """Make an error of ours of whatever a plug-in raises, also of what ends a program.
+
+    The user's interrupt and want of memory pass, and what else is named.
+    """
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    except (KeyboardInterrupt, MemoryError, passing):
+        raise
+    except BaseException as error:
+        raise BrokenPluginError(plugin, f"{type(error).__name__}: {_text(error)}") from error
 
 
 def _of(point: EntryPoint) -> str:

@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
-from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.studio.connections import Connections
+from vinefab.studio.connections import DROP, Connections
 from vinefab.studio.door import SUBPROTOCOL, Door
 from vinefab.studio.gate import Gate
 from vinefab.studio.lanes import ProcessLane, Question, ThreadLane, first_answer
@@ -38,6 +36,12 @@ _MOST_ASKED = 64
 
 _MOST_UNREAD = 100
 """Messages that a tab may leave unread before it is asked nothing more of."""
+
+_MOST_UNREAD_BYTES = 16 << 20
+"""What a tab may leave unread before its connection is dropped: events come without a question."""
+
+_KINDS = {".js": "text/javascript", ".css": "text/css"}
+"""What browsers ask for, with its media type; a table of the system may have another."""
 
 _LANES = ("rules", "fix", "family", "export")
 
@@ -92,11 +96,6 @@ class Studio:
         with suppress(VinefabError):  # the page will be told
             await self.live.run(lambda: first_answer(state))
 
-    async def page(self, _: Request) -> Response:
-        """Return the page itself."""
-        text = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
-        return HTMLResponse(text.replace(MODULES, live_scripts()[0]))
-
     async def socket(self, socket: WebSocket) -> None:
         """Serve a tab until it is closed."""
         await socket.accept(SUBPROTOCOL)
@@ -118,11 +117,17 @@ class Tab:
         self._socket = socket
         self._asked: dict[str, asyncio.Task[None]] = {}
         self._out: asyncio.Queue[str] = asyncio.Queue()
+        self._unread_bytes = 0
 
     def put(self, message: Mapping[str, Any]) -> None:
-        """Send a message, after those before it."""
+        """Send a message, after those before it, to a page that reads them."""
+        if self._unread_bytes > _MOST_UNREAD_BYTES:
+            self._socket.scope["state"][DROP]()
+            return
         # Written here, so that a value that JSON has no word for is the fault of its question.
-        self._out.put_nowait(json.dumps(message, allow_nan=False))
+        text = json.dumps(message, allow_nan=False)
+        self._unread_bytes += len(text)
+        self._out.put_nowait(text)
 
     async def serve(self) -> None:
         """Greet the page, then answer it until it is gone."""
@@ -145,7 +150,9 @@ class Tab:
     async def _send(self) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):  # the tab was closed meanwhile
             while True:
-                await self._socket.send_text(await self._out.get())
+                text = await self._out.get()
+                await self._socket.send_text(text)
+                self._unread_bytes -= len(text)
 
     def _take(self, message: Mapping[str, Any]) -> None:
         if "cancel" in message:
@@ -235,21 +242,24 @@ async def _received(socket: WebSocket) -> Mapping[str, Any]:
 def make_app(workplace: Workplace, door: Door, connections: Connections) -> ASGIApp:
     """Return the guarded application."""
     studio = Studio(workplace)
-    templates = Path(str(files("vinefab.pages"))) / "templates"
+    scripts, script_hash = live_scripts()
     app = Starlette(
         routes=[
-            Route("/", studio.page),
             WebSocketRoute("/socket", studio.socket),
-            Route("/page/plan.css", _file(templates / "plan.css", "text/css")),
-            Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+            *(Route(path, response) for path, response in _page(scripts).items()),
         ],
         lifespan=studio.running,
     )
-    return Gate(app, door, connections, (live_scripts()[1],))
+    return Gate(app, door, connections, (script_hash,))
 
 
-def _file(path: Path, kind: str) -> Callable[[Request], Response]:
-    def respond(_: Request) -> Response:
-        return Response(path.read_bytes(), media_type=kind)
-
-    return respond
+def _page(scripts: str) -> dict[str, Response]:
+    """Return the files of the page, by path, from memory: a flood of requests waits for no disk."""
+    html = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8").replace(MODULES, scripts)
+    templates = Path(str(files("vinefab.pages"))) / "templates"
+    paths = [*PAGE_FOLDER.iterdir(), templates / "plan.css"]
+    return {"/": HTMLResponse(html)} | {
+        f"/page/{path.name}": Response(path.read_bytes(), media_type=_KINDS[path.suffix])
+        for path in paths
+        if path.suffix in _KINDS
+    }

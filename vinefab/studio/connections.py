@@ -1,10 +1,13 @@
-"""Connections that have not shown the token: few of them, and none for long.
+"""Connections: few without the token and none for long, and bounds for those that have shown it.
 
 Every user of the computer can connect to the server. Whatever a connection holds before it has
 shown the token is bounded: one head of a request (16 kB, by h11), `PATIENCE_S` to send it, and
 `MOST_PENDING` connections in all. When one more comes an old one goes: to refuse the new one would
 lock the owner out. Half the room is for connections that have asked for something, so that idle
 ones cannot break off a page that is being loaded.
+
+With the token a page may leave messages unread and send one in many parts, but not without end:
+then its connection is dropped, and the page connects again.
 """
 
 from asyncio import TimerHandle, Transport, get_running_loop
@@ -14,6 +17,8 @@ from dataclasses import dataclass
 
 from starlette.types import Scope
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 
 MOST_PENDING = 128
 """Connections without the token; a browser opens six for a page."""
@@ -23,6 +28,12 @@ MOST_TABS = 64
 
 PATIENCE_S = 5.0
 """Time to send the head of a request."""
+
+MOST_PARTS = 10_000
+"""Frames of a message: empty ones add nothing to its length."""
+
+DROP = "drop"
+"""Key of the function, in the state of a socket's scope, that ends its connection at once."""
 
 
 @dataclass(slots=True)
@@ -119,3 +130,31 @@ def limited_protocol(connections: Connections) -> type[H11Protocol]:
                 self.transport.abort()
 
     return LimitedProtocol
+
+
+class LimitedSocketProtocol(WebSocketsSansIOProtocol):
+    """Bounds what a tab can pile up in the server before the application hears of it."""
+
+    _parts = 0  # of the message that is being received
+
+    async def run_asgi(self) -> None:
+        """Serve the socket; whoever reads nothing is not waited for at its end."""
+        self.scope["state"][DROP] = self.transport.abort
+        await super().run_asgi()
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
+
+    def handle_cont(self, event: Frame) -> None:
+        """Take a further part of a message."""
+        self._parts = 0 if event.fin else self._parts + 1
+        if self._parts > MOST_PARTS:
+            self.transport.abort()
+        else:
+            super().handle_cont(event)
+
+    def handle_ping(self) -> None:
+        """Answer a ping where earlier answers are read."""
+        if self.writable.is_set():
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()

@@ -19,7 +19,7 @@ MOST_MESSAGE_BYTES = 4 << 20
 
 BACKLOG = 32
 """Connections that wait, and that are accepted in one go: far fewer than may be pending, so that a
-request is read before others take its place. A longer queue lets a flood pile up answers."""
+request is read before others take its place."""
 
 
 def serve(
@@ -75,14 +75,18 @@ async def _until_stopped(
     import uvicorn  # noqa: PLC0415  after the address has been printed
 
     from vinefab.studio.app import make_app  # noqa: PLC0415  as above
-    from vinefab.studio.connections import Connections, limited_protocol  # noqa: PLC0415  as above
+    from vinefab.studio.connections import (  # noqa: PLC0415  as above
+        Connections,
+        LimitedSocketProtocol,
+        limited_protocol,
+    )
 
     connections = Connections()
     config = uvicorn.Config(
         make_app(workplace, door, connections),
         log_level="error",  # any user of the computer could fill the terminal with warnings
         http=limited_protocol(connections),
-        ws="websockets-sansio",
+        ws=LimitedSocketProtocol,
         ws_max_size=MOST_MESSAGE_BYTES,
         backlog=BACKLOG,
         proxy_headers=False,  # a client would choose its own address

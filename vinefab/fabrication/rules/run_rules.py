@@ -85,7 +85,8 @@ def run_checks(
 def _outcome(rule: Rule, subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """Return what a rule finds; rules about one flat outline look at every piece of a robot."""
     if not subject.pieces or rule.id not in PIECE_RULES:
-        return rule.check(subject, limits)
+        with RULES.calling(rule.id):
+            return rule.check(subject, limits)
     found = [rule.check(piece, limits) for piece in subject.pieces]
     for outcome in found:
         if isinstance(outcome, RuleNotApplicable):

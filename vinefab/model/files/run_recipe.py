@@ -58,8 +58,11 @@ class RunRecipe:
 
     def write(self, folder: Path) -> None:
         """Write the files below a folder; those that are there already stay as they are."""
-        for name, text in self.files.items():
-            path = path_inside("recipe.files", name, [folder], RECORD)
+        texts = {
+            path_inside("recipe.files", name, [folder], RECORD): text
+            for name, text in self.files.items()
+        }
+        for path, text in texts.items():
             if not path.exists():
                 write_text(path, text)
 

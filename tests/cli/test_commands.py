@@ -9,6 +9,8 @@ import shapely
 
 from vinefab import __version__
 from vinefab.cli.main import COMMANDS, build_app, main
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Map
 
 
 @pytest.mark.parametrize("command", [[], *[[name] for name in COMMANDS], ["map", "grid"]])
@@ -165,6 +167,16 @@ def test_rig_is_written_and_described(vinefab, grid, tmp_path):
     for part in description["parts"]:
         assert (out / part["file"]).stat().st_size > 84
         assert {"volume_mm3", "size_mm"} <= set(part)
+
+
+def test_a_rig_of_too_many_corners_names_the_file_to_simplify(vinefab, tmp_path):
+    room, disc = shapely.box(0, 0, 400, 300), shapely.Point(200, 150).buffer(80, quad_segs=3_000)
+    jagged = tmp_path / "jagged.geojson"
+    jagged.write_text(map_text(Map(name="jagged", bounds=room, obstacles=(disc,))))
+    code, _, problem = vinefab("rig", jagged, "--out", tmp_path / "rig")
+    assert code == 2
+    assert f"vinefab map import {jagged} --simplify-mm" in problem
+    assert not (tmp_path / "rig").exists()
 
 
 def test_report_is_one_page_with_predictions(vinefab, grid, tmp_path):

@@ -86,6 +86,28 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
     assert len(stops) > 2
 
 
+@pytest.mark.parametrize("kind", ["star", "needles", "lattice"])
+def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
+    monkeypatch, random_map, random_pose, random_tree, kind
+):
+    tested = []
+    meeting = World.meeting
+    monkeypatch.setattr(World, "meeting", lambda *given: tested.append(1) or meeting(*given))
+    for number in range(6):
+        rng = np.random.default_rng([9, number])
+        terrain = Terrain.of(random_map(rng, kind))
+        robot, pose = random_tree(rng), random_pose(rng, terrain)
+        near = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+        few = len(tested)
+        with monkeypatch.context() as everywhere:
+            everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
+            whole = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+        assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
+        assert near.stop.tolist() == whole.stop.tolist(), number
+        assert few < len(tested) - few, number
+        tested.clear()
+
+
 def test_rules_agree_one_by_one(random_map):
     """Every rule of the kernel against the twin's of the same name, also at the tolerances."""
     rng = np.random.default_rng(7)

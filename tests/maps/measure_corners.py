@@ -7,7 +7,7 @@ Three maps of 600 x 400 mm, a row for each command and map, a column for each nu
 one jagged star, scattered triangles, and bounds with the smooth outline of a cave. A cell holds
 processor seconds and peak MB of a process of its own, or how it ended: ``> 20 s`` where the limit
 killed it, ``refused`` with exit code 2 (messages come last). ``x`` is the time of a cell over that
-of the one to its left, each less the time that the command takes on a map of 40 corners.
+of the one to its left, each less the time that the command takes on the first map with 40 corners.
 """
 
 import argparse
@@ -131,17 +131,19 @@ def measured(command, folder, limit_s):
     return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0, ended
 
 
-def row(command, kind, sizes, limit_s, notes):
+def cell(command, kind, corners, limit_s):
+    """Measure a command on one map, in a folder of its own."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        written(kind, corners, folder)
+        return measured(command, folder, limit_s)
+
+
+def row(command, kind, sizes, limit_s, base_s, notes):
     """Return the cells of a command on a kind of map; larger maps are not tried after a limit."""
-    cells, before_s, base_s = [], 0.0, 0.0
-    for corners in (LEAST_CORNERS, *sizes):
-        with TemporaryDirectory() as name:
-            folder = Path(name)
-            written(kind, corners, folder)
-            seconds, peak_mb, ended = measured(command, folder, limit_s)
-        if corners == LEAST_CORNERS:
-            base_s = seconds
-            continue
+    cells, before_s = [], 0.0
+    for corners in sizes:
+        seconds, peak_mb, ended = cell(command, kind, corners, limit_s)
         if ended.startswith("refused"):
             notes.append(f"{command}, {kind}, {corners} corners, {seconds:.1f} s: {ended}")
         times = (seconds - base_s) / before_s if before_s > 0.2 and not ended else math.nan
@@ -168,8 +170,9 @@ def main():
     sys.stdout.write("| command | map | " + " | ".join(map(str, given.corners)) + " |\n")
     sys.stdout.write("|---" * (2 + len(given.corners)) + "|\n")
     for command in given.commands:
+        base_s, _, _ = cell(command, given.maps[0], LEAST_CORNERS, given.limit_s)
         for kind in given.maps:
-            cells = row(command, kind, given.corners, given.limit_s, notes)
+            cells = row(command, kind, given.corners, given.limit_s, base_s, notes)
             sys.stdout.write(f"| {command} | {kind} | " + " | ".join(cells) + " |\n")
             sys.stdout.flush()
     sys.stdout.writelines(f"\n{note}" for note in notes)

@@ -11,6 +11,7 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Map, Pose, Start
+from vinefab.rig import board
 from vinefab.rig import make as module
 from vinefab.rig import plate as build
 from vinefab.rig.board import build_board
@@ -18,6 +19,7 @@ from vinefab.rig.laser_cut import compare_layers, laser_cut_files
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.page import assembly_plan
 from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_plan import plan_of
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 START = Start(pose=Pose(x_mm=90.0, y_mm=10.0, heading_rad=math.pi / 2))
@@ -53,7 +55,8 @@ def test_bounds_with_a_corner_to_go_around_are_enough():
     ],
 )
 def test_what_cannot_be_printed_is_refused_before_anything_is_built(monkeypatch, options, words):
-    monkeypatch.setattr(build, "plan_of", lambda *_: pytest.fail("a plan was made"))
+    for user in (module, build):
+        monkeypatch.setattr(user, "plan_of", lambda *_: pytest.fail("a plan was made"))
     monkeypatch.setattr(module, "part_files", lambda *_: pytest.fail("files were made"))
     with pytest.raises(BadInputError, match=words):
         make_rig(_map(box(30, 60, 60, 90)), PRINTER, options, BARE)
@@ -89,6 +92,16 @@ def test_corridors_and_heights_are_compared_with_the_robot():
         RigRequest(design=design, pictures=False),
     )
     assert large.report.findings == ()
+
+
+def test_both_styles_are_made_of_one_plan(monkeypatch):
+    made = []
+    for user in (module, build, board):
+        monkeypatch.setattr(
+            user, "plan_of", lambda *given: made.append(plan_of(*given)) or made[-1]
+        )
+    make_rig(_map(box(30, 60, 60, 90)), PRINTER, RigOptions(), BARE)
+    assert len(made) == 1
 
 
 def test_without_a_robot_these_rules_are_skipped_with_the_reason():

@@ -308,7 +308,8 @@ class Batch:
         # Appending and popping are safe between threads.
         self._idle = [] if idle is None else idle
         if engine == "auto":
-            engine = quickest_engine(len(launches) * len(plans.trees.parent))
+            corners = max((one.corners for one in launches.atlas.terrains), default=0)
+            engine = quickest_engine(len(launches) * len(plans.trees.parent), corners)
         self._engine = engine
 
     def __len__(self) -> int:

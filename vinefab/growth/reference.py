@@ -1,9 +1,9 @@
 """The growth model in plain Python: the twin that the compiled kernel is held against.
 
-It follows the same rules on the same arrays, but tests every wall and every vertex each time and
-keeps its state in ordinary objects. The rules that decide the answer are methods of `World`, under
-the names that the kernel's functions have. Points and directions are complex numbers, x + iy. See
-`vinefab.growth.kernel` for the conventions on walls and senses.
+It follows the same rules on the same arrays, but tests every wall and every vertex whose box comes
+near a move, and keeps its state in ordinary objects. The rules that decide the answer are methods
+of `World`, under the names that the kernel's functions have. Points and directions are complex
+numbers, x + iy. See `vinefab.growth.kernel` for the conventions on walls and senses.
 """
 
 import itertools
@@ -11,8 +11,10 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
+from vinefab.core.validation import Floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
 from vinefab.model.deployment import Stop
 
@@ -73,6 +75,9 @@ class World:
     # the walls before and after each wall, in the same wedge of free space
     neighbours: list[tuple[int, int]]
     rules: Rules  # half angle and tolerances
+    # least and largest x and y of each wall, and of each vertex, shape (n, 2, 2)
+    wall_boxes_mm: Floats
+    vertex_boxes_mm: Floats
 
     @classmethod
     def of(cls, arrays: WallArrays, rules: Rules) -> "World":
@@ -99,7 +104,24 @@ class World:
             )
         ]
         neighbours = [(before, after) for before, after, *_ in arrays.link.tolist()]
-        return cls(walls=walls, vertices=vertices, neighbours=neighbours, rules=rules)
+        ends = arrays.wall[:, :2], arrays.end
+        return cls(
+            walls=walls,
+            vertices=vertices,
+            neighbours=neighbours,
+            rules=rules,
+            wall_boxes_mm=np.stack([np.minimum(*ends), np.maximum(*ends)], axis=1),
+            vertex_boxes_mm=np.repeat(arrays.vertex[:, None], 2, axis=1),
+        )
+
+    def near(self, boxes_mm: Floats, *points: complex) -> list[int]:
+        """Return which boxes come near the box of some points."""
+        away_mm = 16.0 * self.rules.tolerance_mm
+        corners = np.array([(point.real, point.imag) for point in points])
+        low, high = corners.min(axis=0) - away_mm, corners.max(axis=0) + away_mm
+        meets = (boxes_mm[:, 0] <= high) & (boxes_mm[:, 1] >= low)
+        numbers: list[int] = np.flatnonzero(meets.all(axis=1)).tolist()
+        return numbers
 
     # --- The rules that decide the answer ---
 
@@ -185,8 +207,8 @@ class World:
         Walls with an end at one of the places in ``skip`` are left out.
         """
         found = []
-        for number, wall in enumerate(self.walls):
-            if not set(wall.ends) & set(skip):
+        for number in self.near(self.wall_boxes_mm, origin, origin + reach * u):
+            if not set(self.walls[number].ends) & set(skip):
                 met = self.meeting(origin, u, number)
                 if met is not None and met.distance <= reach:
                     found.append(met)
@@ -451,7 +473,9 @@ class GrowingBranch:
         """Return the first vertex met, the farthest from the pivot if several are met at once."""
         best: tuple[float, float] = (reach, 0.0)
         found = None
-        for vertex in self.world.vertices:
+        swept = self.pivots[-1], self.tip, self.tip + reach * along
+        for number in self.world.near(self.world.vertex_boxes_mm, *swept):
+            vertex = self.world.vertices[number]
             if vertex.place in skip:
                 continue
             key = (self.distance_to_vertex(vertex, along), -abs(vertex.point - self.pivots[-1]))

@@ -55,6 +55,9 @@ INTERPRETED_BRANCHES = 4_000
 """So many branches a process leaves to the interpreter, half a second of them. Loading the compiled
 kernel takes as long; compiling it, once on every computer, takes many times longer."""
 
+INTERPRETED_CORNERS = 4_000
+"""Maps of more corners are never left to the interpreter: one branch there may take a second."""
+
 
 def grow(
     design: Design,
@@ -100,7 +103,7 @@ def grow(
     rules = rules_of(options, terrain.tolerance_mm)
     rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
     if engine == "auto":
-        engine = quickest_engine(len(plan))
+        engine = quickest_engine(len(plan), terrain.corners)
     growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
@@ -125,12 +128,14 @@ class _Allowance:
 _ALLOWANCE = _Allowance()
 
 
-def quickest_engine(branches: int) -> Engine:
+def quickest_engine(branches: int, corners: int) -> Engine:
     """Return the engine that is done first with so many branches more: compiled code once loaded.
 
-    Until then the interpreter, up to `INTERPRETED_BRANCHES` in all.
+    Until then the interpreter, up to `INTERPRETED_BRANCHES` in all, on maps of up to
+    `INTERPRETED_CORNERS`.
     """
-    if KERNEL in sys.modules or branches > _ALLOWANCE.branches:
+    jagged = corners > INTERPRETED_CORNERS
+    if KERNEL in sys.modules or jagged or branches > _ALLOWANCE.branches:
         return "kernel"
     _ALLOWANCE.branches -= branches
     return "interpreted"

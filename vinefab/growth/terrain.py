@@ -53,10 +53,11 @@ class Terrain:
     another body radius are built when first needed, and kept.
     """
 
-    __slots__ = ("_free", "_walls", "grid_mm", "world")
+    __slots__ = ("_free", "_walls", "corners", "grid_mm", "world")
 
     def __init__(self, world: Map) -> None:
         self.world = world
+        self.corners = world.wall_count
         self.grid_mm = _grid_mm(world)
         self._free: dict[float, BaseGeometry] = {0.0: _prepared(free_space(world, self.grid_mm))}
         self._walls: dict[float, WallArrays] = {}

@@ -136,13 +136,14 @@ PEG_RECESS_MM = 0.2
 
 
 def build_board(
-    world: Map, printer: Printer, options: RigOptions
+    world: Map, printer: Printer, options: RigOptions, plan: RigPlan | None = None
 ) -> tuple[Rig, tuple[LoosePiece, ...]]:
     """Return a rig of loose obstacles, and the pieces that it is made of.
 
     With style ``board`` the parts are printed top down, pegs upwards, so that nothing needs
     supports; the number is engraved into the top. With style ``sheet`` nothing is printed but
     what stands beside the rig: the pieces are cut in layers.
+    ``plan`` is the map's plan for this printer, where that is known.
     """
     printed = options.style != "sheet"
     machine = printer if printed else laser_as_printer(options)
@@ -150,7 +151,7 @@ def build_board(
     # Only what stands on a cell of the bed's size is a part: the cells may be many more.
     many = replace(options, most_parts=MOST_PARTS)
     grid_of((width_mm, depth_mm), machine, many)
-    plan = plan_of(world, machine, options)
+    plan = plan or plan_of(world, machine, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, machine, many)
     pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
     wall_mm = shell_wall_mm(printer, options) if printed else 0.0

@@ -27,6 +27,7 @@ from vinefab.rig.plate import build_rig, refuse_early
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_plan import RigPlan, plan_of
 from vinefab.rig.split import usable_mm
 from vinefab.rig.true_scale import true_scale_files
 
@@ -175,11 +176,12 @@ def _built(
     if options.style != "auto":
         return *_in_style(world, printer, options), f"style {options.style}: as asked for"
     refuse_early(world, printer, options)
+    plan = plan_of(world, printer, options)  # the same for both styles
     made: dict[str, tuple[Rig, tuple[LoosePiece, ...]]] = {}
     refused: dict[str, BadInputError] = {}
     for style in ("plate", "board"):
         try:
-            made[style] = _in_style(world, printer, replace(options, style=style))
+            made[style] = _in_style(world, printer, replace(options, style=style), plan)
         except BadInputError as error:
             refused[style] = error
     if not made:
@@ -203,12 +205,12 @@ _STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
 
 def _in_style(
-    world: Map, printer: Printer, options: RigOptions
+    world: Map, printer: Printer, options: RigOptions, plan: RigPlan | None = None
 ) -> tuple[Rig, tuple[LoosePiece, ...]]:
     """Return a rig, and its loose pieces if it has any."""
     if options.style == "plate":
-        return build_rig(world, printer, options), ()
-    return build_board(world, printer, options)
+        return build_rig(world, printer, options, plan), ()
+    return build_board(world, printer, options, plan)
 
 
 def _no_progress(_: float, __: str) -> None:

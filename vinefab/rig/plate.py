@@ -20,8 +20,10 @@ from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, g
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -> Rig:
-    """Make the printable test rig of a map.
+def build_rig(
+    world: Map, printer: Printer, options: RigOptions | None = None, plan: RigPlan | None = None
+) -> Rig:
+    """Make the printable test rig of a map; ``plan`` is its plan where that is known.
 
     A base plate carries the obstacles, and a wall around the bounds with an opening where a start
     is near it (see `vinefab.rig.rig_plan`). What is larger than the bed is divided by straight cuts
@@ -36,7 +38,7 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     """
     options = options or RigOptions()
     refuse_early(world, printer, options)
-    plan = plan_of(world, printer, options)
+    plan = plan or plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
     joints = Dovetails(joints=(), bare_seams=0)
     if options.joint == "dovetail":

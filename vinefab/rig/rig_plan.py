@@ -7,6 +7,7 @@ and thickened where the printer could not print them.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -27,19 +28,20 @@ from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 Polygons = NDArray[np.object_]
 """Polygons that do not overlap, shape (n,)."""
 
-MOST_CORNERS = 20_000
-"""Of a map that becomes a rig: a minute or two of work, and finer than any printer makes."""
+MOST_CORNERS = 10_000
+"""Of a map that becomes a rig: half a minute of work, and finer than any printer makes."""
 
 _ROUNDS = 5
 _MITRE_LIMIT = 5.0
 
 
-def _refuse_jagged(world: Map) -> None:
-    """Refuse, before any long work, a map with too many corners."""
+def refuse_jagged(world: Map, source: Path | None = None) -> None:
+    """Refuse, before any long work, a map with too many corners; ``source`` is its file."""
     if world.wall_count > MOST_CORNERS:
-        simpler = "vinefab map import --simplify-mm leaves out what is too fine to print"
+        simpler = f"vinefab map import {source or 'FILE'} --simplify-mm leaves out the finest"
         allowed = f"at most {MOST_CORNERS} for a rig; {simpler}"
-        raise BadInputError(f"map {world.name}: number of corners", world.wall_count, allowed)
+        key = f"map {world.name}: number of corners"
+        raise BadInputError(key, world.wall_count, allowed, source)
 
 
 def polygon_parts(*shapes: BaseGeometry | Polygons) -> Polygons:
@@ -334,7 +336,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     The border stands outside the bounds. Obstacles are clipped to the bounds, then joined with
     each other and with the border wherever they overlap or touch; holes in the bounds are solid.
     """
-    _refuse_jagged(world)
+    refuse_jagged(world)
     origin_mm = world.bounds.bounds[0], world.bounds.bounds[1]
     bounds = _scaled_polygons([world.bounds], world, options.scale)[0]
     obstacles, slivers = without_slivers(_obstacles(world, bounds, options), options.sliver_mm)

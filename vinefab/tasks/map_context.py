@@ -25,7 +25,7 @@ MOST_KEPT_RADII = 4
 _MARGIN = 1e-6
 """Walls are listed in cells that they miss by this share of a cell: far above rounding."""
 
-MOST_EDGES_AT_ONCE = 20_000
+MOST_EDGES_AT_ONCE = 5_000
 """The free space of a map with more edges is cut into tiles where areas in it are measured, so that
 the time of each follows what is near, not the whole map."""
 

@@ -312,3 +312,15 @@ def test_a_start_that_cannot_be_used_is_one_clear_line(
         reading(document)
     assert "world.geojson" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_jagged_outline_is_tested_for_validity_once(monkeypatch, tmp_path):
+    disc = shapely.Point(200, 150).buffer(80, quad_segs=500)
+    path = tmp_path / "disc.geojson"
+    path.write_text(
+        map_text(Map(name="disc", bounds=shapely.box(0, 0, 400, 300), obstacles=(disc,)))
+    )
+    tested, is_valid = [], shapely.is_valid
+    monkeypatch.setattr(shapely, "is_valid", lambda shape: tested.append(shape) or is_valid(shape))
+    assert len(read_map(path).obstacles[0].exterior.coords) == 2001
+    assert sum(shapely.get_num_coordinates(shape).sum() > 1000 for shape in tested) == 1

@@ -23,7 +23,7 @@ from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
 from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
 from vinefab.rig.rig_options import RigOptions, read_printer
-from vinefab.rig.rig_plan import refuse_jagged
+from vinefab.rig.rig_plan import refuse_fine
 
 
 def rig_command(
@@ -98,7 +98,7 @@ def rig_command(
     output = CommandOutput(quiet=quiet, force=force)
     output.ensure_folder(out, RIG_MARK)
     (world,) = started_maps([read_map(map_file)], start)
-    refuse_jagged(world, map_file)
+    refuse_fine(world, map_file)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(
         style=style,

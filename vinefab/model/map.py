@@ -346,6 +346,8 @@ def _unsound(polygons: tuple[Polygon, ...]) -> list[int]:
     items = np.array(polygons, dtype=np.object_)
     near = (np.abs(shapely.bounds(items).reshape(-1, 4)) <= LARGEST_MM).all(axis=1)
     plain = shapely.get_type_id(items) == shapely.GeometryType.POLYGON
+    for index in np.flatnonzero(near & plain):
+        refuse_jagged(f"obstacle {index}", items[index])
     return [int(index) for index in np.flatnonzero(~(near & plain & are_valid(items)))]
 
 
@@ -360,6 +362,25 @@ def are_valid(polygons: NDArray[np.object_]) -> NDArray[np.bool_]:
             if valid[index]:
                 _FOUND_VALID.add(polygons[index])
     return valid
+
+
+_MOST_CROSSINGS = 5e7
+"""Corners of an outline times the walls of it that a line across meets, on average. What sweeps
+across an outline takes as long as that: at the limit some seconds to validate and to clip."""
+
+
+def refuse_jagged(key: str, polygon: Polygon) -> None:
+    """Refuse an outline of so many and so long teeth that no command would end with it."""
+    corners = int(shapely.get_num_coordinates(polygon))
+    if corners <= _MANY_CORNERS:
+        return
+    steps = np.abs(np.diff(shapely.get_coordinates(polygon), axis=0)).sum(axis=0)
+    x0, y0, x1, y1 = polygon.bounds
+    crossed = float((steps / np.maximum([x1 - x0, y1 - y0], 1e-9)).max())
+    if corners * crossed > _MOST_CROSSINGS:
+        given = f"{corners} corners, {crossed:.0f} walls across"
+        allowed = "a simpler outline: import the drawing again (vinefab map import --simplify-mm)"
+        raise BadInputError(key, given, allowed)
 
 
 def _check_start_area(area: BaseGeometry) -> None:
@@ -381,6 +402,7 @@ def _check_polygon(key: str, polygon: Polygon) -> None:
     if polygon.is_empty or polygon.geom_type != "Polygon":
         raise BadInputError(key, polygon.geom_type, "one polygon with an area")
     _check_near(key, polygon)
+    refuse_jagged(key, polygon)
     if not are_valid(np.array([polygon], dtype=np.object_))[0]:
         raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid")
 

@@ -35,10 +35,10 @@ _ROUNDS = 5
 _MITRE_LIMIT = 5.0
 
 
-def refuse_jagged(world: Map, source: Path | None = None) -> None:
+def refuse_fine(world: Map, source: Path | None = None) -> None:
     """Refuse, before any long work, a map with too many corners; ``source`` is its file."""
     if world.wall_count > MOST_CORNERS:
-        simpler = f"vinefab map import {source or 'FILE'} --simplify-mm leaves out the finest"
+        simpler = "import the drawing again (vinefab map import --simplify-mm)"
         allowed = f"at most {MOST_CORNERS} for a rig; {simpler}"
         key = f"map {world.name}: number of corners"
         raise BadInputError(key, world.wall_count, allowed, source)
@@ -336,7 +336,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     The border stands outside the bounds. Obstacles are clipped to the bounds, then joined with
     each other and with the border wherever they overlap or touch; holes in the bounds are solid.
     """
-    refuse_jagged(world)
+    refuse_fine(world)
     origin_mm = world.bounds.bounds[0], world.bounds.bounds[1]
     bounds = _scaled_polygons([world.bounds], world, options.scale)[0]
     obstacles, slivers = without_slivers(_obstacles(world, bounds, options), options.sliver_mm)

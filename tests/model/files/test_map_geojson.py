@@ -324,3 +324,18 @@ def test_a_jagged_outline_is_tested_for_validity_once(monkeypatch, tmp_path):
     monkeypatch.setattr(shapely, "is_valid", lambda shape: tested.append(shape) or is_valid(shape))
     assert len(read_map(path).obstacles[0].exterior.coords) == 2001
     assert sum(shapely.get_num_coordinates(shape).sum() > 1000 for shape in tested) == 1
+
+
+def test_an_outline_of_too_many_long_teeth_is_refused_before_it_is_swept(monkeypatch):
+    angle = np.arange(40_000) * 2.0 * np.pi / 40_000
+    teeth = np.where(np.arange(40_000) % 2, 90.0, 130.0)[:, None]
+    star = shapely.Polygon([200, 150] + teeth * np.column_stack([np.cos(angle), np.sin(angle)]))
+    smooth = shapely.Point(200, 150).buffer(80, quad_segs=10_000)
+    box = shapely.box(0, 0, 400, 300)
+    assert Map(name="disc", bounds=box, obstacles=(smooth,)).wall_count == 40_004
+    small, is_valid = 1000, shapely.is_valid
+    monkeypatch.setattr(
+        shapely, "is_valid", lambda one: shapely.get_num_coordinates(one) < small and is_valid(one)
+    )
+    with pytest.raises(BadInputError, match=r"obstacle 0 is '40001 corners, .*--simplify-mm"):
+        Map(name="star", bounds=box, obstacles=(star,))

@@ -16,7 +16,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
-from vinefab.model.map import Map, Pose, Start, are_valid
+from vinefab.model.map import Map, Pose, Start, are_valid, refuse_jagged
 from vinefab.model.start_place import StartPlace, with_starts
 
 _LARGEST_BYTES = 1 << 30
@@ -97,6 +97,7 @@ def _polygon(key: str, rings: object) -> Polygon:
         raise BadInputError(f"{key}.geometry.coordinates", rings, "an outer ring, then holes")
     shell, *holes = [_ring(f"{key} ring {number + 1}", ring) for number, ring in enumerate(rings)]
     polygon = Polygon(shell, holes)
+    refuse_jagged(key, polygon)
     if not are_valid(np.array([polygon], dtype=np.object_))[0]:
         raise BadInputError(key, _reason(polygon), "rings that do not cross or touch themselves")
     return polygon

@@ -22,6 +22,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import shapely
 
+from vinefab.core.errors import BadInputError
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map, Pose, Start
 
@@ -135,7 +136,10 @@ def cell(command, kind, corners, limit_s):
     """Measure a command on one map, in a folder of its own."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        written(kind, corners, folder)
+        try:
+            written(kind, corners, folder)
+        except BadInputError as refused:  # as when a command reads such a map
+            return 0.0, 0.0, f"refused: {refused}"
         return measured(command, folder, limit_s)
 
 

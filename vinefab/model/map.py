@@ -369,7 +369,10 @@ _MOST_CROSSINGS = 5e7
 across an outline takes as long as that: at the limit some seconds to validate and to clip."""
 
 
-def refuse_jagged(key: str, polygon: Polygon) -> None:
+_SIMPLER = "a simpler outline: import the drawing again (vinefab map import --simplify-mm)"
+
+
+def refuse_jagged(key: str, polygon: Polygon, allowed: str = _SIMPLER) -> None:
     """Refuse an outline of so many and so long teeth that no command would end with it."""
     corners = int(shapely.get_num_coordinates(polygon))
     if corners <= _MANY_CORNERS:
@@ -378,9 +381,7 @@ def refuse_jagged(key: str, polygon: Polygon) -> None:
     x0, y0, x1, y1 = polygon.bounds
     crossed = float((steps / np.maximum([x1 - x0, y1 - y0], 1e-9)).max())
     if corners * crossed > _MOST_CROSSINGS:
-        given = f"{corners} corners, {crossed:.0f} walls across"
-        allowed = "a simpler outline: import the drawing again (vinefab map import --simplify-mm)"
-        raise BadInputError(key, given, allowed)
+        raise BadInputError(key, f"{corners} corners, {crossed:.0f} walls across", allowed)
 
 
 def _check_start_area(area: BaseGeometry) -> None:

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, positive
+from vinefab.model.map import refuse_jagged
 
 Role = Literal["bounds", "obstacle"]
 
@@ -245,6 +246,7 @@ def ring_polygons(
     points = without_repeats(points_mm, changes)
     if len(points) >= 4 or (len(points) == 3 and (points[0] != points[-1]).any()):
         polygon = Polygon(points)
+        refuse_jagged(where, polygon, "an outline of fewer or shorter teeth: draw it simpler")
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:

@@ -247,7 +247,7 @@ def test_numbers_that_yaml_takes_for_words_are_numbers(importing: Import) -> Non
 
 
 def test_a_scale_that_leaves_nothing_of_a_cell_is_named(importing: Import) -> None:
-    with pytest.raises(BadInputError, match=r"world.yaml: scale_mm_per_unit is 1e-09"):
+    with pytest.raises(BadInputError, match=r"scale_mm_per_unit is 1e-09"):
         importing(box_world(), ImportOptions(scale_mm_per_unit=1e-9))
 
 

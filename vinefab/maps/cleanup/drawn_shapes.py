@@ -246,7 +246,11 @@ def ring_polygons(
     points = without_repeats(points_mm, changes)
     if len(points) >= 4 or (len(points) == 3 and (points[0] != points[-1]).any()):
         polygon = Polygon(points)
-        refuse_jagged(where, polygon, "an outline of fewer or shorter teeth: draw it simpler")
+        try:
+            refuse_jagged(where, polygon, "an outline of fewer or shorter teeth: draw it simpler")
+        except BadInputError:
+            refuse_tangle([points], where)  # says it better
+            raise
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:

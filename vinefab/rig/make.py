@@ -18,7 +18,7 @@ from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.fixtures import with_fixtures
-from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.laser_cut import laser_cut_files, outlines_of
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
@@ -70,11 +70,6 @@ class RigFiles:
         rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
         sheets = [name for name in self.files if name.endswith(".dxf")]
         laser = f"; {counted(len(sheets), 'sheet')} for the laser" if sheets else ""
-        if rig.style == "sheet":
-            return (
-                f"{rig.name}: {counted(rig.counts['pieces'], 'piece')} cut in layers, "
-                f"{scale}{laser}"
-            )
         volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
         return (
             f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} {scale}, "
@@ -119,8 +114,7 @@ def make_rig(
     rig, fixtures = with_fixtures(rig, world, request.design)
     cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
-    layered = rig.style == "sheet"
-    comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
+    comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
@@ -138,7 +132,6 @@ def make_rig(
         comparison=comparison,
         report=report,
         jobs=cut.jobs,
-        copies=cut.copies,
         why_style=why_style,
         fixtures=fixtures,
     )
@@ -234,7 +227,7 @@ def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
         name=rig.name,
         printer=rig.printer.name,
         room_mm=room_mm,
-        height_mm=standing_mm(rig),
+        height_mm=rig.options.height_mm,
         parts=tuple(
             RigPartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
             for part in rig.printed

@@ -103,15 +103,6 @@ def base_png(rig: Rig, *, width_px: int = 900) -> bytes | None:
     return relief_png(solids, width_px=width_px, rise_deg=40.0) if solids else None
 
 
-def layered_png(rig: Rig, *, width_px: int = 1400) -> bytes:
-    """Return a picture of a rig whose obstacles are cut in layers: walls and holder on a board."""
-    scale, height_mm = rig.options.scale, rig.options.height_mm
-    pieces = polygon_parts(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, polygon_parts(Polygon()), height_mm, 0.0)
-    walls = Prism(vertices_mm=vertices, faces=faces, colour=_TINTS[1])
-    return relief_png([*_board(rig), walls, *_standing(rig)[0]], width_px=width_px)
-
-
 def _board(rig: Rig) -> list[Prism]:
     """Return the board that loose obstacles stand on; tiles bring their own plate."""
     if rig.style == "plate":
@@ -290,7 +281,7 @@ def rig_section(
     rig: Rig, printing: Printing, pictures: Mapping[str, bytes], why_style: str
 ) -> Section:
     """Return the section about a rig."""
-    sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
+    sheets = [name for name in pictures if name.startswith(("board", "lid"))]
     marked = rig.options.marker_kind != "none"
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
@@ -358,7 +349,7 @@ def rig_pictures(
     progress(0.5, "drawing the plan")
     plan = assembly_plan(rig, world, outlines)
     files = {"assembly.svg": svg_bytes(plan), "assembly.pdf": pdf_bytes(plan)}
-    files["assembled.png"] = layered_png(rig) if rig.style == "sheet" else assembled_png(rig)
+    files["assembled.png"] = assembled_png(rig)
     base = base_png(rig)
     files |= {"base_holder.png": base} if base else {}
     for done, bed in enumerate(printing.beds, 1):

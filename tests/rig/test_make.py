@@ -127,13 +127,10 @@ def test_a_slanted_plate_is_no_empty_map():
 def test_pictures_drawing_and_page_come_with_the_files():
     world = _map(box(30, 60, 60, 90), box(90, 60, 150, 60.4))
     made = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
-    beds = json.loads(made.files["rig.json"])["beds"]
-    pictures = {bed["file"].replace(".3mf", ".png") for bed in beds}
-    pictures |= {"assembled.png", "base_holder.png"}
     drawings = {
         f"{name}.{kind}" for name in ("assembly", "markers", "plan") for kind in ("svg", "pdf")
     }
-    names = {"report.html", *pictures, *drawings}
+    names = {"report.html", *drawings}
     assert names < set(made.files)
     assert made.files["assembly.pdf"].startswith(b"%PDF")
     words = assembly_plan(made.rig, world, {}).axes[0].get_legend().get_texts()
@@ -142,7 +139,7 @@ def test_pictures_drawing_and_page_come_with_the_files():
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()
     assert "Test rig" in page
-    assert page.count("data:image/png") == len(pictures)
+    assert "Beds (estimate)" in page
     again = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
     assert again.files == made.files
 

@@ -86,7 +86,8 @@ def rig_command(
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
     ] = False,
     pictures: Annotated[
-        bool, typer.Option("--pictures/--no-pictures", help="Draw rig and beds; report.html.")
+        bool,
+        typer.Option("--pictures/--no-pictures", help="Draw the plan and sheets; report.html."),
     ] = True,
     quiet: Quiet = False,
     force: Force = False,

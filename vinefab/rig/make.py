@@ -1,5 +1,6 @@
 """From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import shapely
@@ -20,7 +21,7 @@ from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import laser_cut_files, outlines_of
 from vinefab.rig.open_shell import shell_words
-from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
+from vinefab.rig.page import rig_page, rig_pictures, rig_section
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig, refuse_early
@@ -38,6 +39,9 @@ MOST_DIFFERENCE = 1e-3
 """Largest share of the walls by which an assembled rig may differ from its map."""
 
 _CONVEX = 1e-9
+
+ProgressCallback = Callable[[float, str], None]
+"""Called with the share of the work that is done, 0 to 1, and the next step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +87,7 @@ class RigRequest:
 
     design: Design | None = None  # robot for the rules about corridors and heights
     allow_empty: bool = False  # accept a map without obstacles: a bare tray
-    pictures: bool = True  # draw rig and beds, and write report.html
+    pictures: bool = True  # draw the plan and sheets, and write report.html
     lid: bool = False  # add a lid, to be cut from a transparent sheet
 
 
@@ -142,9 +146,8 @@ def make_rig(
         files |= true_scale_files(rig, world, fixtures, pieces)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
-            drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
-                cut.jobs
-            )
+            report_progress(0.5, "drawing the plan")
+            drawn = rig_pictures(rig, world, outlines, cut.jobs)
             section = rig_section(rig, printing, drawn, why_style)
             page = rig_page(rig, section, report, comparison)
             files |= {**drawn, "report.html": page.encode()}

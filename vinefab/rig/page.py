@@ -154,9 +154,9 @@ def rig_section(
                 for words in (why_style, shell_words(rig))
                 if words
             ),
-            "plan.svg and plan.pdf are the rig's plan at true scale with markers and a ruler: lay "
+            "plan.svg is the rig's plan at true scale with markers and a ruler: lay "
             "the rig onto it, or draw the map on paper."
-            + (" markers.svg and .pdf are paper markers." if marked else ""),
+            + (" markers.svg has paper markers." if marked else ""),
             *(f"Note: {note}." for note in rig.notes),
         ),
         pictures=tuple(

@@ -313,7 +313,7 @@ a path or the name of a shipped one; `--json FILE` writes the result for program
 
 | code | meaning |
 |---|---|
-| 0 | good; of `studio` and `watch` also Ctrl-C |
+| 0 | good; of `studio` also Ctrl-C |
 | 1 | a rule forbids it, or no manufacturable robot was found |
 | 2 | bad input: one line names file, key, value and what is allowed |
 | 2 | the system refuses: no room, no permission, not enough memory |

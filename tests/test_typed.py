@@ -38,7 +38,7 @@ ONE_AFTER_THE_OTHER = {"arena_and_rig": ("my_arena", "rig_and_reality")}
 IN_A_CHECKOUT = ("knee", "pieces", "testing")
 """Pages whose lines are programs of the project itself; they say so above their lines."""
 
-STAYS_OPEN = re.compile(r"vinefab (studio|watch)\b(?!.*--(snapshot|once)\b)")
+STAYS_OPEN = re.compile(r"vinefab studio\b(?!.*--snapshot\b)")
 """Commands that end with Ctrl-C."""
 
 COMPLAINT = re.compile(r"^(error: |bash: |Traceback )", re.M)

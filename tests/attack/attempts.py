@@ -353,7 +353,6 @@ SOUND: dict[str, Callable[[bytes], Any]] = {
     ".geojson": lambda data: json.loads(data, parse_constant=_no_constants),
     ".svg": _check_xml,
     ".lbrn2": _check_xml,
-    ".clb": _check_xml,
     ".html": _check_html,
     ".toml": lambda data: tomllib.loads(data.decode("utf-8")),
     ".dxf": _check_dxf,

@@ -293,9 +293,7 @@ KINDS: dict[str, Kind] = {
         ("g.json", "pkg/job.json", "k.json"),
         ("map import {file} --out out.geojson -q", "map info {file} -q"),
     ),
-    "read back": Kind(
-        ("pkg/outline.*", "pkg/recipe.clb", "rig/*.stl", "rig/*.3mf"), (f"{READ_BACK} {{file}}",)
-    ),
+    "read back": Kind(("pkg/outline.*", "rig/*.stl", "rig/*.3mf"), (f"{READ_BACK} {{file}}",)),
 }
 
 OBSERVE = "observe robot.png --map grid.geojson --design plain_vine --json seen.json -q"

@@ -88,7 +88,6 @@ COMMAND_LINES = {
     "report": "report three_level_tree --map grid.geojson --poses 1 --seed {n} --out r.html "
     "--json r.json",
     "bench": "bench --json bench.json",
-    "watch": "watch plain{n}.toml --map grid.geojson --once --out watched",
 }
 """By what is told of a command: its words, with 1 or 2 for n so that two runs write differently."""
 

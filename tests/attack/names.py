@@ -227,7 +227,6 @@ WAYS: dict[str, Way] = {
     "info-png": Way(geojson, ("map", "info", "map.geojson", "--svg", "o.png")),
     "reimport": Way(geojson, ("map", "import", "map.geojson", "--out", "o.geojson")),
     "rig": Way(geojson, ("rig", "map.geojson", "--out", "out"), 60.0),
-    "rig-sheet": Way(geojson, ("rig", "map.geojson", "--out", "out", "--style", "sheet"), 60.0),
     "rig-printer": Way(
         lambda name: retitled(PRINTER)(name) | geojson("m"),
         ("rig", "map.geojson", "--out", "out", "--printer", PRINTER, "--no-pictures", "--lid"),

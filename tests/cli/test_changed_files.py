@@ -84,7 +84,6 @@ LOOPS = [
     "runs run --rebuild",
     "score plain.toml --maps grid.geojson --json",
     "studio plain.toml --map grid.geojson --snapshot",
-    "watch plain.toml --map grid.geojson --once --out",
 ]
 
 

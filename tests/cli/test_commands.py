@@ -128,7 +128,7 @@ def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
     assert code == 0
     names = {
         "README.txt", "job.json", "outline.dxf", "outline_polyline.dxf", "outline.svg",
-        "outline.lbrn2", "recipe.clb", "animation.svg", "design.toml",
+        "outline.lbrn2", "animation.svg", "design.toml",
         "preview.png", "checks.json", "report.html", "bom.csv", "MANIFEST.sha256",
         "assembly.svg", "assembly.pdf",
     }  # fmt: skip

@@ -71,7 +71,7 @@ def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
         (("check", "plain_vine", "--start", "left side"), "together with --map"),
         (
             ("map", "grid", "--start", "left, inset 20, clear 900", "--out", "x.geojson"),
-            "here the most is",
+            "at least 900 mm from walls",
         ),
     ],
 )

@@ -10,7 +10,6 @@ import pytest
 
 from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
 from vinefab.cli.new import NEXT_STEPS
-from vinefab.cli.usage_problems import OTHER_WORDS
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
@@ -110,35 +109,6 @@ def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
     error = capsys.readouterr().err
     assert error.startswith(f"error: {named} is ")
     assert error.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["search"], "did you mean 'optimize'?"),
-        (["export", "mine.toml"], "did you mean 'fabricate'?"),
-        (["import", "table.svg"], "did you mean 'map import'?"),
-        (["optimise"], "did you mean 'optimize'?"),
-        (["optimize", "--map", "a.geojson"], "maps of a search stand in its run file"),
-        (["fabricate", "--bed", "300,200"], "vinefab new machine"),
-        (
-            ["fabricate", "three_level_tree", "-o", "out"],
-            "there is no option -o; did you mean --out?",
-        ),
-    ],
-)
-def test_words_of_others_lead_to_the_command(arguments, said, capsys):
-    assert main(arguments) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-
-
-def test_every_word_of_others_is_no_command_and_names_one():
-    words = [word for words in OTHER_WORDS.values() for word in words]
-    assert len(words) == len(set(words))
-    assert not set(words) & set(COMMANDS)
-    assert {name.split()[0] for name in OTHER_WORDS} <= {*COMMANDS, "--help", "--version"}
 
 
 @pytest.mark.parametrize(

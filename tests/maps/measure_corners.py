@@ -92,9 +92,7 @@ COMMANDS = {
     "compare": "compare grid_explorer plain_vine --map map.geojson --out compared.html",
     "check --map": "check grid_explorer --map map.geojson",
     "report": "report grid_explorer --map map.geojson --out report.html",
-    "watch": "watch grid_explorer --map map.geojson --out pictures --once",
     "rig": "rig map.geojson --out rig",
-    "rig --style sheet": "rig map.geojson --style sheet --out sheets",
     "observe": f"observe {PHOTO} --map map.geojson --design {SPRIG} --pose 152,132,2 "
     "--obstacle-height 30 --out seen.html",
     "studio --snapshot": "studio grid_explorer --map map.geojson --snapshot state.html",

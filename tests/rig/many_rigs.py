@@ -17,10 +17,7 @@ import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
 
-import ezdxf
-import ezdxf.path
 import numpy as np
 import shapely
 import trimesh
@@ -33,7 +30,6 @@ VARIANTS = {
     "board_shells": ("--style", "board", "--lid"),
     "board_tops": ("--style", "board", "--top-mm", "1.2", "--markers", "print"),
     "board_solid": ("--style", "board", "--wall-mm", "0", "--markers", "paper"),
-    "sheet": ("--style", "sheet", "--plate-mm", "5", "--collar-mm", "30"),
     "auto_fitted": ("--fit-mm", "400", "--printer", "generic_256", "--design", "grid_explorer"),
 }
 LIMIT_S = 240.0
@@ -185,14 +181,11 @@ def problems_of(folder: Path, world: Path) -> tuple[list[str], dict[str, float]]
     problems += [f"{name} is missing" for name in missing]
     figures = {"parts": len(printed), "volume_off": worst}
     inside, solid, thick_mm2 = plan_of(world, rig)
-    if rig["style"] == "sheet":
-        figures["plan_off"] = max(sheets_off(folder, rig), rig["against_map"]["share"])
-    else:
-        free = inside.difference(solid).buffer(-LEAST_FREE / options["scale"], join_style="mitre")
-        shapes = shapely.get_parts(shapely.union_all(walls))
-        built = shapely.union_all([filled(shape, free) for shape in shapes]).intersection(inside)
-        off_mm2 = built.symmetric_difference(solid).area
-        figures["plan_off"] = max(0.0, off_mm2 - thick_mm2) / max(solid.area, 0.01 * inside.area)
+    free = inside.difference(solid).buffer(-LEAST_FREE / options["scale"], join_style="mitre")
+    shapes = shapely.get_parts(shapely.union_all(walls))
+    built = shapely.union_all([filled(shape, free) for shape in shapes]).intersection(inside)
+    off_mm2 = built.symmetric_difference(solid).area
+    figures["plan_off"] = max(0.0, off_mm2 - thick_mm2) / max(solid.area, 0.01 * inside.area)
     if figures["plan_off"] > MOST_SHARE:
         problems.append(f"walls differ from the map by {figures['plan_off']:.3%}")
     return problems, figures
@@ -238,26 +231,6 @@ def plan_of(world: Path, rig: dict) -> tuple[Polygon, shapely.Geometry, float]:
     inside = Polygon(bounds.exterior)
     solid = inside - (bounds - shapely.union_all(shapes["obstacle"]))
     return inside, solid, rig["against_map"]["thickened_mm2"]
-
-
-def sheets_off(folder: Path, rig: dict[str, Any]) -> float:
-    """Return by what share the area of all layers cut differs from that of the pieces."""
-    copies = [layer for part in rig["parts"] for layer in part["layers"]]
-    kerf, pin_mm2, count, area = rig["options"]["kerf_mm"], rig["options"]["peg_mm"] ** 2, 0, 0.0
-    for sheet in {layer["file"] for layer in copies}:
-        cuts = ezdxf.readfile(folder / sheet).modelspace().query('*[layer=="VF_40_CUT"]')
-        lines = [ezdxf.path.make_path(cut).flattening(0.005) for cut in cuts]
-        rings = np.array([Polygon([(point.x, point.y) for point in line]) for line in lines])
-        tree = shapely.STRtree(rings)
-        for ring in rings:
-            is_hole = len(tree.query(ring, predicate="within")) % 2 == 0
-            count += not is_hole
-            if not is_hole or ring.area > pin_mm2:  # pins fill their holes
-                area += (
-                    ring.buffer(-0.5 * kerf).area if not is_hole else -ring.buffer(0.5 * kerf).area
-                )
-    declared = sum(part["volume_mm3"] for part in rig["parts"]) / rig["options"]["plate_mm"]
-    return 1.0 if count != len(copies) else float(abs(area / declared - 1.0))
 
 
 def main(arguments: list[str]) -> None:

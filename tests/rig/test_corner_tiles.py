@@ -160,7 +160,6 @@ def test_the_plan_shows_the_markers_where_rig_json_says(make_map, make_printer, 
     meant = 0.8 * np.concatenate([marker["corners_mm"] for marker in markers])
     away = (seen - seen.mean(axis=0)) - (meant - meant.mean(axis=0))
     assert np.abs(away).max() < 0.1
-    assert made.files["plan.pdf"].startswith(b"%PDF")
 
 
 @pytest.mark.skipif(not shutil.which("rsvg-convert"), reason="no rsvg-convert")

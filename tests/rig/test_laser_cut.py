@@ -1,33 +1,24 @@
-"""What a laser cuts for a rig: the drilled board, a lid, obstacles in layers; and the kerf."""
+"""What a laser cuts for a rig: the drilled board and a lid; and the kerf."""
 
 import io
-from dataclasses import replace
 
 import ezdxf
 import numpy as np
 import pytest
 import shapely
-from PIL import Image
 from shapely import Point, Polygon, box
-from shapely.affinity import translate
 
 from vinefab.model.job import Operation
-from vinefab.model.map import Map
 from vinefab.rig.board import LoosePiece, Peg, build_board
 from vinefab.rig.laser_cut import (
-    PIECE_GAP_MM,
     SHEET_MARGIN_MM,
     board_jobs,
-    layer_jobs,
     lid_jobs,
-    material_left,
     sheet_file,
 )
-from vinefab.rig.page import layered_png
 from vinefab.rig.rig_options import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200)
-SHEET = RigOptions(style="sheet", most_parts=200)
 
 
 @pytest.fixture
@@ -60,7 +51,8 @@ def test_every_peg_finds_its_hole(made):
         assert radius_mm + 0.15 == pytest.approx(0.5 * peg.diameter_mm + 0.15)
     order = [path.operation for path in job.paths]
     assert order == sorted(order, key=list(Operation).index)
-    board = shapely.union_all(shapely.get_parts(material_left(sheet_file("b.dxf", job), 0.3)))
+    (outline,), _ = _beam(job)
+    board = outline.buffer(-0.15, join_style="mitre")
     assert board.area == pytest.approx(_on_plan(rig, world).area, rel=1e-6)
 
 
@@ -94,22 +86,6 @@ def test_a_lid_is_the_plate_without_holes(make_map, make_printer):
     assert shapely.Polygon(outline.points_mm).area == pytest.approx(408.2**2, rel=1e-6)
 
 
-def test_layers_are_the_pieces_as_often_as_needed(crooked_map, make_printer):
-    world = crooked_map(5, 5, 4)
-    _, pieces = build_board(world, make_printer(), SHEET)
-    jobs, copies = layer_jobs("table", pieces, 10, SHEET)
-    assert sorted((copy.piece.number, copy.layer) for copy in copies) == [
-        (piece.number, layer) for piece in pieces for layer in range(1, 11)
-    ]
-    left = [material_left(sheet_file("layers.dxf", job), SHEET.kerf_mm) for job in jobs]
-    area_mm2 = sum(piece.outline.area for piece in pieces)
-    assert sum(one.area for one in left) == pytest.approx(10 * area_mm2, rel=1e-4)
-    for copy in copies:
-        meant = translate(copy.piece.outline, *copy.shift_mm)
-        near = left[copy.sheet].intersection(meant.buffer(0.5))
-        assert shapely.symmetric_difference(near, meant).area < 1e-3 * meant.area
-
-
 KERFS_MM = [0.0, 0.2, 0.5]
 WIDE_MM, DEEP_MM, PEG_MM, FIT_MM = 40.0, 30.0, 5.0, 0.1
 PIECE = LoosePiece(
@@ -118,7 +94,7 @@ PIECE = LoosePiece(
     pegs=(Peg(x_mm=20.0, y_mm=25.0, diameter_mm=PEG_MM), Peg(x_mm=40, y_mm=25, diameter_mm=PEG_MM)),
 )
 FRAME = box(10, 60, 110, 140) - box(30, 80, 70, 120)
-"""A piece of 100 x 80 mm with an opening of 40 x 40 mm."""
+"""A plate of 100 x 80 mm with an opening of 40 x 40 mm."""
 
 
 def _beam(job):
@@ -170,53 +146,8 @@ def test_a_lid_is_as_large_as_the_plate_after_the_kerf(kerf_mm):
 
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)
-def test_layers_keep_their_size_their_holes_and_their_distance_after_the_kerf(kerf_mm):
-    # Three pieces to a row: six layers make two rows.
-    options = RigOptions(style="sheet", kerf_mm=kerf_mm, sheet_width_mm=145.0)
-    (job,), copies = layer_jobs("s", (PIECE,), 6, options)
-    outlines, holes = _beam(job)
-    assert len(outlines) == 6
-    for outline in outlines:
-        assert _size(outline) == pytest.approx((WIDE_MM + kerf_mm, DEEP_MM + kerf_mm))
-    # Pins fit tightly: their holes have no gap.
-    assert [2 * radius_mm + kerf_mm for *_, radius_mm in holes] == pytest.approx([PEG_MM] * 12)
-    pitch_mm = PIECE_GAP_MM + kerf_mm + np.array([WIDE_MM, DEEP_MM])
-    lows = np.array(sorted(outline.bounds[1::-1] for outline in outlines))[:, ::-1]
-    places = np.array([(column, row) for row in range(2) for column in range(3)])
-    assert lows == pytest.approx(SHEET_MARGIN_MM + places * pitch_mm)
-    for copy in copies:
-        place = translate(PIECE.outline, *copy.shift_mm).buffer(0.5 * kerf_mm, join_style="mitre")
-        assert min(shapely.symmetric_difference(place, one).area for one in outlines) < 1e-6
-
-
-@pytest.mark.parametrize("kerf_mm", KERFS_MM)
 def test_openings_are_a_kerf_smaller_than_the_beam_cuts(kerf_mm):
-    piece = LoosePiece(number=1, outline=FRAME, pegs=())
-    (job,), _ = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
+    (job,) = board_jobs("b", FRAME, (), RigOptions(style="board", kerf_mm=kerf_mm))
     (opening, outline), _ = _beam(job)
     assert _size(opening) == pytest.approx((40 - kerf_mm, 40 - kerf_mm))
     assert _size(outline) == pytest.approx((100 + kerf_mm, 80 + kerf_mm))
-
-
-@pytest.mark.parametrize("kerf_mm", KERFS_MM)
-def test_the_material_that_a_cut_leaves_is_the_piece(kerf_mm):
-    piece = LoosePiece(number=1, outline=FRAME, pegs=())
-    (job,), (copy,) = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
-    left = material_left(sheet_file("s.dxf", job), kerf_mm)
-    expected = translate(FRAME, *copy.shift_mm)
-    assert shapely.symmetric_difference(left, expected).area < 1e-6
-    if kerf_mm:
-        half = material_left(sheet_file("s.dxf", job), 0.5 * kerf_mm)
-        assert half.area - expected.area == pytest.approx(0.25 * kerf_mm * FRAME.length, rel=0.02)
-
-
-def test_the_picture_of_a_layered_rig_shows_what_is_printed_beside_it(make_printer):
-    world = Map(name="hall", bounds=box(0, 0, 120, 90), obstacles=(box(50, 40, 70, 60),))
-    rig, _ = build_board(world, make_printer(), RigOptions(style="sheet"))
-
-    def yellow(png):
-        red, green, blue = np.moveaxis(np.asarray(Image.open(io.BytesIO(png)).convert("RGB")), 2, 0)
-        return int(((red > 120) & (green > 0.5 * red) & (blue < 0.3 * red)).sum())
-
-    assert yellow(layered_png(rig, width_px=300)) > 50
-    assert yellow(layered_png(replace(rig, extras=()), width_px=300)) == 0

@@ -1,6 +1,5 @@
 """The rig as a job: what it refuses, and what the rules report of it."""
 
-import dataclasses
 import json
 import math
 
@@ -14,8 +13,6 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.rig import board
 from vinefab.rig import make as module
 from vinefab.rig import plate as build
-from vinefab.rig.board import build_board
-from vinefab.rig.laser_cut import compare_layers, laser_cut_files
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.page import assembly_plan
 from vinefab.rig.rig_options import Printer, RigOptions
@@ -130,13 +127,8 @@ def test_a_slanted_plate_is_no_empty_map():
 def test_pictures_drawing_and_page_come_with_the_files():
     world = _map(box(30, 60, 60, 90), box(90, 60, 150, 60.4))
     made = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
-    beds = json.loads(made.files["rig.json"])["beds"]
-    pictures = {bed["file"].replace(".3mf", ".png") for bed in beds}
-    pictures |= {"assembled.png", "base_holder.png"}
-    drawings = {
-        f"{name}.{kind}" for name in ("assembly", "markers", "plan") for kind in ("svg", "pdf")
-    }
-    names = {"report.html", *pictures, *drawings}
+    drawings = {"assembly.svg", "assembly.pdf", "markers.svg", "plan.svg"}
+    names = {"report.html", *drawings}
     assert names < set(made.files)
     assert made.files["assembly.pdf"].startswith(b"%PDF")
     words = assembly_plan(made.rig, world, {}).axes[0].get_legend().get_texts()
@@ -145,15 +137,14 @@ def test_pictures_drawing_and_page_come_with_the_files():
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()
     assert "Test rig" in page
-    assert page.count("data:image/png") == len(pictures)
+    assert "Beds (estimate)" in page
     again = make_rig(world, PRINTER, RigOptions(style="plate", scale=1.5))
     assert again.files == made.files
 
 
-@pytest.mark.parametrize("style", ["board", "sheet"])
-def test_loose_and_layered_rigs_come_with_their_sheets(style):
+def test_loose_rigs_come_with_their_sheets():
     world = _map(box(30, 60, 60, 90), box(90, 60, 150, 100))
-    options = RigOptions(style=style, height_mm=31.0)
+    options = RigOptions(style="board", height_mm=31.0)
     made = make_rig(world, PRINTER, options, RigRequest(lid=True, pictures=False))
     content = json.loads(made.files["rig.json"])
     sheets = {sheet["file"] for sheet in content["laser"]}
@@ -164,20 +155,3 @@ def test_loose_and_layered_rigs_come_with_their_sheets(style):
         assert part["file"] in made.files
         assert np.array(part["transform_to_map"]).shape == (4, 4)
         assert part["volume_mm3"] > 0
-    if style == "sheet":
-        assert "layers_01.dxf" in sheets
-        assert {part["size_mm"][2] for part in content["parts"]} == {33.0}  # eleven layers of 3 mm
-        block = next(part for part in content["parts"] if part["size_mm"][:2] == [60.0, 40.0])
-        assert block["volume_mm3"] == pytest.approx(60 * 40 * 33.0)
-
-
-def test_a_layer_in_the_wrong_place_is_seen():
-    world = _map(box(30, 60, 60, 90))
-    options = RigOptions(style="sheet")
-    rig, pieces = build_board(world, PRINTER, options)
-    cut = laser_cut_files(rig, world, pieces, lid=False)
-    assert compare_layers(rig, world, cut).share < 1e-4
-    first = cut.copies[0]
-    moved = dataclasses.replace(first, shift_mm=(first.shift_mm[0] + 1.0, first.shift_mm[1]))
-    bad = dataclasses.replace(cut, copies=(moved, *cut.copies[1:]))
-    assert compare_layers(rig, world, bad).share > 1e-3

@@ -51,6 +51,14 @@ def test_spoilt_parts_are_named(copied):
     assert problems[3:] == [()] * 10
 
 
+def test_a_rig_in_layers_of_an_earlier_version_is_read(copied):
+    content = json.loads((copied / "rig.json").read_text())
+    layered = {"name": "piece_01", "file": "layers_01.dxf", "volume_mm3": 9.0}
+    content |= {"style": "sheet", "parts": [{**layered, "size_mm": [60.0, 40.0, 42.0]}]}
+    (copied / "rig.json").write_text(json.dumps(content))
+    assert read_rig(copied).height_mm == 42.0
+
+
 def test_parts_elsewhere_are_not_read(copied, made):
     file = copied / json.loads((copied / "rig.json").read_text())["parts"][0]["file"]
     file.unlink()

@@ -85,9 +85,6 @@ COMMANDS = {
     "rules": CommandEntry(
         "rules_command", "rules_command", "List the design rules, or explain one."
     ),
-    "watch": CommandEntry(
-        "watch", "watch_command", "Grow, score and check a design anew whenever it is saved."
-    ),
     "fabricate": CommandEntry(
         "fabricate",
         "fabricate_command",

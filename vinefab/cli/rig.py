@@ -41,7 +41,7 @@ def rig_command(
         str,
         typer.Option(
             help="plate: printed on a plate; board: printed loose, with pegs for a drilled board; "
-            "auto: the quicker of these; sheet: cut in layers on the laser."
+            "auto: the quicker of these."
         ),
     ] = "auto",
     lid: Annotated[bool, typer.Option("--lid", help="Add a transparent lid (DXF).")] = False,
@@ -62,7 +62,7 @@ def rig_command(
     clearance_mm: Annotated[
         float | None, typer.Option(help="Gap around joints; default: the printer's.")
     ] = None,
-    peg_mm: Annotated[float, typer.Option(help="Diameter of pegs, or of pins.")] = 5.0,
+    peg_mm: Annotated[float, typer.Option(help="Diameter of pegs.")] = 5.0,
     kerf_mm: Annotated[float, typer.Option(help="Width that the laser removes.")] = 0.2,
     sheet_mm: Annotated[str, typer.Option(help="WIDTH,DEPTH of the laser's sheets.")] = "1000,600",
     markers: Annotated[
@@ -86,7 +86,8 @@ def rig_command(
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
     ] = False,
     pictures: Annotated[
-        bool, typer.Option("--pictures/--no-pictures", help="Draw rig and beds; report.html.")
+        bool,
+        typer.Option("--pictures/--no-pictures", help="Draw the plan and sheets; report.html."),
     ] = True,
     quiet: Quiet = False,
     force: Force = False,

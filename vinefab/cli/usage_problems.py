@@ -7,49 +7,6 @@ from typing import Any
 
 from vinefab.core.errors import shortened
 
-OTHER_WORDS = {
-    "optimize": ("search", "train", "run", "evolve", "improve"),
-    "grow": ("simulate", "sim", "deploy", "run-robot", "plot", "draw", "show", "view"),
-    "map import": ("import", "convert", "load"),
-    "map start": ("start", "starts"),
-    "map info": ("info", "measure"),
-    "map -h": ("grid", "cave", "rubble", "corridors", "pegs", "generate", "maps", "environment"),
-    "fabricate": ("export", "laser", "cut", "dxf", "svg", "make", "build", "package", "outline"),
-    "check": ("validate", "test", "lint", "verify"),
-    "score": ("evaluate", "coverage", "reach", "anchoring", "anchor"),
-    "report": ("predict", "prediction", "analyze", "analyse"),
-    "aim": ("place", "pose", "base", "position"),
-    "observe": ("photo", "trace", "image", "fit", "picture"),
-    "coupon": ("coupons", "kerf"),
-    "new": ("init", "create", "template", "design", "machine", "material"),
-    "profiles": ("recipe", "recipes", "machines", "materials", "films", "lasers"),
-    "examples": ("example", "designs", "samples"),
-    "studio": ("gui", "ui", "edit", "open", "app"),
-    "rig": ("print", "stl", "3d"),
-    "study contest": ("benchmark", "optimizers"),
-    "check DESIGN --fix FILE": ("fix",),
-    "--help": ("help", "docs", "manual", "commands", "cite", "license", "licence", "about"),
-    "--version": ("version",),
-}
-"""Words that people type for a command, under its name."""
-
-_OTHER_OPTIONS = {
-    ("--bed", "--bed-mm", "--machine", "--laser"): "the recipe names the machine; vinefab new "
-    "machine writes one with your bed",
-    ("--kerf", "--power", "--speed", "--film", "--material", "--thickness"): "it stands in the "
-    "recipe: vinefab new recipe",
-    ("--map", "--maps"): "maps of a search stand in its run file; rig and map take theirs without "
-    "an option",
-    ("--environment",): "vinefab map makes maps of an environment, for --maps",
-    ("--task", "--start", "--recipe"): "of a search it stands in the run file",
-    ("--width", "--length", "--levels", "--branches", "--angle"): "it stands in the design file",
-    ("--units", "--unit", "--scale", "--inches", "--metres"): "--scale-mm-per-unit of vinefab map "
-    "import sets the unit",
-    ("-o", "--output", "--outdir"): "did you mean --out?",
-    ("--verbose", "--debug"): "-v, where a command has it",
-}
-"""What to say of options that people type where a command has none of that name."""
-
 _ALIKE = 0.75
 """So alike are two names at least of which one may be meant for the other, 0 to 1."""
 
@@ -99,9 +56,6 @@ def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401
     known = [name for parameter in context.command.get_params(context) for name in parameter.opts]
     known = [name for name in known if name.startswith("--")]
     begun = [name for name in known if len(typed) > 3 and name.startswith(typed)]
-    elsewhere = next((said for words, said in _OTHER_OPTIONS.items() if typed in words), "")
-    if elsewhere and not begun and context.parent is not None:
-        return f"there is no option {typed}; {elsewhere}"
     alike = begun or difflib.get_close_matches(typed, known, cutoff=_ALIKE)
     if alike:
         return f"there is no option {typed}; did you mean {' or '.join(alike)}?"
@@ -114,8 +68,6 @@ def _unknown_option(typed: str, context: Any) -> str:  # noqa: ANN401
 def _unknown_command(typed: str, context: Any) -> str:  # noqa: ANN401
     known = _commands(context)
     meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
-    if context.parent is None:
-        meant = [name for name, words in OTHER_WORDS.items() if typed.lower() in words] or meant
     if meant:
         hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
     else:

@@ -73,20 +73,6 @@ def stop_requests() -> Iterator[StopRequest]:
 
 
 @contextmanager
-def stops_expected() -> Iterator[None]:
-    """Let every request to end raise KeyboardInterrupt in the block, which is to catch it.
-
-    For commands that have no other end: to them a request is no interruption.
-    """
-
-    def stop(_: int, __: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    with _handled(stop):
-        yield
-
-
-@contextmanager
 def stops_deferred() -> Iterator[None]:
     """Raise a request to end at the end of the block; processes begun in it get none of a terminal.
 

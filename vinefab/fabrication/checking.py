@@ -256,11 +256,6 @@ def verdict(report: CheckReport) -> str:
     return f"{report.design}: manufacturable: {found}"
 
 
-def finding_line(finding: Finding) -> str:
-    """Return a finding as a line for the user."""
-    return f"{_sign(finding)} {finding.rule}  {_finding_words(finding)}"
-
-
 def _sign(finding: Finding) -> str:
     return "waived" if finding.waived else _SIGNS[finding.severity]
 

@@ -52,9 +52,7 @@ _SLACK_MM = 1e-6
 
 _SEGMENTS_PER_QUARTER = 32
 _DECIMALS = 6
-_TRIED_INSETS = 200
 _ALL = 0.995
-_CLEARANCE_STEPS = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,31 +143,14 @@ class StartPlace:
         try:
             pieces = pieces_on(world, start)
         except BadInputError as error:
-            allowed = self._other_inset(world) or error.allowed
-            raise BadInputError("start", self.text, f"{allowed} (map {world.name!r})") from error
+            allowed = f"{error.allowed} (map {world.name!r})"
+            raise BadInputError("start", self.text, allowed) from error
         x_mm, y_mm = _middle_mm(area, pieces)
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
 
     @property
     def _inset_mm(self) -> float:
         return self.least_clearance_mm if self.inset_mm is None else self.inset_mm
-
-    def _other_inset(self, world: Map) -> str:
-        """Return what to allow where a side has no free place: the first inset that has some."""
-        if self.side is None:
-            return ""
-        box, free = world.bounds.bounds, world.free_space
-        across_mm = box[2] - box[0] if self.side in ("left", "right") else box[3] - box[1]
-        room = _far_from_walls(free, self.least_clearance_mm)
-        for inset_mm in np.linspace(self._inset_mm, across_mm, _TRIED_INSETS).tolist():
-            rounded_mm = math.ceil(inset_mm)
-            line = _side_line(self.side, rounded_mm, box)
-            if shapely.intersection(line, room).length > 0.0:
-                return (
-                    f"a line with places at least {self.least_clearance_mm:g} mm from walls; the "
-                    f"first from there is inset {rounded_mm}"
-                )
-        return ""
 
 
 def start_given(given: object, key: str = "start") -> Start | StartPlace:
@@ -470,16 +451,14 @@ def start_pieces(
         raise BadInputError("start", "a pose", "a start with an area")
     clear_mm = max(start.clearance_mm, clearance_mm)
     pieces = _free_pieces(area, _near(area, free, clear_mm), clear_mm)
-    if pieces:
-        return pieces
-    most_mm = _most_clearance_mm(area, free, clear_mm)
-    allowed = "a place that meets free space"
-    if most_mm >= 0.0:
-        allowed = (
-            f"places at least {clear_mm:g} mm from walls; here the most is {most_mm:g} mm: move it "
-            f"away from them, or say clear {most_mm:g}"
+    if not pieces:
+        away = (
+            f" at least {clear_mm:g} mm from walls: move it (a side by inset MM), or say a smaller "
+            "clear MM"
         )
-    raise BadInputError("start", _shape_text(area), allowed)
+        allowed = f"a place that meets free space{away if clear_mm > 0.0 else ''}"
+        raise BadInputError("start", _shape_text(area), allowed)
+    return pieces
 
 
 def area_notes(worlds: Sequence[Map]) -> list[str]:
@@ -569,22 +548,6 @@ def _free_pieces(
     pieces = shapely.get_parts(shapely.intersection(area, room)).tolist()
     kind = type(area)
     return [piece for piece in pieces if isinstance(piece, kind) and not piece.is_empty]
-
-
-def _most_clearance_mm(area: LineString | Polygon, free: BaseGeometry, too_much_mm: float) -> float:
-    """Return a clearance that some of an area has, about the most; negative if it is not free."""
-    near = _near(area, free, too_much_mm)
-    if not _free_pieces(area, near, 0.0):
-        return -1.0
-    low_mm, high_mm = 0.0, too_much_mm
-    for _ in range(_CLEARANCE_STEPS):
-        middle_mm = 0.5 * (low_mm + high_mm)
-        if _free_pieces(area, near, middle_mm):
-            low_mm = middle_mm
-        else:
-            high_mm = middle_mm
-    round_mm = round(low_mm, 1)
-    return round_mm if _free_pieces(area, near, round_mm) else math.floor(10.0 * low_mm) / 10.0
 
 
 def _side_line(side: str, inset_mm: float, box: tuple[float, ...]) -> LineString:

@@ -101,7 +101,7 @@ def _shortened(path: re.Match[bytes]) -> bytes:
     return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
 
 
-def pdf_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
+def pdf_bytes(figure: Figure) -> bytes:
     """Return a figure as a page of PDF, see `svg_bytes`; the same figure gives the same bytes."""
     stream = io.BytesIO()
     _shorten_texts(figure)
@@ -109,7 +109,7 @@ def pdf_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
         figure.savefig(
             stream,
             format="pdf",
-            bbox_inches=None if whole_page else "tight",
+            bbox_inches="tight",
             metadata={"CreationDate": None, "Creator": ROOMY_GENERATOR},
         )
     return stream.getvalue()

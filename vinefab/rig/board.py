@@ -140,56 +140,41 @@ def build_board(
 ) -> tuple[Rig, tuple[LoosePiece, ...]]:
     """Return a rig of loose obstacles, and the pieces that it is made of.
 
-    With style ``board`` the parts are printed top down, pegs upwards, so that nothing needs
-    supports; the number is engraved into the top. With style ``sheet`` nothing is printed but
-    what stands beside the rig: the pieces are cut in layers.
+    The parts are printed top down, pegs upwards, so that nothing needs supports; the number is
+    engraved into the top.
     ``plan`` is the map's plan for this printer, where that is known.
     """
-    printed = options.style != "sheet"
-    machine = printer if printed else laser_as_printer(options)
     width_mm, depth_mm = (options.scale * side + 2.0 * options.border_mm for side in world.size_mm)
     # Only what stands on a cell of the bed's size is a part: the cells may be many more.
     many = replace(options, most_parts=MOST_PARTS)
-    grid_of((width_mm, depth_mm), machine, many)
-    plan = plan or plan_of(world, machine, options)
-    cuts = cuts_of(plan.plate.bounds, plan.solids, machine, many)
+    grid_of((width_mm, depth_mm), printer, many)
+    plan = plan or plan_of(world, printer, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, printer, many)
     pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
-    wall_mm = shell_wall_mm(printer, options) if printed else 0.0
-    job = options, wall_mm
-    parts = tuple(_part(piece, len(pieces), plan, job) for piece in pieces) if printed else ()
+    job = options, shell_wall_mm(printer, options)
+    parts = tuple(_part(piece, len(pieces), plan, job) for piece in pieces)
     counts = {f"{count} pegs": sum(len(one.pegs) == count for one in pieces) for count in (0, 1, 2)}
     rig = Rig(
         name=world.name,
         parts=parts,
         printer=printer,
         options=options,
-        style="board" if printed else "sheet",
+        style="board",
         extras=extra_parts(plan.plate.bounds, plan.to_map(-options.plate_mm)),
         plate=plan.on_map(plan.plate),
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
         counts={"pieces": len(pieces), "slivers": plan.slivers, "slits": plan.slits, **counts},
-        notes=_notes(plan, counts, machine, options),
+        notes=_notes(plan, counts, printer, options),
     )
     return rig, pieces
 
 
-def laser_as_printer(options: RigOptions) -> Printer:
-    """Return the laser's sheet as a bed; walls below 1 mm char through (assumed)."""
-    return Printer(
-        name="the laser",
-        bed_width_mm=options.sheet_width_mm,
-        bed_depth_mm=options.sheet_depth_mm,
-        height_mm=10_000.0,
-        least_wall_mm=1.0,
-    )
-
-
 def _notes(
-    plan: RigPlan, counts: dict[str, int], machine: Printer, options: RigOptions
+    plan: RigPlan, counts: dict[str, int], printer: Printer, options: RigOptions
 ) -> tuple[str, ...]:
-    thin, least = len(plan.thin_places), machine.least_wall_mm
+    thin, least = len(plan.thin_places), printer.least_wall_mm
     bare, single = counts["0 pegs"], counts["1 pegs"]
     conditions = {
         f"{counted(bare, 'piece')} {agreeing(bare, 'has', 'have')} no room for a peg: glue them "
@@ -197,7 +182,7 @@ def _notes(
         f"{counted(single, 'piece')} {agreeing(single, 'has', 'have')} room for one peg only: "
         "turn them to their mark": single,
         f"{counted(thin, 'place')} {agreeing(thin, 'was', 'were')} thinner than the {least:g} mm "
-        f"that {machine.name} makes and "
+        f"that {printer.name} makes and "
         f"{agreeing(thin, 'was', 'were')} "
         f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": thin,
         f"{counted(plan.slivers, 'piece')} thinner than {options.sliver_mm:g} mm "

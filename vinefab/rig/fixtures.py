@@ -46,13 +46,10 @@ def with_fixtures(rig: Rig, world: Map, design: Design | None) -> tuple[Rig, Fix
     tiles = marker_tiles(pads, rig.printer, rig.options, table_to_map(world, rig))
     board = board_markers(pads, rig.options)
     fixtures = Fixtures(pads=pads, base=base, board=board)
-    black = shapely.union_all([shapely.union_all(pad.cells) for pad in pads if board.marks])
     beside = tuple(_lowered(part, rig) for part in rig.extras) if pads else rig.extras
     whole = replace(
         rig,
         extras=(*beside, *tiles, *(base.parts if base else ())),
-        pads=on_map(board.pads, rig, world),
-        cells=on_map(black, rig, world),
         notes=(*rig.notes, *marker_notes(pads, rig.printer, rig.options), *notes),
     )
     return whole, fixtures
@@ -69,12 +66,6 @@ def on_rig(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
     """Return a shape of the map in the coordinates of the rig's plan."""
     low = np.array(world.bounds.bounds[:2])
     return shapely.transform(shape, lambda points: (points - low) * rig.options.scale)
-
-
-def on_map(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
-    """Return a shape of the rig's plan in map coordinates."""
-    low = np.array(world.bounds.bounds[:2])
-    return shapely.transform(shape, lambda points: points / rig.options.scale + low)
 
 
 def outside_of(fixtures: Fixtures) -> BaseGeometry:

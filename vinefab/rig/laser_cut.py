@@ -1,4 +1,4 @@
-"""What a laser cuts for a rig: the drilled board, a lid, and obstacles in layers of sheet."""
+"""What a laser cuts for a rig: the drilled board and a lid."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,7 +9,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.fabrication.formats.dxf_format import DXF, read_dxf
+from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import ensure_read_back
 from vinefab.fabrication.formats.readback import file_problems
@@ -17,29 +17,17 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
 from vinefab.rig.board import LoosePiece, Peg
-from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
+from vinefab.rig.comparison_with_map import footprints
 from vinefab.rig.corner_tiles import BoardMarkers
 from vinefab.rig.part import Rig
-from vinefab.rig.printing import packed_on_beds
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts
 from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
 
 SHEET_MARGIN_MM = 5.0
-PIECE_GAP_MM = 3.0
 _DIGIT_MM = 8.0
 _SMALLEST_DIGIT_MM = 2.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LayerCopy:
-    """One layer of a piece on a sheet."""
-
-    piece: LoosePiece
-    layer: int  # from 1, the lowest
-    sheet: int  # index of its sheet, from 0
-    shift_mm: tuple[float, float]  # from the plan to the sheet
 
 
 def board_jobs(
@@ -77,43 +65,10 @@ def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
     ]
 
 
-def layer_jobs(
-    name: str, pieces: tuple[LoosePiece, ...], layers: int, options: RigOptions
-) -> tuple[list[Job], list[LayerCopy]]:
-    """Return the jobs of obstacles cut in layers, and where each layer of each piece lies."""
-    kerf_mm = options.kerf_mm
-    boxes = [piece.outline.bounds for piece in pieces for _ in range(layers)]
-    sizes = [(box[2] - box[0] + kerf_mm, box[3] - box[1] + kerf_mm) for box in boxes]
-    room_mm = tuple(side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
-    copies, jobs = [], []
-    for sheet, places in enumerate(packed_on_beds(sizes, (room_mm[0], room_mm[1]), PIECE_GAP_MM)):
-        paths: dict[Operation, list[LaserPath]] = {Operation.MARK: [], Operation.CUT: []}
-        for at in sorted(places, key=lambda at: at.index):
-            piece, layer = pieces[at.index // layers], at.index % layers + 1
-            low = boxes[at.index]
-            shift = (
-                at.x_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[0],
-                at.y_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[1],
-            )
-            copies.append(LayerCopy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
-            marks = _number_marks(piece)
-            for operation, path in _paths(piece.outline, (marks, list(piece.pegs), 0.0), kerf_mm):
-                moved = path.contour.moved(0.0, *shift)
-                paths[operation].append(
-                    LaserPath(operation=operation, contour=moved, label=f"piece {piece.number}")
-                )
-        jobs.append(_sheet_job(f"{name} layers {sheet + 1}", paths, sheet_mm(options), options))
-    return jobs, copies
-
-
-def sheet_mm(options: RigOptions) -> tuple[float, float]:
-    """Return width and depth of the sheets that the laser takes."""
-    return options.sheet_width_mm, options.sheet_depth_mm
-
-
 def _sheets(plate: BaseGeometry, holes: Polygons, options: RigOptions) -> Iterator[Polygon]:
     """Yield a board divided by straight cuts into what fits a sheet, away from its holes."""
-    width_mm, depth_mm = (side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
+    width_mm = options.sheet_width_mm - 2.0 * SHEET_MARGIN_MM
+    depth_mm = options.sheet_depth_mm - 2.0 * SHEET_MARGIN_MM
     laser = Printer(name="the laser", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=1.0)
     free = RigOptions(bed_margin_mm=0.0, most_parts=options.most_parts)
     cuts = cuts_of(plate.bounds, holes, laser, free)
@@ -135,15 +90,6 @@ def _job(
         moved = path.contour.moved(0.0, margin_mm - x_min, margin_mm - y_min)
         paths[operation].append(LaserPath(operation=operation, contour=moved, label=path.label))
     size_mm = x_max - x_min + 2.0 * margin_mm, y_max - y_min + 2.0 * margin_mm
-    return _sheet_job(name, paths, size_mm, options)
-
-
-def _sheet_job(
-    name: str,
-    paths: dict[Operation, list[LaserPath]],
-    size_mm: tuple[float, float],
-    options: RigOptions,
-) -> Job:
     return Job(
         name=name,
         sheet_width_mm=size_mm[0],
@@ -254,41 +200,12 @@ def sheet_file(name: str, job: Job) -> bytes:
     return data
 
 
-def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
-    """Return what a sheet's closed straight cuts leave as pieces, the kerf taken off.
-
-    Round holes are left out; they do not reach through to a piece's outline.
-    """
-    layer = Operation.CUT.layer
-    rings = [
-        shapely.LinearRing(path.contour.points_mm)
-        for path in read_dxf(data.decode()).paths
-        if path.layer == layer and path.contour.closed and not path.contour.arc_count
-    ]
-    pieces = shapely.build_area(shapely.GeometryCollection(rings))
-    return shapely.union_all(
-        polygon_parts(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaserCutFiles:
     """Everything that a laser cuts for a rig."""
 
     jobs: dict[str, Job] = field(default_factory=dict)  # by file name
     files: dict[str, bytes] = field(default_factory=dict)  # DXF, read back without a difference
-    copies: tuple[LayerCopy, ...] = ()  # where each layer of each piece lies, for style ``sheet``
-
-
-def layers_of(rig: Rig) -> int:
-    """Return how many layers of sheet make the obstacles' height, rounded up."""
-    return math.ceil(rig.options.height_mm / rig.options.plate_mm - 1e-9)
-
-
-def standing_mm(rig: Rig) -> float:
-    """Return the height of the obstacles as they are made: of whole layers when cut in layers."""
-    layered = rig.style == "sheet"
-    return layers_of(rig) * rig.options.plate_mm if layered else rig.options.height_mm
 
 
 def laser_cut_files(
@@ -301,12 +218,9 @@ def laser_cut_files(
 ) -> LaserCutFiles:
     """Return what is cut for a rig."""
     options, named = rig.options, list[tuple[str, list[Job]]]()
-    plate, copies = _on_plan(rig.plate, rig, world), list[LayerCopy]()
+    plate = _on_plan(rig.plate, rig, world)
     if rig.style != "plate":
         named.append(("board", board_jobs(rig.name, plate, pieces, options, markers)))
-    if rig.style == "sheet":
-        jobs, copies = layer_jobs(rig.name, pieces, layers_of(rig), options)
-        named.append(("layers", jobs))
     if lid:
         named.append(("lid", lid_jobs(rig.name, plate, options)))
     jobs_by_name = {
@@ -315,33 +229,7 @@ def laser_cut_files(
         for number, job in enumerate(jobs, 1)
     }
     files = {name: sheet_file(name, job) for name, job in jobs_by_name.items()}
-    return LaserCutFiles(jobs=jobs_by_name, files=files, copies=tuple(copies))
-
-
-def compare_layers(rig: Rig, world: Map, cut: LaserCutFiles) -> RigComparison:
-    """Put every layer of every piece back where it belongs and compare each layer with the map.
-
-    Works on the DXF files as read back; the worst layer counts.
-    """
-    sheets = [
-        list(shapely.get_parts(material_left(cut.files[name], rig.options.kerf_mm)))
-        for name in cut.jobs
-        if name.startswith("layers")
-    ]
-    trees = [shapely.STRtree(pieces) for pieces in sheets]
-    layers: dict[int, list[BaseGeometry]] = {}
-    for copy in cut.copies:
-        inside = copy.piece.outline.representative_point()
-        at = shapely.affinity.translate(inside, *copy.shift_mm)
-        for found in trees[copy.sheet].query(at, predicate="intersects"):
-            x_mm, y_mm = copy.shift_mm
-            back = shapely.affinity.translate(sheets[copy.sheet][int(found)], -x_mm, -y_mm)
-            layers.setdefault(copy.layer, []).append(_on_map(back, rig, world))
-    compared = [
-        compare_walls(rig, world, shapely.union_all(layers.get(layer, [])))
-        for layer in range(1, layers_of(rig) + 1)
-    ]
-    return max(compared, key=lambda comparison: comparison.share)
+    return LaserCutFiles(jobs=jobs_by_name, files=files)
 
 
 def outlines_of(rig: Rig, world: Map, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:

@@ -1,5 +1,6 @@
 """From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import shapely
@@ -18,9 +19,9 @@ from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.fixtures import with_fixtures
-from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.laser_cut import laser_cut_files, outlines_of
 from vinefab.rig.open_shell import shell_words
-from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
+from vinefab.rig.page import rig_page, rig_pictures, rig_section
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig, refuse_early
@@ -38,6 +39,9 @@ MOST_DIFFERENCE = 1e-3
 """Largest share of the walls by which an assembled rig may differ from its map."""
 
 _CONVEX = 1e-9
+
+ProgressCallback = Callable[[float, str], None]
+"""Called with the share of the work that is done, 0 to 1, and the next step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,11 +74,6 @@ class RigFiles:
         rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
         sheets = [name for name in self.files if name.endswith(".dxf")]
         laser = f"; {counted(len(sheets), 'sheet')} for the laser" if sheets else ""
-        if rig.style == "sheet":
-            return (
-                f"{rig.name}: {counted(rig.counts['pieces'], 'piece')} cut in layers, "
-                f"{scale}{laser}"
-            )
         volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
         return (
             f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} {scale}, "
@@ -88,7 +87,7 @@ class RigRequest:
 
     design: Design | None = None  # robot for the rules about corridors and heights
     allow_empty: bool = False  # accept a map without obstacles: a bare tray
-    pictures: bool = True  # draw rig and beds, and write report.html
+    pictures: bool = True  # draw the plan and sheets, and write report.html
     lid: bool = False  # add a lid, to be cut from a transparent sheet
 
 
@@ -119,8 +118,7 @@ def make_rig(
     rig, fixtures = with_fixtures(rig, world, request.design)
     cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
-    layered = rig.style == "sheet"
-    comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
+    comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
@@ -138,7 +136,6 @@ def make_rig(
         comparison=comparison,
         report=report,
         jobs=cut.jobs,
-        copies=cut.copies,
         why_style=why_style,
         fixtures=fixtures,
     )
@@ -149,9 +146,8 @@ def make_rig(
         files |= true_scale_files(rig, world, fixtures, pieces)
         if request.pictures:
             outlines = outlines_of(rig, world, pieces)
-            drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
-                cut.jobs
-            )
+            report_progress(0.5, "drawing the plan")
+            drawn = rig_pictures(rig, world, outlines, cut.jobs)
             section = rig_section(rig, printing, drawn, why_style)
             page = rig_page(rig, section, report, comparison)
             files |= {**drawn, "report.html": page.encode()}
@@ -234,7 +230,7 @@ def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
         name=rig.name,
         printer=rig.printer.name,
         room_mm=room_mm,
-        height_mm=standing_mm(rig),
+        height_mm=rig.options.height_mm,
         parts=tuple(
             RigPartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
             for part in rig.printed

@@ -144,9 +144,6 @@ class Rig:
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
-    # what a board has beside it for its corner markers, and their black cells, in map coordinates
-    pads: BaseGeometry = field(default_factory=Polygon)
-    cells: BaseGeometry = field(default_factory=Polygon)
     # what stands on it, obstacles and border, in map coordinates
     walls: BaseGeometry = field(default_factory=Polygon)
     # what was added there, in map coordinates

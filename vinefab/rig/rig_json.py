@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, cast
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -24,7 +24,6 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures
-from vinefab.rig.laser_cut import LayerCopy
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
@@ -45,7 +44,6 @@ class RigRecord:
     comparison: RigComparison
     report: CheckReport
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
-    copies: tuple[LayerCopy, ...] = ()
     why_style: str = ""  # which style was chosen and what the other would take
     fixtures: Fixtures = field(default_factory=Fixtures)
 
@@ -77,8 +75,9 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             "solid_parts": sum(not part.hollow for part in rig.parts),
             "words": shell_words(rig),
         },
-        "parts": layered_parts(record)
-        or [_part_content(index, part, record, digests) for index, part in enumerate(rig.parts)],
+        "parts": [
+            _part_content(index, part, record, digests) for index, part in enumerate(rig.parts)
+        ],
         "extras": [
             _part_content(index, part, record, digests)
             for index, part in enumerate(rig.extras, len(rig.parts))
@@ -179,44 +178,6 @@ def parts_text(rig: Rig, printing: Printing) -> str:
     return text.getvalue()
 
 
-def layered_parts(record: RigRecord) -> list[dict[str, object]]:
-    """Return the pieces that are cut in layers, each layer with its sheet and its place.
-
-    The transform takes a point of the sheet, z from 0 to its thickness, into map coordinates.
-    """
-    options, names = record.rig.options, [n for n in record.jobs if n.startswith("layers")]
-    low_mm, parts = record.world.bounds.bounds[:2], dict[int, dict[str, object]]()
-    thick_mm = options.plate_mm
-    for copy in record.copies:
-        outline, (x_mm, y_mm) = copy.piece.outline, copy.shift_mm
-        matrix = np.diag([1.0 / options.scale] * 3 + [1.0])
-        matrix[:2, 3] = low_mm - np.array([x_mm, y_mm]) / options.scale
-        matrix[2, 3] = (copy.layer - 1) * thick_mm / options.scale
-        x_min, y_min, x_max, y_max = outline.bounds
-        part = parts.setdefault(
-            copy.piece.number,
-            {
-                "name": f"piece_{copy.piece.number:02d}",
-                "number": copy.piece.number,
-                "file": names[copy.sheet],
-                "volume_mm3": 0.0,
-                "size_mm": [_round(x_max - x_min), _round(y_max - y_min), 0.0],
-                "transform_to_map": matrix,
-                "layers": [],
-            },
-        )
-        _add_layer(part, outline.area * thick_mm, thick_mm)
-        layers = cast("list[object]", part["layers"])
-        layers.append({"file": names[copy.sheet], "transform_to_map": matrix})
-    return list(parts.values())
-
-
-def _add_layer(part: dict[str, object], volume_mm3: float, thick_mm: float) -> None:
-    part["volume_mm3"] = _round(cast("float", part["volume_mm3"]) + volume_mm3)
-    size_mm = cast("list[float]", part["size_mm"])
-    size_mm[2] = round(size_mm[2] + thick_mm, 6)
-
-
 def _part_content(
     index: int, part: RigPart, record: RigRecord, digests: Mapping[str, str]
 ) -> dict[str, object]:
@@ -294,7 +255,7 @@ class RigForm(_Known):
     """``rig.json``, as far as the rules need it."""
 
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
-    style: Literal["plate", "board", "sheet"]
+    style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
     map: MapForm
     printer: RigPrinterForm
     options: OptionsForm

@@ -98,7 +98,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
         return Printer(name=path.stem, **given)
 
 
-STYLES = ("auto", "plate", "board", "sheet")
+STYLES = ("auto", "plate", "board")
 """``auto`` is plate or board, the quicker to print: `vinefab.rig.make` chooses."""
 
 JOINTS = ("dovetail", "none")
@@ -118,10 +118,10 @@ class RigOptions:
     ----------
     style
         ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on
-        their plate), ``board`` (printed obstacles with pegs on a board that a laser cuts and
-        drills) or ``sheet`` (obstacles cut from sheet in layers).
+        their plate) or ``board`` (printed obstacles with pegs on a board that a laser cuts and
+        drills).
     plate_mm
-        Thickness of the base plate, of the board, of the sheet.
+        Thickness of the base plate, or of the board.
     height_mm
         Height of obstacles and border above the plate.
     border_mm
@@ -146,9 +146,9 @@ class RigOptions:
     mark_depth_mm
         Depth of number and north arrow, engraved into the underside of each tile; 0: none.
     peg_mm
-        Diameter of the pegs of loose obstacles, or of the pins through layers.
+        Diameter of the pegs of loose obstacles.
     kerf_mm
-        Width that the laser removes from board and sheet.
+        Width that the laser removes from board and lid.
     sheet_width_mm, sheet_depth_mm
         Size of the sheets that it takes.
     bed_margin_mm

@@ -17,7 +17,7 @@ from shapely.affinity import translate
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, SOFT
 from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import house_style, pdf_bytes, svg_bytes
+from vinefab.pages.figure import house_style, svg_bytes
 from vinefab.rig.board import LoosePiece
 from vinefab.rig.corner_tiles import MarkerPad, black_cells, paper_crop_mm
 from vinefab.rig.fixtures import Fixtures, on_rig, outside_of
@@ -40,15 +40,11 @@ _BLACK, _OBSTACLE = "#000000", "#d9dee2"
 def true_scale_files(
     rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()
 ) -> dict[str, bytes]:
-    """Return the paper markers and the plan as SVG and PDF, by file name."""
+    """Return the paper markers and the plan as SVG, by file name."""
     drawings = {"plan": plan_sheet(rig, world, fixtures, pieces)}
     if fixtures.pads:
         drawings["markers"] = marker_sheet(fixtures.pads)
-    files = {}
-    for name, figure in drawings.items():
-        files[f"{name}.svg"] = svg_bytes(figure, whole_page=True)
-        files[f"{name}.pdf"] = pdf_bytes(figure, whole_page=True)
-    return files
+    return {f"{name}.svg": svg_bytes(one, whole_page=True) for name, one in drawings.items()}
 
 
 def marker_sheet(pads: Sequence[MarkerPad]) -> Figure:

@@ -159,7 +159,7 @@ class RigExport:
     fit_mm: float = 0.0  # length of the rig's longer side; 0: the map's size
     lid: bool = False
     check_robot: bool = True  # check corridors and heights for the design
-    pictures: bool = True  # draw rig and beds; report.html
+    pictures: bool = True  # draw the plan and sheets; report.html
     mark: ClassVar[str] = "rig.json"
     endings: ClassVar[tuple[str, ...]] = ()
     uses_map: ClassVar[bool] = True

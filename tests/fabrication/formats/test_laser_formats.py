@@ -35,7 +35,6 @@ from vinefab.model.outline import Contour
 
 JOBS = ("one pass", "two passes", "pouches", "several", "coupons", "energy matrix")
 FORMATS = sorted(LASER_FORMATS)
-WITH_PATHS = [name for name in FORMATS if LASER_FORMATS[name].holds_paths]
 WITH_SETTINGS = [name for name in FORMATS if LASER_FORMATS[name].needs_profile]
 
 
@@ -106,7 +105,7 @@ def test_the_same_job_gives_the_same_text(name: str) -> None:
 
 
 @pytest.mark.parametrize("job", JOBS)
-@pytest.mark.parametrize("name", WITH_PATHS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_a_path_moved_by_five_tolerances_is_found(name: str, job: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of(job)
     at = machined(meant.job)[-1]
@@ -118,7 +117,7 @@ def test_a_path_moved_by_five_tolerances_is_found(name: str, job: str) -> None:
     assert problems(one, changed(meant, at, near), meant) == ""
 
 
-@pytest.mark.parametrize("name", WITH_PATHS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_one_corner_moved_by_five_tolerances_is_found(name: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of("energy matrix")
     at = machined(meant.job)[-1]
@@ -129,7 +128,7 @@ def test_one_corner_moved_by_five_tolerances_is_found(name: str) -> None:
     assert "mm away" in problems(one, changed(meant, at, bent), meant)
 
 
-@pytest.mark.parametrize("name", WITH_PATHS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_a_missing_an_added_and_an_open_path_are_found(name: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of("one pass")
     at = machined(meant.job)[-1]
@@ -144,7 +143,7 @@ def test_a_missing_an_added_and_an_open_path_are_found(name: str) -> None:
     assert problems(one, changed(meant, at, other), changed(meant, at, straight))
 
 
-@pytest.mark.parametrize("name", WITH_PATHS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_a_path_on_the_layer_of_another_operation_is_found(name: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of("one pass")
     swap = {Operation.WELDCUT: Operation.CUT, Operation.CUT: Operation.WELDCUT}
@@ -154,7 +153,7 @@ def test_a_path_on_the_layer_of_another_operation_is_found(name: str) -> None:
             assert "layer" in problems(one, changed(meant, at, wrong), meant)
 
 
-@pytest.mark.parametrize("name", [name for name in WITH_PATHS if name.startswith(("dxf", "svg"))])
+@pytest.mark.parametrize("name", [name for name in FORMATS if name.startswith(("dxf", "svg"))])
 def test_a_sheet_of_another_size_is_found(name: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of("one pass")
     larger = replace(meant.job, sheet_width_mm=meant.job.sheet_width_mm + 5 * one.tolerance_mm)

@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,7 @@ from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.lightburn_format import (
     LIGHTBURN,
-    LIGHTBURN_LIBRARY,
     PALETTE,
-    library_text,
     lightburn_text,
 )
 from vinefab.fabrication.formats.readback import file_problems
@@ -28,10 +25,6 @@ MACHINED = (Operation.MARK, Operation.WELD, Operation.WELDCUT, Operation.CUT)
 
 def project_problems(text: str, job: Job, profile: LaserProfile) -> tuple[str, ...]:
     return file_problems(LIGHTBURN, text.encode(), LaserFileSpec(job=job, profile=profile))
-
-
-def library_problems(text: str, job: Job, profile: LaserProfile) -> tuple[str, ...]:
-    return file_problems(LIGHTBURN_LIBRARY, text.encode(), LaserFileSpec(job=job, profile=profile))
 
 
 def tree(text: str) -> ET.Element:
@@ -107,25 +100,9 @@ def test_no_two_shapes_share_their_vertices(job: Job, profile: LaserProfile) -> 
 def test_the_same_job_gives_the_same_bytes_and_is_known_as_ours(
     job: Job, profile: LaserProfile
 ) -> None:
-    for text in (lightburn_text(job, profile), library_text(profile)):
-        data = text.encode()
-        assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:]
+    data = lightburn_text(job, profile).encode()
+    assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:]
     assert lightburn_text(job, profile) == lightburn_text(job, profile)
-
-
-def test_the_library_has_an_entry_per_operation_of_the_laser(
-    job: Job, profile: LaserProfile
-) -> None:
-    root = tree(library_text(profile))
-    (material,) = root
-    assert root.get("DisplayName", "").startswith("tester__film [unverified]")
-    assert [entry.get("Desc") for entry in material] == list(profile.recipe.operations)
-    for entry in material:
-        cut = values(entry[0])
-        title, name, again = cut["LinkPath"].split("/")
-        assert (title, name, again) == ("Test film", entry.get("NoThickTitle"), entry.get("Desc"))
-        assert cut["maxPower"] == "50"
-    assert library_problems(library_text(profile), job, profile) == ()
 
 
 def test_variants_have_layers_and_settings_of_their_own(job: Job, profile: LaserProfile) -> None:
@@ -168,13 +145,6 @@ def test_a_damaged_project_is_found_out(
     text = lightburn_text(job, profile)
     assert old in text
     assert word in "; ".join(project_problems(text.replace(old, new), job, profile))
-
-
-@pytest.mark.parametrize("change", [lambda t: t.replace('"50"', '"51"'), lambda t: t[:80]])
-def test_a_damaged_library_is_found_out(
-    change: Callable[[str], str], job: Job, profile: LaserProfile
-) -> None:
-    assert library_problems(change(library_text(profile)), job, profile) != ()
 
 
 def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:

@@ -59,7 +59,7 @@ def test_a_shipped_design_makes_a_whole_package() -> None:
         colours=PRESETS[profile.machine.colours],
     )
     files = package_files(content)
-    assert len(files) == 13
+    assert len(files) == 14
     assert "design.toml" in files
 
 

@@ -52,11 +52,12 @@ NAMES = [
     "outline_polyline.dxf",
     "outline.svg",
     "outline.lbrn2",
-    "recipe.clb",
     "preview.png",
     "checks.json",
     "report.html",
     "bom.csv",
+    "assembly.svg",
+    "assembly.pdf",
     "MANIFEST.sha256",
 ]
 GIVEN = ("preview.png", "checks.json", "report.html")

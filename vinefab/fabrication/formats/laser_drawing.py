@@ -293,7 +293,6 @@ class LaserFormat:
     colour: Callable[[Style], str] = _rgb  # a style's colour as the format gives it
     # machine settings by layer
     settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = _no_settings
-    holds_paths: bool = True  # False: holds only the recipe; one file for all sheets
     needs_profile: bool = False  # written only where the spec has a profile
     on_request: bool = False  # written only when it is asked for by name
 
@@ -309,5 +308,5 @@ class LaserFormat:
             raise BadInputError("tolerance_mm", self.tolerance_mm, allowed)
 
     def file_name(self, stem: str = "outline") -> str:
-        """Return the name of a sheet's file, or of the recipe's."""
-        return f"{stem if self.holds_paths else 'recipe'}{self.suffix}"
+        """Return the name of a sheet's file."""
+        return f"{stem}{self.suffix}"

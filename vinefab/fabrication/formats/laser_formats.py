@@ -12,7 +12,7 @@ from vinefab.core.errors import ReadBackError
 from vinefab.core.registry import Registry
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, DXF_R12
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat
-from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
+from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 
@@ -37,7 +37,6 @@ LASER_FORMATS: Registry[LaserFormat] = Registry(
         "svg": SVG,
         R12_FORMAT: DXF_R12,
         "lightburn": LIGHTBURN,
-        "lightburn_library": LIGHTBURN_LIBRARY,
     },
     group="vinefab.laser_formats",
     problem=format_problem,
@@ -80,7 +79,7 @@ def laser_files(
     spec
         Job, colour preset and, for formats with machine settings, the profile.
     stem
-        How the names of the files begin; the material library's name is fixed.
+        How the names of the files begin.
     requested
         Names of formats that are written on request only, such as `R12_FORMAT`.
 

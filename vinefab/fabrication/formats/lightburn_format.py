@@ -1,7 +1,4 @@
-"""LightBurn: a project with paths and settings, and a material library with the settings alone.
-
-Both have a layer for every operation, whatever the colour preset.
-"""
+"""LightBurn project: paths and settings, with a layer for every operation in every preset."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -10,8 +7,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import one_line
 from vinefab.core.validation import Floats
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
@@ -65,25 +60,6 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         root.append(_shape(number, styled, profile))
     notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
     ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
-    return _document(root)
-
-
-def library_text(profile: LaserProfile) -> str:
-    """Return a recipe as the text of a LightBurn material library, to be encoded as UTF-8."""
-    recipe, material = profile.recipe, _name(profile.material.title)
-    root = ET.Element(
-        "LightBurnLibrary", DisplayName=f"{recipe.name} [{recipe.status}], {GENERATOR}"
-    )
-    entries = ET.SubElement(root, "Material", name=material)
-    for operation, settings in recipe.operations.items():
-        if not settings.by_laser:
-            continue
-        entry = ET.SubElement(
-            entries, "Entry", Thickness="-1.0000", Desc=operation, NoThickTitle=operation
-        )
-        cut = ET.SubElement(entry, "CutSetting", type="Cut")
-        linked = [("LinkPath", f"{material}/{operation}/{operation}")]
-        _values(cut, [("index", "0"), ("name", ""), *linked, *cut_values(settings)])
     return _document(root)
 
 
@@ -163,11 +139,6 @@ def _document(root: ET.Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
-def _name(text: str) -> str:
-    """Return a text without the slash, which parts the names in a library's paths."""
-    return one_line(text).replace("/", "-")
-
-
 def _number(value: float) -> str:
     return f"{round(float(value), _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")
 
@@ -187,16 +158,6 @@ def read_lightburn(text: str) -> ReadDrawing:
         return _project(xml_root(text))
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:
         raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from error
-
-
-def read_library(text: str) -> ReadDrawing:
-    """Return the settings of a material library by operation; it has no paths."""
-    try:
-        entries = {entry.get("Desc", ""): entry for entry in xml_root(text).iter("Entry")}
-        settings = {name: _settings(entry[0]) for name, entry in entries.items()}
-    except (ET.ParseError, BadInputError, IndexError) as error:
-        raise UnreadableFileError("LightBurn text", f"not a library of ours: {error}") from error
-    return ReadDrawing(settings=settings)
 
 
 def _project(root: ET.Element) -> ReadDrawing:
@@ -251,10 +212,6 @@ def _write_project(spec: LaserFileSpec) -> str:
     return lightburn_text(spec.job, spec.recipe_profile)
 
 
-def _write_library(spec: LaserFileSpec) -> str:
-    return library_text(spec.recipe_profile)
-
-
 def _held_paths(spec: LaserFileSpec) -> tuple[StyledPath, ...]:
     return project_paths(spec.job)
 
@@ -269,15 +226,6 @@ def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
     return found
 
 
-def _library_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
-    operations = spec.recipe_profile.recipe.operations
-    return {
-        operation: {"type": "Cut", **dict(cut_values(settings))}
-        for operation, settings in operations.items()
-        if settings.by_laser
-    }
-
-
 LIGHTBURN = LaserFormat(
     title="LightBurn project, settings included",
     suffix=".lbrn2",
@@ -288,15 +236,5 @@ LIGHTBURN = LaserFormat(
     contour=flattened_contour,
     sagitta_mm=FLATTEN_MM,
     settings=_project_settings,
-    needs_profile=True,
-)
-LIGHTBURN_LIBRARY = LaserFormat(
-    title="LightBurn material library",
-    suffix=".clb",
-    write=_write_library,
-    read=read_library,
-    tolerance_mm=_TOLERANCE_MM,
-    settings=_library_settings,
-    holds_paths=False,
     needs_profile=True,
 )

@@ -60,7 +60,7 @@ def drawing_differences(
     """
     problems = [f"the file holds {oddity}" for oddity in drawing.oddities]
     problems.extend(_setting_problems(drawing.settings, laser_format.settings(spec)))
-    expected = laser_format.paths(spec) if laser_format.holds_paths else ()
+    expected = laser_format.paths(spec)
     problems.extend(_frame_problems(laser_format, drawing, spec, expected))
     for layer in dict.fromkeys(styled.style.layer for styled in expected):
         in_job = [styled for styled in expected if styled.style.layer == layer]
@@ -97,7 +97,7 @@ def _frame_problems(
     sheet, near_mm = (spec.job.sheet_width_mm, spec.job.sheet_height_mm), laser_format.tolerance_mm
     if drawing.sheet and not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=near_mm):
         yield f"the sheet is {_listed(drawing.sheet)}, not {_listed(sheet)}"
-    if laser_format.holds_paths and not expected:
+    if not expected:
         yield "there is nothing to draw: the job has no path that this preset writes"
     in_job = list(dict.fromkeys(styled.style.layer for styled in expected))
     in_file = [path.layer for path in drawing.paths]

@@ -16,7 +16,7 @@ from vinefab.fabrication.formats.laser_drawing import (
     styled_paths,
 )
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder
-from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
+from vinefab.fabrication.formats.lightburn_format import LIGHTBURN
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package.bom import film_piece_mm
@@ -27,7 +27,7 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
 
 _DXF, _POLYLINE, _SVG = (one.file_name() for one in (DXF, DXF_POLYLINE, SVG))
-_PROJECT, _LIBRARY = LIGHTBURN.file_name(), LIGHTBURN_LIBRARY.file_name()
+_PROJECT = LIGHTBURN.file_name()
 _WIDTH = 96
 
 _MEANING = {
@@ -179,8 +179,8 @@ def _file(job: Job, colours: Colours) -> list[str]:
         *_folders(job),
         f"Open {_DXF} (true arcs) or {_SVG}. Use {_POLYLINE} only where arcs are"
         " missing after import: some programs ignore them without a word.",
-        f"LightBurn: {_PROJECT} has the layers of section 4 with their settings, {_LIBRARY}"
-        " the settings alone. LightBurn's formats are not published: compare power, speed and size"
+        f"LightBurn: {_PROJECT} has the layers of section 4 with their settings."
+        " LightBurn's format is not published: compare power, speed and size"
         f" with section 4 before you run it, and use {_SVG} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
         f"Check after import{' of sheet 1' if job.sheets else ''}:"

@@ -26,7 +26,7 @@ const EXPORTS = [
   {
     name: "rig", title: "Rig", about: "printable or cut obstacles of the open map", out: "rig", place: "Folder",
     options: [
-      { key: "style", label: "style", kind: "select", value: "auto", choices: () => ["auto", "plate", "board", "sheet"] },
+      { key: "style", label: "style", kind: "select", value: "auto", choices: () => ["auto", "plate", "board"] },
       { key: "printer", label: "printer", kind: "text", value: "generic_220" },
       { key: "fit_mm", label: "longer side, mm (0: as the map)", kind: "number", value: 0, least: 0, most: 100000 },
       { key: "lid", label: "with a lid" },

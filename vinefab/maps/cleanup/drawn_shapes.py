@@ -246,11 +246,8 @@ def ring_polygons(
     points = without_repeats(points_mm, changes)
     if len(points) >= 4 or (len(points) == 3 and (points[0] != points[-1]).any()):
         polygon = Polygon(points)
-        try:
-            refuse_jagged(where, polygon, "an outline of fewer or shorter teeth: draw it simpler")
-        except BadInputError:
-            refuse_tangle([points], where)  # says it better
-            raise
+        allowed = "fewer or shorter teeth, no tangle: draw it simpler, or clean the drawing"
+        refuse_jagged(where, polygon, allowed)
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from vinefab.cli.main import main
+from vinefab.core.file_mark import marked
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import PieceSettings
@@ -151,8 +152,8 @@ def starts_where_it_is_told(settings, result, folder):
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)
     drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
-    assert drawn == svg_bytes(map_plan(world, targets_mm=targets_mm(settings)))
-    assert drawn != svg_bytes(map_plan(world))
+    assert drawn == marked(svg_bytes(map_plan(world, targets_mm=targets_mm(settings))))
+    assert drawn != marked(svg_bytes(map_plan(world)))
 
 
 def is_cut_in_pieces(settings, result, _):

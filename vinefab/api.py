@@ -1061,7 +1061,7 @@ def rules() -> Mapping[str, Rule]:
     Examples
     --------
     >>> rules()["VF-C01"].limits
-    mappingproxy({'error': 3.0, 'warning': 5.0})
+    mappingproxy({'error': 0.0, 'warning': 2.0})
     """
     from vinefab.fabrication.rule_listing import RuleBook, all_rules
 

@@ -112,8 +112,8 @@ def jagged_star(corners):
 
 
 def test_a_jagged_star_shrinks_in_time_and_to_its_hull():
-    """Its slots are 0.04 mm wide at the mouth: a body of 10 mm sees the polygon of its tips."""
-    world = Map(name="star", bounds=box(0, 0, 600, 400), obstacles=(jagged_star(40_000),))
+    """Its slots are 0.1 mm wide at the mouth: a body of 10 mm sees the polygon of its tips."""
+    world = Map(name="star", bounds=box(0, 0, 600, 400), obstacles=(jagged_star(16_000),))
     begin = time.process_time()
     terrain = Terrain.of(world)
     terrain.walls(10.0)

@@ -381,7 +381,8 @@ def refuse_jagged(key: str, polygon: Polygon, allowed: str = _SIMPLER) -> None:
     x0, y0, x1, y1 = polygon.bounds
     crossed = float((steps / np.maximum([x1 - x0, y1 - y0], 1e-9)).max())
     if corners * crossed > _MOST_CROSSINGS:
-        raise BadInputError(key, f"{corners} corners, {crossed:.0f} walls across", allowed)
+        given = f"{counted(corners, 'corner')}, {counted(round(crossed), 'wall')} across"
+        raise BadInputError(key, given, allowed)
 
 
 def _check_start_area(area: BaseGeometry) -> None:

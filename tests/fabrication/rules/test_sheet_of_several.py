@@ -128,7 +128,7 @@ def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> No
     # 2 mm of web and 2.1 mm more on this side of the seam: 0.1 mm is gone
     along = {f.branches: f for f in found(fork, asking, job, "VF-L02")}
     assert along[("0.0",)].measured == pytest.approx(-0.1, abs=0.02)
-    assert "'cut around fork' runs into 'seam of fork'" in along[("0.0",)].message
+    assert "into 'seam of fork' along 'cut around fork'" in along[("0.0",)].message
     x, y = along[("0.0",)].x_mm, along[("0.0",)].y_mm
     assert math.hypot(x - 300.0, y) < 160.0 < math.hypot(x + 60.0, y)
 

@@ -95,7 +95,7 @@ def _meetings(
         broken = limits.least(meeting.left_mm, "apart")
         if broken:
             other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
-            message = f"{meeting.two.label!r} runs into {other}"
+            message = f"the beam reaches into {other} along {meeting.two.label!r}"
             at_mm = flat_place_mm(subject, meeting.one, meeting.at_mm)
             yield Violation(
                 message=f"{message}: move the branches apart",
@@ -488,7 +488,7 @@ def least_width_mm(points_mm: Floats) -> float:
 
     One side of it lies along an edge of their convex hull.
 
-    >>> float(least_width_mm(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])))
+    >>> round(least_width_mm(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])), 6)
     2.4
     """
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points_mm)))

@@ -107,7 +107,7 @@ class Tab:
     def design(self):
         return design_of(self.state()["design"], "the page")
 
-    def until(self, script, value=None, seconds=8.0):
+    def until(self, script, value=None, seconds=30.0):
         """Wait until a function of the page gives true; Playwright's own wait needs `eval`."""
         end = time.monotonic() + seconds
         while not self.page.evaluate(script, value):
@@ -183,7 +183,7 @@ def expected(design, world, pose=None):
 def shows(tab, design, world, pose=None):
     """Wait until the page shows what the library says, and compare all of it."""
     wanted = expected(design, world, pose)
-    end = time.monotonic() + 8.0
+    end = time.monotonic() + 30.0
     while tab.robot() != wanted["robot"] and time.monotonic() < end:
         tab.page.wait_for_timeout(20)
     assert tab.robot() == wanted["robot"]

@@ -56,7 +56,7 @@ class Equation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scatter:
+class ReadingScatter:
     """How far readings without stated uncertainties lie from their fit."""
 
     deviation: float
@@ -79,8 +79,8 @@ def mean_estimate(values: Sequence[float], sigmas: Sequence[float | None], key: 
 
 
 def solve_equations(
-    equations: Sequence[Equation], key: str, like: Scatter | None = None
-) -> tuple[dict[str, Estimate], Scatter]:
+    equations: Sequence[Equation], key: str, like: ReadingScatter | None = None
+) -> tuple[dict[str, Estimate], ReadingScatter]:
     """Return unknowns by linear least squares, and the scatter that their uncertainties rest on.
 
     Readings with stated uncertainties are weighted by them, and the result's uncertainty is never
@@ -130,13 +130,13 @@ def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> F
     return 1.0 / np.array(stated) if stated else np.ones(len(sigmas))
 
 
-def scatter(residuals: Floats, unknowns: int, *, stated: bool) -> Scatter:
+def scatter(residuals: Floats, unknowns: int, *, stated: bool) -> ReadingScatter:
     """Return the scatter of weighted residuals; at least 1 where sigmas are stated."""
     free = len(residuals) - unknowns
     found = math.sqrt(float(residuals @ residuals) / free) if free > 0 else 1.0
     if stated and found <= 1.0:
-        return Scatter(deviation=1.0, degrees=math.inf)
-    return Scatter(deviation=found, degrees=max(free, 1))
+        return ReadingScatter(deviation=1.0, degrees=math.inf)
+    return ReadingScatter(deviation=found, degrees=max(free, 1))
 
 
 GROWTH_CONSTANTS = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction")

@@ -23,7 +23,7 @@ from vinefab.fabrication.calibration.estimate import (
     Equation,
     Estimate,
     GrownPath,
-    Scatter,
+    ReadingScatter,
     fit_growth,
     mean_estimate,
     solve_equations,
@@ -118,7 +118,7 @@ def _kerfs(
             groups.setdefault(operation, []).append(reading)
     found: dict[str, Estimate] = {}
     remarks: list[str] = []
-    like: Scatter | None = None
+    like: ReadingScatter | None = None
     for operation, readings in sorted(groups.items(), key=lambda item: -len(item[1])):
         with parts.group(f"kerf and seam of {operation}") as key:
             equations = [_equation(reading, regain, results, profile) for reading in readings]
@@ -130,11 +130,11 @@ def _kerfs(
 
 
 def _block(
-    equations: Sequence[Equation], regain: Estimate, key: str, like: Scatter | None
-) -> tuple[dict[str, Estimate], Scatter]:
+    equations: Sequence[Equation], regain: Estimate, key: str, like: ReadingScatter | None
+) -> tuple[dict[str, Estimate], ReadingScatter]:
     """Return the fit of one operation for a known e, its uncertainty included."""
 
-    def solved(value: float) -> tuple[dict[str, Estimate], Scatter]:
+    def solved(value: float) -> tuple[dict[str, Estimate], ReadingScatter]:
         return solve_equations([e.knowing(_REGAIN, value) for e in equations], key, like)
 
     numbers, spread = solved(regain.value)

@@ -13,7 +13,7 @@ from vinefab.fabrication.job.passes import closes
 from vinefab.fabrication.rules.spacing import closest
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.outline import Part, Segment
+from vinefab.model.outline import Part
 
 _CHORD_MM = 0.002
 _CORNER = 10.0
@@ -25,7 +25,7 @@ _AROUND_END = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Meeting:
+class BandOverlap:
     """Two bands that overlap."""
 
     one: LaserPath
@@ -72,16 +72,12 @@ class _Pieces:
             path=path,
             way_mm=before - before[first][path],
             half_mm=np.repeat([width.value / 2.0 for width in half], count),
-            is_mouth=np.repeat([_at_mouth(segment) for _, segment, *_ in rows], count),
+            is_mouth=np.repeat([segment.part is Part.MOUTH for _, segment, *_ in rows], count),
             branch=np.repeat([segment.branch for _, segment, *_ in rows], count),
         )
 
 
-def _at_mouth(segment: Segment) -> bool:
-    return segment.part is Part.MOUTH
-
-
-def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[Meeting]:
+def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[BandOverlap]:
     """Yield where bands overlap: the tightest place of every two branches and two paths.
 
     A band is what the beam takes to both sides of its path: half the kerf of a cut, half the seam
@@ -101,16 +97,17 @@ def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[Meet
     )
     asked = pieces.half_mm[one] + pieces.half_mm[two]
     left = near.distance_mm - asked
-    places = [
-        pieces.start_mm[rows] + along[:, None] * (pieces.end_mm - pieces.start_mm)[rows]
+    steps = [
+        along[:, None] * (pieces.end_mm - pieces.start_mm)[rows]
         for rows, along in ((one, near.along_a), (two, near.along_b))
     ]
-    ways = [
-        pieces.way_mm[rows] + along * np.hypot(*(pieces.end_mm - pieces.start_mm)[rows].T)
-        for rows, along in ((one, near.along_a), (two, near.along_b))
-    ]
+    places = [pieces.start_mm[rows] + step for rows, step in zip((one, two), steps, strict=True)]
+    way_one, way_two = (
+        pieces.way_mm[rows] + np.hypot(*step.T)
+        for rows, step in zip((one, two), steps, strict=True)
+    )
     same = pieces.path[one] == pieces.path[two]
-    apart = np.abs(ways[0] - ways[1])
+    apart = np.abs(way_one - way_two)
     around = _around_mm(paths)[pieces.path[one]]
     apart = np.minimum(apart, np.abs(around - apart))
     beside = same & (apart <= _CORNER * asked)
@@ -160,7 +157,7 @@ def _tightest(
     places_mm: Sequence[Floats],
     left_mm: Floats,
     chosen: NDArray[np.bool_],
-) -> Iterator[Meeting]:
+) -> Iterator[BandOverlap]:
     seen = set[tuple[int, int, tuple[str, ...]]]()
     rows = np.flatnonzero(chosen)
     for row in rows[np.argsort(left_mm[rows], kind="stable")].tolist():
@@ -170,7 +167,7 @@ def _tightest(
             continue
         seen.add((numbers[0], numbers[1], names))
         x, y = ((places_mm[0][row] + places_mm[1][row]) / 2.0).tolist()
-        yield Meeting(
+        yield BandOverlap(
             one=paths[numbers[0]],
             two=paths[numbers[1]],
             branches=names,

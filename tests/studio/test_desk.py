@@ -417,6 +417,19 @@ def test_unsaved_work_is_kept_listed_and_dropped(desk):
         desk.keep_recovery({"key": "tab00001", "state": {"a": "x" * 5_000_000}})
 
 
+def test_work_taken_over_from_a_closed_tab_is_kept_once(desk):
+    state = {"design": opened(desk)["design"]}
+    desk.keep_recovery({"key": "closedtab", "state": state})
+    ask = {"key": "thistab", "instead": "closedtab"}
+    with pytest.raises(BadInputError, match="at most"):
+        desk.keep_recovery({**ask, "state": {"a": "x" * 5_000_000}})
+    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["closedtab"]
+    desk.keep_recovery({**ask, "state": state})
+    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["thistab"]
+    desk.keep_recovery({"key": "thistab", "instead": "thistab", "state": state})
+    assert [kept["key"] for kept in desk.recoveries({})["recoveries"]] == ["thistab"]
+
+
 def test_a_save_drops_the_unsaved_work_and_a_refused_one_keeps_it(desk):
     file = opened(desk)
     desk.keep_recovery({"key": "thistab", "state": {"design": file["design"]}})

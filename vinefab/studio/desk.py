@@ -224,11 +224,18 @@ class Desk:
         return {**answer, "writable": True, "note": note}
 
     def keep_recovery(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``."""
+        """Keep unsaved work: ``key`` of the tab, its ``state`` and ``file``.
+
+        ``instead`` is the key of a closed tab whose work this one took over: removed once the
+        new copy stands, so that no reload between the two loses the work or offers it twice.
+        """
         state = ask.get("state")
         if not isinstance(state, Mapping):
             raise BadInputError("state", state, "names with values", PAGE)
-        return {"kept": str(keep_unsaved(ask.get("key"), state, ask.get("file")))}
+        kept = keep_unsaved(ask.get("key"), state, ask.get("file"))
+        if ask.get("instead") not in (None, ask.get("key")):
+            drop_unsaved(ask["instead"])
+        return {"kept": str(kept)}
 
     def recoveries(self, _: Mapping[str, Any]) -> dict[str, Any]:
         """Return what unsaved work there is, the newest first."""

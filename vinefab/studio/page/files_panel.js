@@ -155,7 +155,7 @@ function mountLive(root, app, name, mark) {
     notes.clear("disk");
     setFile(fileOf({ ...app.file, ...answer, name: nameOf(answer.path) }, design));
     app.say(answer.note ? `Saved ${answer.path}; ${answer.note}` : `Saved ${answer.path}`);
-    if (isUnsaved()) keepSoon();
+    keepSoon(); // a copy that was on its way when the desk dropped it goes too
   }
 
   /** Return null when the copy is written, or what stands in the way. */
@@ -260,13 +260,14 @@ function mountLive(root, app, name, mark) {
   let isKept = false;
   let told = "";
 
-  async function keep() {
+  /** Keep unsaved work; with a key, in place of what was kept under it, in one step of the desk. */
+  async function keep(instead) {
     const state = store.get();
     try {
       if (isUnsaved()) {
         isKept = true;
         const file = { path: app.file.path, name: app.file.name };
-        await app.desk("keep_recovery", { key, state, file });
+        await app.desk("keep_recovery", { key, state, file, instead });
       } else if (isKept) {
         isKept = false;
         await app.desk("drop_recovery", { key });
@@ -277,7 +278,7 @@ function mountLive(root, app, name, mark) {
       told = error.message ?? "";
     }
   }
-  const keepSoon = paused(keep, KEEP_AFTER_MS);
+  const keepSoon = paused(() => keep(), KEEP_AFTER_MS);
 
   async function findUnsaved() {
     const others = await otherTabs(() => key);
@@ -320,8 +321,8 @@ function mountLive(root, app, name, mark) {
       const path = file?.path ?? app.file.path;
       store.replace("unsaved work", { ...kept.state, opened: path });
       if (file) setFile(fileOf(file, file.design));
-      await keep();
-      await app.desk("drop_recovery", { key: entry.key });
+      await keep(entry.key);
+      if (!isUnsaved()) await app.desk("drop_recovery", { key: entry.key });
       app.say(`Unsaved work of ${entry.name ?? "a design"} is open; Undo goes back`);
     } catch (error) {
       app.say(error.message ?? String(error), "error");

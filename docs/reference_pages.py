@@ -25,7 +25,7 @@ from vinefab.model.files.design_toml import DesignForm
 from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
 from vinefab.rig.rig_options import Printer, PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.run_file import RunForm
+from vinefab.search.settings import RunFile
 from vinefab.tasks.shipped_tasks import TASKS
 
 
@@ -49,7 +49,7 @@ FORMATS = (
     Format(
         name="run",
         title="Run file (`vinefab/run-1`, TOML)",
-        form=RunForm,
+        form=RunFile,
         about="What `vinefab optimize` searches; `vinefab new run mine.toml` writes one. Every key "
         "but `schema` may be left out. Parameters of tasks, optimizers and environments: "
         "[parts](parts.md).",

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings
     monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 0.0)
     monkeypatch.setattr(live_page, "_OF_PROCESSOR", 1e9)
     monkeypatch.setattr(live_page, "_OF_TIME", 1e9)
-    return replace(small, maps=MapSettings(count=1))
+    return small.changed(maps=MapSettings(count=1))
 
 
 def stopped_in(generation: int, seen: list[str], folder: Path) -> Callable[[Progress], None]:

@@ -41,6 +41,11 @@ class Slider:
     step: float = 1.0
 
 
+LATER = "later"
+"""Marks a field that a table did not always have: records leave it out where it says nothing, so
+that the ids of runs stay as they were."""
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 

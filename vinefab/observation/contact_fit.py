@@ -312,7 +312,7 @@ def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
     """Return the mean squared distance of each branch from its photo, shape (branches, angles)."""
     if photo.design is None or photo.world is None:
         return None
-    options = replace(GrowthChoice.of([photo.design]).options, body_width_ratio=width_ratio)
+    options = GrowthChoice.of([photo.design]).options.changed(body_width_ratio=width_ratio)
     poses = [photo.pose] * len(SHAPE_ANGLES_DEG)
     atlas = TerrainSet([Terrain.of(photo.world)])
     launches = Launches.of(atlas, [poses], [rad(angle) for angle in SHAPE_ANGLES_DEG])

@@ -36,8 +36,7 @@ from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.named_file import path_inside
 from vinefab.search.record.result import first_difference
 from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings
+from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
 from vinefab.studio.followed_run import (
     FollowedRecord,
     best_of,

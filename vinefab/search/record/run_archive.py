@@ -16,9 +16,6 @@ from shapely.errors import ShapelyError
 
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.validation import Floats
-from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import PieceSettings, Pouch
-from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
@@ -31,15 +28,8 @@ from vinefab.search.record.result import (
     RunResult,
     with_origin,
 )
-from vinefab.search.settings import (
-    EvaluationSettings,
-    MapSettings,
-    PartSettings,
-    RunSettings,
-    SearchSettings,
-    plain_settings,
-)
-from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
+from vinefab.search.settings import RunSettings, plain_settings, settings_from_plain
+from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
 from vinefab.tasks.evaluate import composite
 
@@ -111,64 +101,6 @@ def score_from_text(text: str) -> Score:
         task=record["task"],
         evaluations=evaluations,
         composite=record.get("composite") or composite([e.score for e in evaluations]),
-    )
-
-
-def _growth(record: Mapping[str, Any]) -> GrowthOptions:
-    """Return the growth options of a record; one from before pressure stopped growth has none."""
-    angle = record["head_on_half_angle_rad"]
-    angle = tuple(angle) if isinstance(angle, list) else angle
-    values = {"pressure_stop": False, **record, "head_on_half_angle_rad": angle}
-    if "contacts" in record:
-        values["contacts"] = contacts_of(record["contacts"])
-    return GrowthOptions(**values)
-
-
-def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
-    """Return the settings of `vinefab.search.settings.plain_settings`."""
-    maps = dict(record["maps"])
-    maps["files"] = tuple(Path(name) for name in maps["files"])
-    if start := maps.pop("start", None):
-        maps["start"] = start_of_record(start)
-    return RunSettings(
-        name=record["name"],
-        maps=MapSettings(**maps),
-        task=PartSettings(**record["task"]),
-        space=_space(record["space"]),
-        build=_build(record["build"]),
-        growth=_growth(record["growth"]),
-        optimizer=PartSettings(**record["optimizer"]),
-        search=SearchSettings(**record["search"]),
-        evaluation=EvaluationSettings(**record["evaluation"]),
-        objectives=tuple(record.get("objectives", ())),
-        start_from=tuple(map(tuple, record.get("start_from", ()))),
-        other_parameters=record.get("other_parameters", {}),
-    )
-
-
-def _build(record: Mapping[str, Any]) -> BuildSettings:
-    given = dict(record)
-    pouch, pieces = given.pop("pouch", None), given.pop("pieces", None)
-    return BuildSettings(
-        pouch=None if pouch is None else Pouch(**pouch),
-        pieces=None if pieces is None else PieceSettings(**pieces),
-        widths_mm=tuple(given.pop("widths_mm", ())),
-        **given,
-    )
-
-
-def _space(record: Mapping[str, Any]) -> SpaceSettings:
-    others = ("by_level", "most", "symmetric")
-    ranges = {name: Bounds(**ends) for name, ends in record.items() if name not in others}
-    by_level = {
-        int(level): {name: Bounds(**ends) for name, ends in table.items()}
-        for level, table in record["by_level"].items()
-    }
-    return SpaceSettings(
-        by_level=by_level,
-        most=record.get("most", {}),
-        symmetric=record.get("symmetric", False),
-        **ranges,
     )
 
 
@@ -251,7 +183,7 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
         known = [limits, *(one.before for one in read_extensions(connection))]
         if {name: getattr(settings.search, name) for name in limits} not in known:
             return settings
-        return replace(settings, search=replace(settings.search, **limits))  # type: ignore[arg-type]
+        return settings.changed(search=settings.search.changed(**limits))
 
 
 def _connected(path: Path) -> sqlite3.Connection:

@@ -169,7 +169,7 @@ def effect_panels(effects: "Sequence[Effect]", measures: Sequence[Measure]) -> P
         for knob, some in zip(knobs, shown, strict=True):
             x0, x1 = ends_of([0.0], [e.step for e in some])
             panel = Panel(
-                box=(x0, y0, x1, y1), width_pt=430.0 / len(knobs), height_pt=92.0, frame=True,
+                box=(x0, y0, x1, y1), width_pt=430.0 / len(knobs), height_pt=122.0, frame=True,
                 tick_pt=7.5,
             )  # fmt: skip
             points = [

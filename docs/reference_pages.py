@@ -7,7 +7,7 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 import inspect
 import re
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -17,15 +17,19 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
+from vinefab.core.table import DeclaredKey, Table, declared_keys
+from vinefab.core.units import deg
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.contacts_toml import ContactsForm
 from vinefab.model.files.design_toml import DesignForm
 from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
+from vinefab.model.map import Start
 from vinefab.rig.rig_options import Printer, PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.settings import RunFile
+from vinefab.search.settings import RunFile, StartTable
+from vinefab.search.space import Bounds
 from vinefab.tasks.shipped_tasks import TASKS
 
 
@@ -142,8 +146,9 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     yield prefix, form
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
-        if inner is not None and inner is not QuantityForm:
-            path = f"{prefix.strip('[]')}.{name}" if prefix else name
+        if inner not in (None, QuantityForm, Bounds):
+            key = field.alias or name
+            path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
@@ -152,6 +157,17 @@ _EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
 
 def keys_of(form: type[BaseModel]) -> list[Key]:
     """Return the keys of one table."""
+    if issubclass(form, Table):
+        return [
+            Key(
+                name=key.name,
+                # Limits within a list or an optional value stand in its annotation.
+                kind=_kind(key.annotation, form.model_fields[key.field].metadata),
+                default="" if key.required else _default_words(_as_in_files(key)),
+                meaning=key.meaning,
+            )
+            for key in declared_keys(form)
+        ]
     said = _EVERYWHERE | meanings(form)
     if form is PrinterForm:  # its keys are the fields of the noun, and explained there
         said |= meanings(Printer)
@@ -198,6 +214,8 @@ def _comments(source: str) -> dict[str, str]:
 def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     """Return the model of a table that a field holds, and whether the field holds several."""
     origin, inside = get_origin(annotation), get_args(annotation)
+    if annotation is Start:
+        return StartTable, False
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, False
     if origin is Annotated:
@@ -205,12 +223,19 @@ def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     if origin in (Union, types.UnionType):
         forms = [_inner_form(one) for one in inside]
         return next((one for one in forms if one[0] is not None), (None, False))
-    if origin is list:
+    if origin in (list, tuple):
         return _inner_form(inside[0])[0], True
     return None, False
 
 
-_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
+_KINDS = {
+    str: "text",
+    float: "number",
+    int: "whole number",
+    bool: "true or false",
+    Path: "path",
+    Start: "text",
+}
 
 
 def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
@@ -227,20 +252,22 @@ def _kind_words(annotation: object) -> str:
         return _annotated_words(inside)
     if origin is Literal:
         return " or ".join(f"`{one}`" for one in inside)
-    if origin is list:
+    if origin in (list, tuple):
         inner, _ = _inner_form(inside[0])
         return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
-    if origin is dict:
+    if origin in (dict, Mapping):
         return "table of any keys"
     return " or ".join(_kind_words(one) for one in inside if one is not type(None))
 
 
 def _class_words(kind: type) -> str:
+    if kind is Bounds:
+        return "number, or a range `[low, high]`"
     if kind is QuantityForm:
         return "a number with its standing"
     if issubclass(kind, Enum):
         return " or ".join(f"`{one.value}`" for one in kind)
-    return "table" if issubclass(kind, BaseModel) else _KINDS[kind]
+    return _KINDS.get(kind, "table")
 
 
 def _annotated_words(inside: tuple[object, ...]) -> str:
@@ -260,10 +287,19 @@ def _limit_words(one: object) -> Iterator[str]:
 def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
     if field.is_required():
         return ""
-    value = field.default
-    if value is PydanticUndefined or isinstance(value, BaseModel):
-        return "none"
-    if value is None:
+    return _default_words(None if field.default is PydanticUndefined else field.default)
+
+
+def _as_in_files(key: DeclaredKey) -> Any:  # noqa: ANN401  of any key
+    """Return a default as files have it: angles in degrees."""
+    in_radians = key.field.endswith("_rad") and key.unit == "deg"
+    return deg(key.default) if in_radians else key.default
+
+
+def _default_words(value: object) -> str:
+    if isinstance(value, Bounds):
+        return f"`[{value.low:g}, {value.high:g}]`"
+    if isinstance(value, BaseModel) or value in (None, {}, ()):
         return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 

@@ -491,7 +491,7 @@ class RunFile(Table):
 
     schema_: Annotated[
         Literal["vinefab/run-1"], Field(alias="schema"), Doc("kind of file and its version")
-    ]
+    ] = "vinefab/run-1"
     name: Annotated[str | None, Doc("of the run and its best design; default: the file's")] = None
     maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
     task: Annotated[TaskTable, Doc("what is scored")] = TaskTable()

@@ -24,10 +24,10 @@ from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, number
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.files import toml
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
-from vinefab.model.files import toml
 from vinefab.model.map import Pose, Start
 from vinefab.model.start_place import (
     StartPlace,

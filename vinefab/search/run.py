@@ -31,6 +31,7 @@ from vinefab.search.manufacturability import (
     SpaceQuery,
     refuse_infeasible_space,
 )
+from vinefab.search.parallel.dask_cluster import DaskEvaluator
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
@@ -146,8 +147,6 @@ def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvalu
         if workers == 0:
             raise BadInputError("--workers", 0, "1 or more; 0 only with --cluster")
         return ThreadEvaluator(1 if workers is None else workers)
-    from vinefab.search.parallel.dask_cluster import DaskEvaluator  # noqa: PLC0415 - optional
-
     return DaskEvaluator(cluster, threads=workers)
 
 

@@ -22,7 +22,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import map_plan
 from vinefab.search.front_files import write_front
-from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import rebuild
 from vinefab.search.settings import PartSettings, read_run, targets_mm

@@ -67,7 +67,8 @@ if TYPE_CHECKING:
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.rig.rig_options import Printer
-    from vinefab.search.record.result import Progress, RunResult
+    from vinefab.search.record.generations import Progress
+    from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task

@@ -20,8 +20,8 @@ from vinefab.pages.html import page_html
 from vinefab.prediction import run_page
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.prediction.run_page import EndedRun, ended_report, outcome_line, write_run_page
-from vinefab.search.record.result import Extension, Progress
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import Extension, Progress
+from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import result_lines, run_search
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings

@@ -24,7 +24,7 @@ from vinefab.search import costs
 from vinefab.search.costs import COSTS, cost_text
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity
+from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import result_lines, violations_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings

@@ -22,7 +22,8 @@ from vinefab.search.loop import Search
 from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.parallel.dask_cluster import deserialized, serialized
-from vinefab.search.record.result import RunIdentity, RunResult
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.record.result import RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import PartSettings, RunSettings, check_objectives
 from vinefab.tasks.evaluate import composites, score_design

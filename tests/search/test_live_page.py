@@ -12,7 +12,7 @@ from vinefab.pages.live_curve import MOST_POINTS, live_curve
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search import live_page
 from vinefab.search.live_page import PAGE_NAME, LivePage
-from vinefab.search.record.result import Generation, Progress
+from vinefab.search.record.generations import Generation, Progress
 from vinefab.search.settings import MapSettings, RunSettings
 
 

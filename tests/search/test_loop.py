@@ -20,7 +20,8 @@ from vinefab.search.loop import AHEAD, Schedule, Search, why_stop
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 from vinefab.search.optimizers.random_search import RandomSearch
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.result import Generation, Progress, RunResult
+from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.coverage import Coverage

@@ -16,8 +16,14 @@ from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Pose
 from vinefab.search.loop import Search
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
-from vinefab.search.record.run_archive import settings_from_plain
-from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings, read_run
+from vinefab.search.settings import (
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    plain_settings,
+    read_run,
+    settings_from_plain,
+)
 from vinefab.search.space import Bounds, Space
 from vinefab.tasks.shipped_tasks import make_task
 

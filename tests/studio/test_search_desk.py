@@ -18,8 +18,8 @@ from vinefab.model.files.design_toml import design_content, design_of, design_te
 from vinefab.model.files.shipped import locate
 from vinefab.search.costs import COSTS
 from vinefab.search.front_files import front_json, front_of
-from vinefab.search.record.result import Generation
-from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.record.generations import Generation
+from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings, read_run
 from vinefab.search.space import Bounds, Space, SpaceSettings

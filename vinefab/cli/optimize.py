@@ -22,7 +22,8 @@ from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunE
 from vinefab.model.files.shipped import locate
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search.live_page import PAGE_NAME
-from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.run import (
     make_point_evaluator,
     progress_line,

@@ -15,7 +15,7 @@ from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evalua
 from vinefab.search.feasibility_repair import RepairResults
 from vinefab.search.front import feasible_points, non_dominated, spread_out
 from vinefab.search.parallel.point_evaluator import Begin
-from vinefab.search.record.result import Finalist, Generation
+from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions, score_designs
 

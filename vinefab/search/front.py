@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.search.costs import COSTS
-from vinefab.search.record.result import Generation
+from vinefab.search.record.generations import Generation
 from vinefab.search.space import Space
 
 

@@ -22,15 +22,8 @@ from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
-from vinefab.search.record.result import (
-    Finalist,
-    Generation,
-    Progress,
-    RunIdentity,
-    RunResult,
-    with_origin,
-)
-from vinefab.search.record.run_archive import damage_errors
+from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.result import RunResult, damage_errors, with_origin
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.settings import (
     PartSettings,

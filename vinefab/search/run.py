@@ -33,8 +33,8 @@ from vinefab.search.manufacturability import (
 )
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
-from vinefab.search.record.result import Progress, RunIdentity, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
+from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, resumed_limits
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import (
     EvaluationSettings,

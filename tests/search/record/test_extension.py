@@ -8,8 +8,8 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, plain_summary
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, plain_summary
 from vinefab.search.run import result_json, result_lines, run_search
 from vinefab.search.settings import MapSettings, PartSettings, RunLimits, RunSettings
 

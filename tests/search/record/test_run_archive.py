@@ -12,16 +12,16 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunIdentity, RunResult, map_fingerprint
-from vinefab.search.record.run_archive import (
+from vinefab.search.record.generations import Progress, RunIdentity, map_fingerprint
+from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,
     RunArchive,
+    RunResult,
     map_from_text,
     map_to_text,
     plain_summary,
     records_in,
-    settings_from_plain,
 )
 from vinefab.search.record.store import RunStore
 from vinefab.search.run_pages import list_runs
@@ -31,6 +31,7 @@ from vinefab.search.settings import (
     PartSettings,
     RunSettings,
     plain_settings,
+    settings_from_plain,
 )
 from vinefab.search.space import Bounds, BuildSettings
 

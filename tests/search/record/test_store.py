@@ -16,8 +16,8 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record import store as module
-from vinefab.search.record.result import Generation, Progress, RunIdentity, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import Generation, Progress, RunIdentity
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.run import run_search
 from vinefab.search.settings import RunSettings, SearchSettings

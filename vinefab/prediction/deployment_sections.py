@@ -127,6 +127,15 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
     )
 
 
+def deployment_picture(
+    design: Design, world: Map, deployment: Deployment, options: GrowthOptions
+) -> bytes:
+    """Return a deployment on its map, as pixels where lines would take megabytes."""
+    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6)
+    return png_bytes(figure, dpi=130) if design.branch_count > TOO_FINE else svg_bytes(figure)
+
+
 def deployment_section(
     design: Design,
     deployed: Sequence[tuple[str, Map, Deployment]],
@@ -134,14 +143,15 @@ def deployment_section(
     options: GrowthOptions,
 ) -> Section:
     """Return pictures of deployments, and how all branches ended."""
-    fine = design.branch_count > TOO_FINE
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
-    pictures = []
-    for words, world, deployment in deployed:
-        figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6)
-        image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
-        pictures.append(Picture(image=image, caption=f"{words} (simulated)."))
+    pictures = [
+        Picture(
+            image=deployment_picture(design, world, deployment, options),
+            caption=f"{words} (simulated).",
+        )
+        for words, world, deployment in deployed
+    ]
     return Section(
         title="Deployments",
         paragraphs=(

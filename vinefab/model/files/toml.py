@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict
 
-from vinefab.core.errors import BadInputError, UnreadableFileError, located, nearest
+from vinefab.core import table
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
 from vinefab.model.files.shipped import read_text
@@ -23,7 +23,7 @@ _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){64}
 
 
 class Form(BaseModel):
-    """Base of every file schema: unknown keys, wrong types, NaN and infinity are refused."""
+    """Base of the file schemas that are not yet declared as a `vinefab.core.table.Table`."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
@@ -58,41 +58,14 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
-    """Return data as an instance of a schema."""
+    """Return data as an instance of a schema; a file of another kind is told by its schema."""
     try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise _as_bad_input(model, min(error.errors(), key=_rank), source) from error
-
-
-def _rank(detail: ErrorDetails) -> int:
-    """Return the rank of an error: the smallest of several is reported."""
-    if detail["loc"][:1] == ("schema",) and detail["type"] != "missing":
-        return 0  # another kind of file: everything else follows from that
-    # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.
-    return 1 if detail["type"] == "extra_forbidden" else 2
-
-
-def _as_bad_input(
-    model: type[BaseModel], detail: ErrorDetails, source: str | Path
-) -> BadInputError:
-    *above, last = detail["loc"] or ("",)
-    unknown = detail["type"] == "extra_forbidden"  # then the last part is the user's own
-    parts = [part for part in above if not _is_union_tag(part)]
-    location = (*parts, last) if unknown or not _is_union_tag(last) else tuple(parts)
-    key = _dotted(location)
-    if unknown:
-        known = _known_keys(model, location[:-1])
-        hint = nearest(str(location[-1]), known)
-        return BadInputError(
-            key, detail["input"], f"no such key{hint} ({', '.join(known)})", source
-        )
-    if detail["type"] == "missing":
-        return BadInputError(key, None, "it must be given", source)
-    allowed = _allowed(detail["msg"])
-    if key == "schema":
-        allowed += _other_kind(detail["input"], allowed)
-    return BadInputError(key, detail["input"], allowed, source)
+        return table.validated(model, data, source)
+    except BadInputError as error:
+        if error.key != "schema" or error.value is None:
+            raise
+        allowed = f"{error.allowed}{_other_kind(error.value, error.allowed)}"
+        raise BadInputError(error.key, error.value, allowed, source) from error
 
 
 _KINDS_OF_FILES = {
@@ -117,39 +90,3 @@ def _other_kind(given: object, allowed: str) -> str:
         return f"; this is vinefab {__version__}, and another version wrote it"
     about = _KINDS_OF_FILES.get(found[1])
     return f"; this is {about}" if about else ""
-
-
-def _is_union_tag(part: int | str) -> bool:
-    return isinstance(part, str) and (part.startswith("function-") or part[:1].isupper())
-
-
-def _allowed(message: str) -> str:
-    text = message.removeprefix("Input should be ").removeprefix("Value error, ")
-    return text[:1].lower() + text[1:]
-
-
-def _dotted(location: tuple[int | str, ...]) -> str:
-    """Return ``level[2].branches``; entries of a list are counted from 1."""
-    text = ""
-    for part in location:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
-
-
-def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    current: Any = model
-    for part in location:
-        if isinstance(part, int):
-            continue
-        fields = getattr(current, "model_fields", {})
-        match = [f for name, f in fields.items() if part in (name, f.alias)]
-        current = _inner_model(match[0].annotation) if match else None
-    fields = getattr(current, "model_fields", {})
-    return [field.alias or name for name, field in fields.items()]
-
-
-def _inner_model(annotation: Any) -> Any:  # noqa: ANN401  an annotation can be anything
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    inner = [_inner_model(part) for part in getattr(annotation, "__args__", ())]
-    return next((part for part in inner if part is not None), None)

@@ -1,0 +1,202 @@
+"""Declared tables: one frozen class is a file's table, the noun, the record and the studio's form.
+
+A field says everything once: ``tail_mm: Annotated[float, Ge(0), Unit("mm"), Doc("of the tail")]``.
+Readers, writers, reference pages, sliders and error lines come from there::
+
+    class Collar(Table):
+        clamp_diameter_mm: Annotated[float, Ge(1), Le(1e4), Unit("mm"), Doc("of the pipe")]
+        flare_mm: Annotated[float, Ge(0), Unit("mm"), Slider(0, 100), Doc("of the change")] = 40.0
+
+Inner loops work on arrays and never meet a table.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+
+from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+from typing_extensions import Doc
+
+from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.validation import plain_number
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+M = TypeVar("M", bound=BaseModel)
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """Range and step of a field's slider in the studio, in the field's unit."""
+
+    low: float
+    high: float
+    step: float = 1.0
+
+
+class _TableType(ModelMetaclass):
+    """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
+
+    def __call__(cls, *args: Any, **given: Any) -> Any:  # noqa: ANN401, N805  a metaclass
+        plain = {name: plain_number(value) for name, value in given.items()}
+        try:
+            return super().__call__(*args, **plain)
+        except ValidationError as error:
+            table = cast("type[BaseModel]", cls)
+            raise bad_input_of(table, error) from error
+
+
+class Table(BaseModel, metaclass=_TableType):
+    """Base of every declared table: unknown keys, wrong types, NaN and infinity are refused.
+
+    A check of several fields is a ``model_validator(mode="after")`` that raises `BadInputError`
+    with the key inside the table: the names of the tables around it are put before it.
+    A field whose key in files is another name has ``Field(alias=...)`` in its annotation; a list
+    that is kept as a tuple has ``Field(strict=False)``, and so has an enumeration.
+    A field ``schema_`` has the kind of the file as its default: only files must give it.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        frozen=True,
+        validate_by_name=True,
+        validate_by_alias=True,
+    )
+
+    def changed(self, **changes: Any) -> Self:  # noqa: ANN401  values of any field
+        """Return a copy with other values of some fields, checked as a new one is."""
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self)(**fields | changes)
+
+
+def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None = None) -> M:
+    """Return data, as a file has it, as a table; only keys of files are taken.
+
+    Raises
+    ------
+    BadInputError
+        If a value is not allowed; its key is dotted, ``level[2].branches``.
+    """
+    if "schema_" in model.model_fields and "schema" not in data:
+        raise BadInputError("schema", None, "it must be given", source)
+    try:
+        return model.model_validate(data, by_alias=True, by_name=False)
+    except ValidationError as error:
+        raise bad_input_of(model, error, source) from error
+
+
+# --- What is declared ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeclaredKey:
+    """What a table declares of one of its keys."""
+
+    name: str  # in files
+    field: str  # in Python
+    annotation: Any  # type of its values
+    limits: tuple[Ge | Gt | Le | Lt, ...]  # of a number
+    unit: str  # empty: none
+    meaning: str
+    slider: Slider | None
+    required: bool
+    default: Any  # None where required
+
+
+def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
+    """Yield what a table declares of its keys, in their order."""
+    for name, field in table.model_fields.items():
+        marks = [
+            part
+            for mark in field.metadata
+            for part in (mark if isinstance(mark, Interval) else (mark,))
+        ]
+        required = field.is_required() or name == "schema_"
+        yield DeclaredKey(
+            name=field.alias or name,
+            field=name,
+            annotation=field.annotation,
+            limits=tuple(mark for mark in marks if isinstance(mark, Ge | Gt | Le | Lt)),
+            unit=next((str(mark.unit) for mark in marks if isinstance(mark, Unit)), ""),
+            meaning=next((mark.documentation for mark in marks if isinstance(mark, Doc)), ""),
+            slider=next((mark for mark in marks if isinstance(mark, Slider)), None),
+            required=required,
+            default=None if required else field.get_default(call_default_factory=True),
+        )
+
+
+# --- Errors --------------------------------------------------------------------------------------
+
+
+def bad_input_of(
+    model: type[BaseModel], error: ValidationError, source: str | Path | None = None
+) -> BadInputError:
+    """Return the error line of the first of pydantic's errors: key, value, what is allowed."""
+    detail = min(error.errors(include_url=False), key=_rank)
+    *above, last = detail["loc"] or ("",)
+    unknown = detail["type"] == "extra_forbidden"  # then the last part is the user's own
+    parts = [part for part in above if not _is_union_tag(part)]
+    location = (*parts, last) if unknown or not _is_union_tag(last) else tuple(parts)
+    key = dotted(location)
+    if unknown:
+        known = _known_keys(model, location[:-1])
+        hint = nearest(str(location[-1]), known)
+        allowed = f"no such key{hint} ({', '.join(known)})"
+        return BadInputError(key, detail["input"], allowed, source)
+    if detail["type"] == "missing":
+        return BadInputError(key, None, "it must be given", source)
+    cause = detail.get("ctx", {}).get("error")
+    if isinstance(cause, BadInputError):  # of a check of several fields
+        inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
+        return BadInputError(f"{key}{inner}", cause.value, cause.allowed, source)
+    text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return BadInputError(key, detail["input"], text[:1].lower() + text[1:], source)
+
+
+def _rank(detail: ErrorDetails) -> int:
+    """Return the rank of an error: the smallest of several is reported."""
+    if detail["loc"][:1] == ("schema",) and detail["type"] != "missing":
+        return 0  # another kind of file: everything else follows from that
+    # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.
+    return 1 if detail["type"] == "extra_forbidden" else 2
+
+
+def _is_union_tag(part: int | str) -> bool:
+    return isinstance(part, str) and (part.startswith("function-") or part[:1].isupper())
+
+
+def dotted(location: tuple[int | str, ...]) -> str:
+    """Return ``level[2].branches``; entries of a list are counted from 1."""
+    text = ""
+    for part in location:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys of files that the table at a location knows."""
+    current: Any = model
+    for part in location:
+        if not isinstance(part, int):
+            fields: dict[str, FieldInfo] = getattr(current, "model_fields", {})
+            match = [f for name, f in fields.items() if part in (name, f.alias)]
+            current = inner_table(match[0].annotation) if match else None
+    known: dict[str, FieldInfo] = getattr(current, "model_fields", {})
+    return [field.alias or name for name, field in known.items()]
+
+
+def inner_table(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401  any annotation
+    """Return the table that a field holds, alone or in a list; None where it holds none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    inner = (inner_table(part) for part in getattr(annotation, "__args__", ()))
+    return next((part for part in inner if part is not None), None)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import page_of
+from vinefab.pages.plan import page_bytes
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, numbered_names
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
@@ -306,7 +310,7 @@ class AimResult(Result):
             f"{score}."
         )
         yield Picture(
-            image=lambda: self._drawn("landscape_picture", first),
+            image=lambda: page_svg(page_of(self._pictures.landscape_panel(self, first))),
             caption=f"{first.name}: expected score of {len(first.search.landscape.places_mm)} "
             "places, each at the best of its headings (arrows). Ring: the best robust pose "
             "(simulated).",
@@ -383,7 +387,7 @@ class AimResult(Result):
         plan, first = self.plan, self.first
         others = [
             Picture(
-                image=self._drawn("landscape_picture", robot),
+                image=page_svg(page_of(self._pictures.landscape_panel(self, robot))),
                 caption=f"{robot.name}: expected score of its places. Ring: its best robust pose, "
                 f"{robot.best.pose.text} (simulated).",
             )
@@ -391,7 +395,7 @@ class AimResult(Result):
         ]
         grown = [
             Picture(
-                image=self._drawn("best_picture", robot),
+                image=page_svg(page_of(self._pictures.best_deployments_panel(self, robot))),
                 caption=f"{robot.name} from {robot.best.pose.text}: "
                 f"{counted(len(robot.shown), 'deployment')} with contacts and placing errors, one "
                 "of them in full (simulated).",
@@ -399,7 +403,7 @@ class AimResult(Result):
             for robot in self.robots
         ]
         turned = Picture(
-            image=self._drawn("headings_picture"),
+            image=page_svg(page_of(self._pictures.turned_panel(self.robots))),
             caption=f"Score over the heading at each best place: mean of {PROFILE_DRAWS} "
             "deployments, and from the worst to the best tenth; dotted: the best heading "
             "(simulated).",
@@ -407,7 +411,7 @@ class AimResult(Result):
         yield Section(title="From the best pose", pictures=(*grown, turned, *others))
         teams = [
             Picture(
-                image=self._drawn("team_picture", robot),
+                image=page_svg(page_of(self._pictures.team_panel(self, robot.team))),
                 caption=f"{robot.name}: {robot.team.cover.words}; each robot's colour where it is "
                 "the first to cover, at one fresh draw (simulated).",
             )
@@ -416,7 +420,7 @@ class AimResult(Result):
         ]
         if teams:
             union = Picture(
-                image=self._drawn("union_picture"),
+                image=page_svg(page_of(self._pictures.union_panel(self.robots))),
                 caption="Covered share over the number of robots: mean and 95 % interval at fresh "
                 "draws; dashed: what no set of as many candidates can exceed at the draws of the "
                 "search (simulated).",
@@ -437,13 +441,11 @@ class AimResult(Result):
 
     def picture(self, suffix: str) -> bytes:
         """Return the maps, the best deployments and the headings of all designs in one picture."""
-        drawn: bytes = front_door("prediction.aim_page").sheet_picture(self, suffix)
-        return drawn
+        return page_bytes(self._pictures.aim_sheet(self), suffix)
 
-    def _drawn(self, name: str, *given: AimedRobot) -> bytes:
-        # matplotlib is loaded where a picture is asked for.
-        drawn: bytes = getattr(front_door("prediction.aim_page"), name)(self, *given)
-        return drawn
+    @property
+    def _pictures(self) -> Any:  # noqa: ANN401  a module that knows this one
+        return front_door("prediction.aim_pictures")
 
     @property
     def first(self) -> AimedRobot:

@@ -6,7 +6,6 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
@@ -28,11 +27,8 @@ from vinefab.core.view import (
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import blank, house_style, svg_bytes
-from vinefab.prediction.deployment_sections import spread_chart
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import deployment_plan
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -51,10 +47,10 @@ from vinefab.prediction.measures import (
     MeasureTable,
     spreads_content,
 )
+from vinefab.prediction.pictures import contact_chart, paired_difference_chart, spread_chart
 from vinefab.prediction.prediction_width import (
     CONTACT_MEASURES,
     ContactRange,
-    contact_chart,
     contact_range,
     contact_words,
 )
@@ -191,7 +187,7 @@ class DesignComparison(Result):
             "good" if clear else "caution",
         )
         yield Picture(
-            image=lambda: svg_bytes(paired_difference_chart(measure, self.in_measure(measure))),
+            image=lambda: page_svg(paired_difference_chart(measure, self.in_measure(measure))),
             caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
             wide=True,
         )
@@ -230,7 +226,7 @@ class DesignComparison(Result):
         )
         charts = tuple(
             Picture(
-                image=svg_bytes(
+                image=page_svg(
                     spread_chart(
                         m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)}
                     )
@@ -245,12 +241,12 @@ class DesignComparison(Result):
         world, options = self.results[0].prepared_map(index).world, self.plan.options
         grown = tuple(
             Picture(
-                image=svg_bytes(
+                image=page_svg(
                     deployment_plan(
                         world,
                         result.deployments[index],
                         options.drawn_widths_mm(design.build.widths_mm),
-                        longest_in=4.6,
+                        longest_pt=331.0,
                         whole=True,
                     )
                 ),
@@ -412,26 +408,6 @@ def _share_of_design(progress: ProgressCallback, index: int, count: int) -> Prog
     return lambda share, words: progress(0.9 * (index + share) / count, words)
 
 
-def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Figure:
-    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
-    with house_style():
-        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(differences)))
-        for row, difference in enumerate(differences):
-            colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
-            axes.plot([difference.low, difference.high], [row, row], color=colour, linewidth=2.2)
-            face = colour if difference.is_clear else "white"
-            axes.plot(difference.mean, row, "o", color=colour, mfc=face, markersize=7)
-        axes.axvline(0.0, color=INK, linewidth=1.0)
-        axes.set_yticks(
-            range(len(differences)),
-            [difference.pair for difference in differences],
-        )
-        axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
-        axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
-        frame(axes)
-    return figure
-
-
 def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
     """Return the measures that any of the designs has."""
     return [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
@@ -494,7 +470,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         rows=rows,
     )
     picture = Picture(
-        image=svg_bytes(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
+        image=page_svg(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
         caption=f"{shown.title.capitalize()} over the head-on half-angle, with 95 % intervals over "
         "maps (simulated).",
     )

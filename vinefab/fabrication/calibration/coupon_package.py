@@ -68,7 +68,7 @@ def _measuring(profile: LaserProfile) -> list[str]:
         f"KERF: side of the piece that fell out of the {SQUARE_MM:g} mm square, to 0.02 mm, mean of"
         " both directions.",
     ]
-    if Operation.WELDCUT in profile.recipe.operations:
+    if Operation.WELDCUT in profile.recipe.by_operation:
         steps.append(
             "Seam: width of the fused rim inward of the cut edge, under a loupe, at 3"
             " places of a straight."
@@ -212,7 +212,8 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
 
 
 def _matrix(profile: LaserProfile) -> Matrix | None:
-    if not any(s.by_laser for op, s in profile.recipe.operations.items() if op.startswith("weld")):
+    operations = profile.recipe.by_operation.items()
+    if not any(settings.by_laser for name, settings in operations if name.startswith("weld")):
         return None
     return energy_matrix(profile)
 

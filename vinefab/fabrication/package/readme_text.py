@@ -24,7 +24,7 @@ from vinefab.fabrication.package.mounting import mounting_steps
 from vinefab.fabrication.package.piece_joining import JoiningWords
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
+from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, SealerSettings
 
 _DXF, _POLYLINE, _SVG = (one.file_name() for one in (DXF, DXF_POLYLINE, SVG))
 _PROJECT = LIGHTBURN.file_name()
@@ -302,27 +302,22 @@ def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
 
 def _settings(profile: LaserProfile, operation: Operation) -> str:
     settings = profile.settings(operation)
-    if not settings.by_laser:
-        return _sealer(settings)
+    if isinstance(settings, SealerSettings):
+        numbers = (
+            f"seam {_value(settings.seam_width_mm, 'mm')} wide",
+            _value(settings.temperature_c, "degrees C"),
+            _value(settings.dwell_s, "s"),
+        )
+        return (
+            f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
+            f" sealer: {', '.join(numbers)}."
+        )
     return (
         f"Power {_value(settings.power_percent, '%')}, in corners"
         f" {_value(settings.min_power_percent, '%')}, speed {_value(settings.speed_mm_s, 'mm/s')},"
         f" {settings.passes} pass{'es' if settings.passes > 1 else ''}, focus offset"
         f" {_value(settings.focus_offset_mm, 'mm')}, {_value(settings.frequency_hz, 'Hz')},"
         f" air assist {'on' if settings.air_assist else 'off'}."
-    )
-
-
-def _sealer(settings: OperationSettings) -> str:
-    numbers = [f"seam {_value(settings.seam_width_mm, 'mm')} wide"]
-    if settings.temperature_c is not None and settings.dwell_s is not None:
-        numbers += [
-            _value(settings.temperature_c, "degrees C"),
-            _value(settings.dwell_s, "s"),
-        ]
-    return (
-        f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
-        f" sealer: {', '.join(numbers)}."
     )
 
 

@@ -127,7 +127,7 @@ def test_one_sample_has_no_interval_and_no_p_value() -> None:
 
 def test_the_bond_of_laps_went_into_reports_of_robots_in_pieces_only() -> None:
     profile = read_profile("co2_60w__stretchlon_200")
-    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
     cut = replace(TREE, build=replace(TREE.build, pieces=PieceSettings()))
     whole, other = (origin_of("again", [TREE], known, []).inputs for known in (profile, unbonded))
     assert whole == other

@@ -20,8 +20,8 @@ from vinefab.cli.map_commands import parameter_words
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import ContactsForm
-from vinefab.model.files.design_toml import DesignForm
 from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
 from vinefab.rig.rig_options import Printer, PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
@@ -43,7 +43,7 @@ FORMATS = (
     Format(
         name="design",
         title="Design file (`vinefab/design-1`, TOML)",
-        form=DesignForm,
+        form=Design,
         about="`vinefab new design mine.toml` writes one with comments. Lengths are millimetres.",
     ),
     Format(

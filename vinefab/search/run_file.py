@@ -28,7 +28,7 @@ from vinefab.model.design import (
     Pouch,
 )
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
@@ -161,8 +161,8 @@ class RunBuildForm(Form):
     width_ratio: float = DEFAULT_WIDTH_RATIO  # of a level over the one before
     tail_mm: float = DEFAULT_TAIL_MM  # below the trunk
     pressure_kpa: float = DEFAULT_PRESSURE_KPA  # working gauge pressure
-    pouch: PouchForm | None = None  # at the tip of every leaf
-    pieces: PiecesForm | None = None  # robots may be cut in flat pieces
+    pouch: Pouch | None = None  # at the tip of every leaf
+    pieces: PieceSettings | None = None  # robots may be cut in flat pieces
     mounting: Mounting = DEFAULT_MOUNTING  # as in a design
 
 
@@ -327,8 +327,6 @@ def _task_tables(
 
 
 def _build(form: RunBuildForm) -> BuildSettings:
-    pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
-    pieces = None if form.pieces is None else PieceSettings(**form.pieces.model_dump())
     others = form.model_dump(exclude={"pouch", "pieces", "trunk_width_mm", "widths_mm"})
     trunk_mm, widths_mm = form.trunk_width_mm, form.widths_mm
     if widths_mm is not None and trunk_mm is not None:
@@ -338,8 +336,8 @@ def _build(form: RunBuildForm) -> BuildSettings:
     return BuildSettings(
         trunk_width_mm=DEFAULT_TRUNK_WIDTH_MM if trunk_mm is None else trunk_mm,
         widths_mm=tuple(widths_mm or ()),
-        pouch=pouch,
-        pieces=pieces,
+        pouch=form.pouch,
+        pieces=form.pieces,
         **others,
     )
 

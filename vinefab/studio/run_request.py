@@ -93,8 +93,8 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
         of_level = {
             "branches": level.branches,
             "length": level.length_mm,
-            "angle_deg": deg(level.fan_rad),
-            "growth_percent": round(100.0 * level.growth, 9),
+            "angle_deg": level.angle_deg,
+            "growth_percent": level.growth_percent,
         }
         values += [
             (f"level.{index}.{key}", index + 2, _RUN_NAMES[key], value)

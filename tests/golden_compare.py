@@ -547,7 +547,6 @@ def _left_out(_place: str, _old: bytes, _new: bytes, result: Result) -> None:
 KINDS: dict[str, Callable[[str, bytes, bytes, Result], None]] = {
     ".json": _values(json.loads),
     ".csv": _values(_csv),
-    ".clb": _values(_xml),
     ".sqlite": _values(_record),
     ".toml": _toml,
     ".dxf": _drawn(_dxf_drawing),

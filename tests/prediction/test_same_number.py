@@ -24,7 +24,7 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.measures import COVERAGE, REACH
 from vinefab.prediction.prediction_width import contact_range
 from vinefab.prediction.provenance import origin_of
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.loop import Search
 from vinefab.search.settings import EvaluationSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
@@ -97,10 +97,11 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
     assert score.notes[0].startswith(
         "this start has no spread: 1 deployment per map; give spread_heading_deg"
     )
-    (first, *_, note) = score_lines(score, TREE)
-    assert first == (
-        "task coverage, 1 evaluation (simulated); inflated body, head-on half-angle 1 deg "
-        "(assumed), stops at 20 kPa (film stored loosely, assumed)"
+    (first, grown, *_, note) = score.summary
+    assert (first, grown) == (
+        "task: coverage",
+        "growth: inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa (film stored "
+        "loosely, assumed)",
     )
     assert note == score.notes[0]
     assert score_design_on_task(TREE, [ROOM], ScorePlan(poses=1)).notes == ()
@@ -185,12 +186,11 @@ def test_the_parts_of_a_score_add_up_to_it(task: str, parameters: Mapping[str, o
         assert sum(evaluation.parts.values()) == pytest.approx(evaluation.score, abs=1e-12)
     assert sum(score.parts.values()) == pytest.approx(score.composite["mean"], abs=1e-12)
     assert len(score.parts) == {"coverage": 4, "reach": 1, "anchoring": 2}[task]
-    lines = score_lines(score, TREE)
-    (line,) = [line for line in lines if line.startswith("mean: ")]
-    shown = [float(number) for number in line[6:].replace("+ ", "+").replace("- ", "-").split()
-             if number[0] in "+-"]  # fmt: skip
+    lines = score.summary
+    rows = {line.strip().rsplit("  ", 1)[0].strip(): line.split()[-1] for line in lines}
+    shown = [float(rows[name]) for name in score.parts]
     assert sum(shown) == pytest.approx(score.composite["mean"], abs=3e-4)
-    assert "(0.25 mean + 0.75 (1 - std / 0.5))" in lines[-1]
+    assert "(0.25 mean + 0.75 (1 - std / 0.5);" in "".join(lines)
 
 
 def test_a_task_that_does_not_say_has_no_parts() -> None:
@@ -202,7 +202,7 @@ def test_a_task_that_does_not_say_has_no_parts() -> None:
 
     score = score_design_on_task(TREE, [WIDE], ScorePlan(task=Bare(), poses=2))
     assert score.parts == {}
-    assert not any(line.startswith("mean: ") for line in score_lines(score, TREE))
+    assert not any("made of" in line for line in score.summary)
 
 
 def test_a_prepared_map_of_two_fixed_starts_gives_each_once() -> None:

@@ -33,7 +33,7 @@ from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Start
 from vinefab.model.start_place import START_WAYS, area_notes, start_words
-from vinefab.prediction.map_info import info_lines, info_text, map_info, size_notes
+from vinefab.prediction.map_info import map_info, size_notes
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
@@ -274,10 +274,10 @@ def info_command(
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     (world,) = started_maps([read_map(map_file)], start)
     info = map_info(world, width_mm=width_mm, passages=passages)
-    output.give_json(info_text(info))
+    output.give_json(info.json_text())
     if svg:
         write_bytes(svg, info.picture(svg.suffix), force=force)
-    for line in info_lines(info):
+    for line in info.summary:
         output.say(line)
     if svg:
         output.say(f"wrote {svg}")

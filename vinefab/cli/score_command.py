@@ -23,8 +23,7 @@ from vinefab.cli.common_options import (
 )
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.results_json import score_text
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
 
 def score_command(
@@ -59,6 +58,6 @@ def score_command(
     worlds = started_maps([read_map(path) for path in maps], start)
     options = growth_choice([design], [robot], given).options
     result = score_design_on_task(robot, worlds, plan, options)
-    output.give_json(score_text(result))
-    for line in score_lines(result, robot):
+    output.give_json(result.json_text())
+    for line in result.summary:
         output.say(line)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-from annotated_types import Ge, Gt, Le, Lt, Unit
+from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
@@ -60,6 +60,7 @@ class Table(BaseModel, metaclass=_TableType):
     with the key inside the table: the names of the tables around it are put before it.
     A field whose key in files is another name has ``Field(alias=...)`` in its annotation; a list
     that is kept as a tuple has ``Field(strict=False)``, and so has an enumeration.
+    A field ``schema_`` has the kind of the file as its default: only files must give it.
     """
 
     model_config = ConfigDict(
@@ -89,6 +90,8 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None
     BadInputError
         If a value is not allowed; its key is dotted, ``level[2].branches``.
     """
+    if "schema_" in model.model_fields and "schema" not in data:
+        raise BadInputError("schema", None, "it must be given", source)
     try:
         return model.model_validate(data, by_alias=True, by_name=False)
     except ValidationError as error:
@@ -123,7 +126,12 @@ def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
     for name, field in table.model_fields.items():
         if field.exclude:
             continue
-        marks = [*field.metadata, *_inner_marks(field.annotation)]
+        marks = [
+            part
+            for mark in (*field.metadata, *_inner_marks(field.annotation))
+            for part in (mark if isinstance(mark, Interval) else (mark,))
+        ]
+        required = field.is_required() or name == "schema_"
         yield DeclaredKey(
             name=field.alias or name,
             field=name,
@@ -133,8 +141,8 @@ def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
             unit=next((str(mark.unit) for mark in marks if isinstance(mark, Unit)), ""),
             meaning=next((mark.documentation for mark in marks if isinstance(mark, Doc)), ""),
             slider=next((mark for mark in marks if isinstance(mark, Slider)), None),
-            required=field.is_required(),
-            default=None if field.is_required() else field.get_default(call_default_factory=True),
+            required=required,
+            default=None if required else field.get_default(call_default_factory=True),
         )
 
 

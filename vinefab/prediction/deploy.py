@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
@@ -384,7 +383,7 @@ def first_start(world: Map) -> Pose:
 
 def pose_text(pose: Pose) -> str:
     """Return a pose as a user would type it: ``X,Y,DEG``."""
-    return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
+    return pose.text
 
 
 def growth_on_maps(design: Design, given: Mapping[str, object] | None = None) -> GrowthChoice:

@@ -37,7 +37,6 @@ from vinefab.fabrication.package.package_page import (
     pressure_section,
     sheet_section,
 )
-from vinefab.fabrication.package.piece_joining import joining_words
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.exploded import piece_lumens
@@ -242,14 +241,12 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
     design, partition = content.design, content.partition
-    joining, joints, outlines = None, tuple[BomLine, ...](), dict[str, Contour]()
+    joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
-        robots = robot_count(job)
-        joining = joining_words(design, partition, profile, robots=robots)
-        joints = joint_lines(design, partition, profile, robots=robots)
+        joints = joint_lines(design, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(design, partition)
     files = {
-        "README.txt": readme_text(design, job, profile, colours, joining).encode(),
+        "README.txt": readme_text(design, job, profile, colours, partition).encode(),
         **_designs(design, content.others),
         "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),

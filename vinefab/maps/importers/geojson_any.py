@@ -88,7 +88,11 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
         return replace(world, facts={**world.facts, "source": path.name})
     with located(path):
         if options.scale_mm_per_unit is None:
-            _refuse_degrees(document)
+            system = document.get("crs")
+            named = system.get("properties") if isinstance(system, dict) else None
+            name = str(named.get("name")) if isinstance(named, dict) else ""
+            if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
+                raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
         drawing = _drawing(document)
     return replace(drawing_map(path, drawing, options), environment="geojson")
 
@@ -110,15 +114,6 @@ def _other_kind(document: object) -> str | None:
     if document.get("type") == "Topology":
         return "TopoJSON"
     return "Esri JSON" if {"geometryType", "features"} <= set(document) else None
-
-
-def _refuse_degrees(document: dict[str, Any]) -> None:
-    """Refuse a file that names a reference system in degrees (GDAL writes it by name)."""
-    system = document.get("crs")
-    named = system.get("properties") if isinstance(system, dict) else None
-    name = str(named.get("name")) if isinstance(named, dict) else ""
-    if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
-        raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
 
 
 def _drawing(document: dict[str, Any]) -> SourceDrawing:

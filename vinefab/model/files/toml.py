@@ -60,9 +60,6 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
     """Return data as an instance of a schema; a file of another kind is told by its schema."""
-    keys = [field.alias or name for name, field in model.model_fields.items()]
-    if "schema" in keys and "schema" not in data:
-        raise BadInputError("schema", None, "it must be given", source)
     try:
         return table.validated(model, data, source)
     except BadInputError as error:

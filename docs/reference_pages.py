@@ -7,7 +7,7 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 import inspect
 import re
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
+from vinefab.core.table import Table, declared_keys
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -143,7 +144,8 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
         if inner is not None and inner is not QuantityForm:
-            path = f"{prefix.strip('[]')}.{name}" if prefix else name
+            key = field.alias or name
+            path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
@@ -152,6 +154,17 @@ _EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
 
 def keys_of(form: type[BaseModel]) -> list[Key]:
     """Return the keys of one table."""
+    if issubclass(form, Table):
+        return [
+            Key(
+                name=key.name,
+                # Limits within a list or an optional value stand in its annotation.
+                kind=_kind(key.annotation, form.model_fields[key.field].metadata),
+                default="" if key.required else _default_words(key.default),
+                meaning=key.meaning,
+            )
+            for key in declared_keys(form)
+        ]
     said = _EVERYWHERE | meanings(form)
     if form is PrinterForm:  # its keys are the fields of the noun, and explained there
         said |= meanings(Printer)
@@ -205,7 +218,7 @@ def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     if origin in (Union, types.UnionType):
         forms = [_inner_form(one) for one in inside]
         return next((one for one in forms if one[0] is not None), (None, False))
-    if origin is list:
+    if origin in (list, tuple):
         return _inner_form(inside[0])[0], True
     return None, False
 
@@ -227,10 +240,10 @@ def _kind_words(annotation: object) -> str:
         return _annotated_words(inside)
     if origin is Literal:
         return " or ".join(f"`{one}`" for one in inside)
-    if origin is list:
+    if origin in (list, tuple):
         inner, _ = _inner_form(inside[0])
         return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
-    if origin is dict:
+    if origin in (dict, Mapping):
         return "table of any keys"
     return " or ".join(_kind_words(one) for one in inside if one is not type(None))
 
@@ -260,10 +273,11 @@ def _limit_words(one: object) -> Iterator[str]:
 def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
     if field.is_required():
         return ""
-    value = field.default
-    if value is PydanticUndefined or isinstance(value, BaseModel):
-        return "none"
-    if value is None:
+    return _default_words(None if field.default is PydanticUndefined else field.default)
+
+
+def _default_words(value: object) -> str:
+    if isinstance(value, BaseModel) or value in (None, {}, ()):
         return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 

@@ -23,8 +23,7 @@ def _rows(table: type[BaseModel]) -> list[dict[str, Any]]:
     for key in declared_keys(table):
         shown = _shown(key) | ({} if table is not Build else _per_level(key))
         if shown and key.name != "schema":
-            words = key.title or _without_unit(key.name).replace("_", " ").capitalize()
-            rows.append({"key": key.name, "label": words, "about": key.meaning, **shown})
+            rows.append({"key": key.name, "label": label_of(key), "about": key.meaning, **shown})
     return rows
 
 
@@ -58,5 +57,7 @@ def _per_level(key: DeclaredKey) -> dict[str, Any]:
     return {} if mark is None else {"first": mark.first, "absent": mark.absent}
 
 
-def _without_unit(name: str) -> str:
-    return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+def label_of(key: DeclaredKey) -> str:
+    """Return what the page calls a key: its title, or its name without the unit."""
+    ends = [end for end in _SUFFIXES if key.name.endswith(end)]
+    return key.title or key.name.removesuffix("".join(ends)).replace("_", " ").capitalize()

@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
 from vinefab.core.table import declared_keys
+from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import MOST_LEVELS, Design, Level

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.design_form import design_form
+from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.state import PAGE, StudioState
 
 if TYPE_CHECKING:

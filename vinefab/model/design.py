@@ -238,15 +238,20 @@ class Collar(Table):
     changes to the trunk's width within ``flare_mm``, by two arcs of one radius.
     """
 
-    clamp_diameter_mm: Annotated[WidthMm, Doc("of the pipe that the mouth is pulled over")]
+    clamp_diameter_mm: Annotated[
+        WidthMm, Slider(5, 100, 0.5), Doc("of the pipe that the mouth is pulled over")
+    ]
     length_mm: Annotated[
         float,
         Ge(0),
         Le(WIDEST_BODY_MM),
         Unit("mm"),
+        Slider(0, 100),
         Doc("of the straight part at the mouth; 0: the flare ends there"),
     ] = 30.0
-    flare_mm: Annotated[WidthMm, Doc("over which the width changes to that of the tail")] = 40.0
+    flare_mm: Annotated[
+        WidthMm, Slider(5, 100), Doc("over which the width changes to that of the tail")
+    ] = 40.0
 
     @property
     def flat_width_mm(self) -> float:

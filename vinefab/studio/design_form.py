@@ -10,7 +10,6 @@ from vinefab.core.table import DeclaredKey, declared_keys, inner_table
 from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design
 
 _UNITS = {"deg": "°"}
-_SUFFIXES = ("_mm", "_deg", "_kpa", "_percent")
 
 
 def design_form() -> dict[str, Any]:
@@ -59,5 +58,5 @@ def _per_level(key: DeclaredKey) -> dict[str, Any]:
 
 def label_of(key: DeclaredKey) -> str:
     """Return what the page calls a key: its title, or its name without the unit."""
-    ends = [end for end in _SUFFIXES if key.name.endswith(end)]
-    return key.title or key.name.removesuffix("".join(ends)).replace("_", " ").capitalize()
+    unit = "percent" if key.unit == "%" else key.unit.lower()
+    return key.title or key.name.removesuffix(f"_{unit}").replace("_", " ").capitalize()

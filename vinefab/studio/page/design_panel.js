@@ -133,20 +133,19 @@ function removeLevel(form, state) {
 
 /** What a new table begins with, where its declaration does not say it. */
 const START = {
-  pouch: (design) => {
+  pouch(design, kind) {
     const width = design.build.widths_mm.at(-1);
-    return { round: { radius_mm: width }, rectangle: { length_mm: 3 * width, width_mm: 2 * width } };
+    return kind === "round" ? { radius_mm: width } : { length_mm: 3 * width, width_mm: 2 * width };
   },
+  collar: (design) => ({ clamp_diameter_mm: Number(((2 * design.build.widths_mm[0]) / Math.PI).toFixed(1)) }),
 };
 
 /** Add a table to the design, of a kind if it has kinds; null removes it. */
 function setTable(state, row, key, kind) {
   const choice = row.rows.find((inner) => inner.choices);
-  const made = {};
-  if (choice) Object.assign(made, { [choice.key]: kind }, START[row.key]?.(state.design)[kind]);
-  else {
-    for (const inner of row.rows) made[inner.key] = inner.default ?? (inner.slider[0] + inner.slider[1]) / 2;
-  }
+  const made = choice ? { [choice.key]: kind } : {};
+  for (const inner of choice ? [] : row.rows) made[inner.key] = inner.default ?? inner.slider[0];
+  Object.assign(made, START[row.key]?.(state.design, kind));
   setAt(state.design, key, kind === null ? undefined : made);
   state.locks = state.locks.filter((locked) => !locked.startsWith(key));
 }

@@ -7,7 +7,7 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 import inspect
 import re
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -22,7 +22,7 @@ from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile
-from vinefab.model.files.design_toml import DesignForm
+from vinefab.model.design import Design
 from vinefab.model.laser import Machine, Material, Quantity, Recipe
 from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
@@ -44,7 +44,7 @@ FORMATS = (
     Format(
         name="design",
         title="Design file (`vinefab/design-1`, TOML)",
-        form=DesignForm,
+        form=Design,
         about="`vinefab new design mine.toml` writes one with comments. Lengths are millimetres.",
     ),
     Format(
@@ -144,7 +144,8 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
         if inner is not None and inner is not Quantity:
-            path = f"{prefix.strip('[]')}.{name}" if prefix else name
+            key = field.alias or name
+            path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
@@ -157,7 +158,8 @@ def keys_of(form: type[BaseModel]) -> list[Key]:
         return [
             Key(
                 name=key.name,
-                kind=_kind(key.annotation, key.limits),
+                # Limits within a list or an optional value stand in its annotation.
+                kind=_kind(key.annotation, form.model_fields[key.field].metadata),
                 default="" if key.required else _default_words(key.default),
                 meaning=key.meaning,
             )
@@ -239,7 +241,7 @@ def _kind_words(annotation: object) -> str:
     if origin in (list, tuple):
         inner, _ = _inner_form(inside[0])
         return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
-    if origin is dict:
+    if origin in (dict, Mapping):
         return "table of any keys"
     return " or ".join(_kind_words(one) for one in inside if one is not type(None))
 

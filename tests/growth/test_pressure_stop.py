@@ -28,7 +28,7 @@ ORIGIN = Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.3)
 def at_pressure(design, pressure_kpa, widths_mm=None):
     build = design.build
     widths_mm = build.widths_mm if widths_mm is None else widths_mm
-    return replace(design, build=replace(build, pressure_kpa=pressure_kpa, widths_mm=widths_mm))
+    return design.changed(build=build.changed(pressure_kpa=pressure_kpa, widths_mm=widths_mm))
 
 
 def fitted(pressure_kpa, width_mm):

@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from vinefab.core import table
 from vinefab.core.errors import BadInputError
@@ -383,6 +384,8 @@ def plain_settings(settings: object) -> object:
         later = {f.name: f.default for f in fields(settings) if f.metadata.get("later")}
         said = {n: v for n, v in values.items() if n not in later or (v and v != later[n])}
         return {n: plain_settings(v) for n, v in said.items()}
+    if isinstance(settings, BaseModel):
+        return settings.model_dump()
     if isinstance(settings, Mapping):
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):

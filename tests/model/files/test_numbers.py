@@ -13,8 +13,9 @@ import tomli_w
 import vinefab
 from vinefab.core.errors import VinefabError
 from vinefab.model.contacts import ContactsFile
+from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import DesignForm, read_design
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import (
     read_machine,
     read_material,
@@ -30,7 +31,7 @@ NEVER = (1e300, math.nan, math.inf, 10**30, 10**400, True)
 TINY = (1e-300, -0.0)
 """Allowed where zero is."""
 FILES = {
-    "designs/three_level_tree.toml": (DesignForm, read_design),
+    "designs/three_level_tree.toml": (Design, read_design),
     "examples/grid_coverage.toml": (RunForm, read_run),
     "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (Recipe, read_profile),
     "laser_profiles/machines/co2_60w.toml": (Machine, read_machine),

@@ -271,7 +271,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         (
             "[maps]\nstart = {x_mm = 1, y_mm = 4, heading_deg = 9, spread_x_mm = -1}",
             "maps.start.spread_x_mm",
-            "0 to",
+            "greater than or equal to 0",
         ),
         ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "less than or equal to 1"),
         ("[growth]\nhead_on_half_angle_deg = 91", "growth.head_on_half_angle_deg", "0 to 90"),
@@ -413,8 +413,12 @@ def test_a_pose_in_words_is_recorded_as_its_table_is(tmp_path: Path) -> None:
         ('{area = [[0, 0], [9, 9]], side = "left"}', "maps.start.area", "not beside"),
         ("{area = [[0, 0], [9, 9], [9, 0], [0, 9]]}", "maps.start.area", "valid"),
         ('{side = "left", x_mm = 3}', "maps.start.x_mm", "not beside side"),
-        ('{side = "left", inset_mm = -3}', "maps.start.inset_mm", "0 to"),
-        ('{side = "left", spread_heading_deg = 400}', "maps.start.spread_heading_deg", "0 to 360"),
+        ('{side = "left", inset_mm = -3}', "maps.start.inset_mm", "greater than or equal to 0"),
+        (
+            '{side = "left", spread_heading_deg = 400}',
+            "maps.start.spread_heading_deg",
+            "equal to 360",
+        ),
         ("{x_mm = 3, y_mm = 4, heading_deg = 9, inset_mm = 3}", "maps.start.inset_mm", "beside"),
         ('{sid = "left"}', "maps.start.sid", "did you mean 'side'"),
     ],

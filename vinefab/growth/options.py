@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
-from pydantic import BeforeValidator, Field, InstanceOf, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
@@ -92,7 +92,7 @@ class GrowthOptions(Table):
         LATER,
     ] = 1.0
     contacts: Annotated[
-        InstanceOf[MeasuredContacts] | None,
+        MeasuredContacts | None,
         BeforeValidator(lambda given: None if given is None else contacts_of(given)),
         Doc("measured: a file, relative to the run file, or its name; or the numbers themselves"),
         LATER,

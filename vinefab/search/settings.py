@@ -20,18 +20,18 @@ from vinefab.core.errors import BadInputError, located, nearest, values_hidden
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import LATER, Table, validated
-from vinefab.core.units import rad
-from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, number
+from vinefab.core.validation import SMALLEST, Floats
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files import toml
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
-from vinefab.model.map import Pose, Start
+from vinefab.model.map import Start
+from vinefab.model.score import STANDARD_DEVIATION
 from vinefab.model.start_place import (
     StartPlace,
-    shape_of,
+    StartTable,
     start_from,
     start_of_record,
     start_record,
@@ -39,107 +39,11 @@ from vinefab.model.start_place import (
 from vinefab.search.costs import COSTS
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.space import SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
-from vinefab.tasks.evaluate import STANDARD_DEVIATION
 from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8
 MOST_SEED = 2**62
-
-
-# --- Starts, as a table of a run file -------------------------------------------------------------
-
-
-class StartTable(Table):
-    """``start`` of ``[maps]`` as a table: a pose and the range around it, a side, line or area."""
-
-    x_mm: Annotated[float | None, Unit("mm"), Doc("in map coordinates")] = None
-    y_mm: Annotated[float | None, Unit("mm"), Doc("in map coordinates")] = None
-    heading_deg: Annotated[
-        float | None,
-        Unit("deg"),
-        Doc("counter-clockwise from +x; of a side: inwards if left out"),
-    ] = None
-    spread_x_mm: Annotated[
-        float | None, Unit("mm"), Doc("half-width of the range of positions")
-    ] = None
-    spread_y_mm: Annotated[
-        float | None, Unit("mm"), Doc("half-width of the range of positions")
-    ] = None
-    spread_heading_deg: Annotated[
-        float, Unit("deg"), Doc("half-width of the range of headings")
-    ] = 0.0
-    side: Annotated[str | None, Doc("left, right, bottom or top: anywhere on it")] = None
-    inset_mm: Annotated[float | None, Unit("mm"), Doc("how far from the side")] = None
-    line: Annotated[
-        list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None,
-        Doc("points of a line: anywhere on it"),
-    ] = None
-    area: Annotated[
-        list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None,
-        Doc("corners of a box, or of a polygon: anywhere in it"),
-    ] = None
-    clearance_mm: Annotated[
-        float | None, Unit("mm"), Doc("least distance of a line or area from walls")
-    ] = None
-
-    @property
-    def start(self) -> Start | StartPlace:
-        """The start that the table says."""
-        given = {
-            name: v for name in type(self).model_fields if (v := getattr(self, name)) is not None
-        }
-        places = [name for name in ("side", "line", "area") if name in given]
-        if not places:
-            return self._pose()
-        if len(places) > 1:
-            raise BadInputError(places[1], given[places[1]], "not beside another one")
-        for name in ("x_mm", "y_mm", "spread_x_mm", "spread_y_mm"):
-            if name in given:
-                allowed = f"not beside {places[0]}: poses are drawn from it"
-                raise BadInputError(name, given[name], allowed)
-        points = self.line if places[0] == "line" else self.area
-        if points is not None and len(points) < 2:
-            raise BadInputError(places[0], points, "two or more points")
-        try:
-            return StartPlace(
-                side=self.side,
-                area=None if points is None else shape_of(places[0], points),
-                inset_mm=self.inset_mm,
-                clearance_mm=self.clearance_mm,
-                heading_rad=None
-                if self.heading_deg is None
-                else self._rad("heading_deg", -1e6, 1e6),
-                spread_heading_rad=self._rad("spread_heading_deg", 0.0, 360.0),
-            )
-        except BadInputError as error:
-            name = error.key.removeprefix("start.")
-            key = places[0] if name in ("area", "x", "y") else name
-            raise BadInputError(key, error.value, error.allowed) from error
-
-    def _pose(self) -> Start:
-        for name in ("x_mm", "y_mm", "heading_deg"):
-            if getattr(self, name) is None:
-                raise BadInputError(name, None, "it must be given, or side, line or area")
-        for name in ("inset_mm", "clearance_mm"):
-            if getattr(self, name) is not None:
-                raise BadInputError(name, getattr(self, name), "beside side, line or area only")
-        return Start(
-            pose=Pose(
-                x_mm=self._mm("x_mm", -LARGEST_MM),
-                y_mm=self._mm("y_mm", -LARGEST_MM),
-                heading_rad=self._rad("heading_deg", -1e6, 1e6),
-            ),
-            spread_x_mm=self._mm("spread_x_mm", 0.0),
-            spread_y_mm=self._mm("spread_y_mm", 0.0),
-            spread_heading_rad=self._rad("spread_heading_deg", 0.0, 360.0),
-        )
-
-    def _mm(self, name: str, least: float) -> float:
-        return number(name, getattr(self, name) or 0.0, least, LARGEST_MM, "mm")
-
-    def _rad(self, name: str, least: float, most: float) -> float:
-        return rad(number(name, getattr(self, name), least, most, "deg"))
 
 
 def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
@@ -149,9 +53,6 @@ def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
     if "spread_heading_rad" in given:
         return start_of_record(given)
     return validated(StartTable, given).start
-
-
-# --- The tables -----------------------------------------------------------------------------------
 
 
 class MapSettings(Table):

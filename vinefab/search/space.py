@@ -11,7 +11,6 @@ from annotated_types import Ge, Le, Unit
 from pydantic import (
     BeforeValidator,
     Field,
-    InstanceOf,
     ValidatorFunctionWrapHandler,
     WrapValidator,
     model_validator,
@@ -19,8 +18,7 @@ from pydantic import (
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.table import LATER, Table, validated
-from vinefab.core.units import deg, rad
+from vinefab.core.table import LATER, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, number
 from vinefab.model.design import (
     DEFAULT_MOUNTING,
@@ -37,7 +35,6 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
-from vinefab.model.files.design_toml import PiecesForm, PouchForm
 from vinefab.search.costs import COSTS, cost_text, exceeded_limits, least_costs, limit_excess
 from vinefab.search.design_batch import DesignBatch, branch_counts
 from vinefab.search.optimizers.optimizer import SearchAxes
@@ -202,22 +199,6 @@ class SpaceSettings(Table):
         return self.by_level.get(level, {}).get(name, given)
 
 
-def _pouch(given: object) -> object:
-    if not isinstance(given, Mapping):
-        return given
-    values = validated(PouchForm, given).model_dump()
-    try:
-        return Pouch(**values)
-    except BadInputError as error:
-        raise BadInputError(error.key.removeprefix("pouch."), error.value, error.allowed) from error
-
-
-def _pieces(given: object) -> object:
-    if not isinstance(given, Mapping):
-        return given
-    return PieceSettings(**validated(PiecesForm, given).model_dump())
-
-
 class BuildSettings(Table):
     """Table ``[build]``: how every design of a run is built."""
 
@@ -233,15 +214,8 @@ class BuildSettings(Table):
     pressure_kpa: Annotated[
         float, Ge(0), Le(10_000), Unit("kPa"), Doc("working gauge pressure")
     ] = DEFAULT_PRESSURE_KPA
-    pouch: Annotated[
-        InstanceOf[Pouch] | None, BeforeValidator(_pouch), Doc("at the tip of every leaf")
-    ] = None
-    pieces: Annotated[
-        InstanceOf[PieceSettings] | None,
-        BeforeValidator(_pieces),
-        Doc("robots may be cut in flat pieces"),
-        LATER,
-    ] = None
+    pouch: Annotated[Pouch | None, Doc("at the tip of every leaf")] = None
+    pieces: Annotated[PieceSettings | None, Doc("robots may be cut in flat pieces"), LATER] = None
     widths_mm: Annotated[
         tuple[Annotated[float, Ge(SMALLEST), Le(LARGEST_MM)], ...],
         Field(strict=False, max_length=MOST_LEVELS),
@@ -392,8 +366,8 @@ class Space:
             Level(
                 branches=int(values[level, "branches"]),
                 length_mm=values[level, "length_mm"],
-                fan_rad=rad(values[level, "angle_deg"]),
-                growth=values[level, "growth_percent"] / 100.0,
+                angle_deg=values[level, "angle_deg"],
+                growth_percent=values[level, "growth_percent"],
             )
             for level in range(2, depth + 1)
         )
@@ -483,8 +457,8 @@ class Space:
         for number_, level in enumerate(design.levels, start=2):
             values[number_, "branches"] = level.branches
             values[number_, "length_mm"] = level.length_mm
-            values[number_, "angle_deg"] = deg(level.fan_rad)
-            values[number_, "growth_percent"] = 100.0 * level.growth
+            values[number_, "angle_deg"] = level.angle_deg
+            values[number_, "growth_percent"] = level.growth_percent
         return np.array(
             [
                 variable.share(values[key])

@@ -7,6 +7,7 @@ import pytest
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.files.design_toml import read_design
+from vinefab.pages.panel import Marks, Shape
 from vinefab.prediction.comparison import (
     DesignComparison,
     PairedDifference,
@@ -14,13 +15,13 @@ from vinefab.prediction.comparison import (
     comparison_lines,
     comparison_page,
     comparison_text,
-    paired_difference_chart,
     paired_difference_section,
     paired_differences,
     side_by_side_section,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
+from vinefab.prediction.pictures import paired_difference_chart
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree
 
@@ -166,10 +167,10 @@ def test_rows_and_chart_show_a_known_difference():
     row, other = section.tables[0].rows
     assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "a")
     assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "not clear")
-    lines = paired_difference_chart(SEEN, [clear, open_]).axes[0].get_lines()
-    assert list(lines[0].get_xdata()) == [1.5, 6.0]
-    assert list(lines[1].get_xdata()) == [4.0]
-    assert list(lines[2].get_xdata()) == [-1.5, 6.0]
+    drawn = paired_difference_chart(SEEN, [clear, open_]).panels[0].primitives
+    lines = [one.chains[0][:, 0].tolist() for one in drawn if isinstance(one, Shape)]
+    assert lines[1:] == [[1.5, 6.0], [-1.5, 6.0]]
+    assert [one.points[0, 0] for one in drawn if isinstance(one, Marks)] == [4.0, 4.0]
     assert clear.words.startswith("free space seen by sensors: a is better; ")
     assert clear.words.endswith("4.0 [1.5, 6.0] %, p = 0.03000, 8 pairs")
 

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from itertools import combinations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.front_door import front_door
@@ -16,12 +15,9 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.prediction.deployment_sections import spread_chart
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import deployment_plan
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -40,10 +36,10 @@ from vinefab.prediction.measures import (
     MeasureTable,
     spreads_content,
 )
+from vinefab.prediction.pictures import contact_chart, paired_difference_chart, spread_chart
 from vinefab.prediction.prediction_width import (
     CONTACT_MEASURES,
     ContactRange,
-    contact_chart,
     contact_range,
     contact_words,
 )
@@ -307,26 +303,6 @@ def _share_of_design(progress: ProgressCallback, index: int, count: int) -> Prog
     return lambda share, words: progress(0.9 * (index + share) / count, words)
 
 
-def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Figure:
-    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
-    with house_style():
-        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(differences)))
-        for row, difference in enumerate(differences):
-            colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
-            axes.plot([difference.low, difference.high], [row, row], color=colour, linewidth=2.2)
-            face = colour if difference.is_clear else "white"
-            axes.plot(difference.mean, row, "o", color=colour, mfc=face, markersize=7)
-        axes.axvline(0.0, color=INK, linewidth=1.0)
-        axes.set_yticks(
-            range(len(differences)),
-            [difference.pair for difference in differences],
-        )
-        axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
-        axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
-        frame(axes)
-    return figure
-
-
 def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
     """Return the measures that any of the designs has."""
     return [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
@@ -351,7 +327,7 @@ def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
     """Return every measure of every design, as numbers and charts."""
     pictures = tuple(
         Picture(
-            image=svg_bytes(
+            image=page_svg(
                 spread_chart(m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)})
             ),
             caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
@@ -396,7 +372,7 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
         "within each measure. Clear means below 0.05."
     )
     picture = Picture(
-        image=svg_bytes(
+        image=page_svg(
             paired_difference_chart(measure, [d for d in differences if d.measure is measure])
         ),
         caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
@@ -423,7 +399,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         rows=rows,
     )
     picture = Picture(
-        image=svg_bytes(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
+        image=page_svg(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
         caption=f"{shown.title.capitalize()} over the head-on half-angle, with 95 % intervals over "
         "maps (simulated).",
     )
@@ -444,12 +420,12 @@ def same_map_section(
     """Return all designs deployed on the same map from the same pose."""
     pictures = tuple(
         Picture(
-            image=svg_bytes(
+            image=page_svg(
                 deployment_plan(
                     world,
                     deployment,
                     options.drawn_widths_mm(design.build.widths_mm),
-                    longest_in=4.6,
+                    longest_pt=331.0,
                     whole=True,
                 )
             ),

@@ -45,7 +45,6 @@ from vinefab.inputs import (
     maps_given,
     name_given,
     name_or_path,
-    options_given,
     progress_given,
     recipe_for,
     recipe_given,
@@ -1331,7 +1330,7 @@ def rig(
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(printers())}"
         machine = read_printer(name_or_path("printer", machine, allowed))
-    options = RigOptions(**options_given(RigOptions, "rig", sizes))
+    options = RigOptions(**sizes)
     request = RigRequest(
         design=None if design is None else design_given(design),
         allow_empty=allow_empty,

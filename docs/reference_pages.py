@@ -21,10 +21,10 @@ from vinefab.core.table import Table, declared_keys
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.contacts import ContactsFile
 from vinefab.model.design import Design
-from vinefab.model.files.contacts_toml import ContactsForm
-from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
-from vinefab.rig.rig_options import Printer, PrinterForm
+from vinefab.model.laser import Machine, Material, Quantity, Recipe
+from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.run_file import RunForm
 from vinefab.tasks.shipped_tasks import TASKS
@@ -58,7 +58,7 @@ FORMATS = (
     Format(
         name="recipe",
         title="Recipe (`vinefab/recipe-1`, TOML)",
-        form=RecipeForm,
+        form=Recipe,
         about="One material on one machine. `vinefab new recipe mine.toml` writes one "
         "(`--from NAME`: of another film), "
         "`vinefab calibrate` another from coupons. Every number is a table with its standing.",
@@ -66,7 +66,7 @@ FORMATS = (
     Format(
         name="machine",
         title="Machine (`vinefab/machine-1`, TOML)",
-        form=MachineForm,
+        form=Machine,
         about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
         "(`machine`) and finds it beside itself, or in your "
         "[own folder](../files.md#where-files-are-found). "
@@ -75,7 +75,7 @@ FORMATS = (
     Format(
         name="material",
         title="Material (`vinefab/material-1`, TOML)",
-        form=MaterialForm,
+        form=Material,
         about="A film; `vinefab new material mine.toml` writes one, found as a "
         "[machine](machine.md) is. "
         "Every number is a table with its standing.",
@@ -89,7 +89,7 @@ FORMATS = (
     Format(
         name="contacts",
         title="Measured contacts (`vinefab/contacts-1`, TOML)",
-        form=ContactsForm,
+        form=ContactsFile,
         about="What photos of grown robots say of assumed numbers; `vinefab observe` writes it, "
         "`--contacts` reads it.",
     ),
@@ -131,8 +131,8 @@ def format_page(one: Format) -> str:
         heading = f"## `{title}`" if title else "## Top of the file"
         head = "| key | kind | default | meaning |\n|---|---|---|---|"
         parts.append("\n".join([heading, "", head, *rows, ""]))
-    if one.form in (RecipeForm, MachineForm, MaterialForm, PrinterForm):
-        rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(QuantityForm)]
+    if one.form in (Recipe, Machine, Material, PrinterForm):
+        rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(Quantity)]
         head = ["## A number with its standing", "", "| key | kind | meaning |", "|---|---|---|"]
         parts.append("\n".join([*head, *rows, ""]))
     return "\n".join(parts)
@@ -143,7 +143,7 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     yield prefix, form
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
-        if inner is not None and inner is not QuantityForm:
+        if inner is not None and inner is not Quantity:
             key = field.alias or name
             path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
@@ -166,8 +166,6 @@ def keys_of(form: type[BaseModel]) -> list[Key]:
             for key in declared_keys(form)
         ]
     said = _EVERYWHERE | meanings(form)
-    if form is PrinterForm:  # its keys are the fields of the noun, and explained there
-        said |= meanings(Printer)
     return [
         Key(
             name=field.alias or name,
@@ -229,7 +227,7 @@ _KINDS = {str: "text", float: "number", int: "whole number", bool: "true or fals
 def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
     words = _kind_words(annotation)
     limits = [text for one in metadata for text in _limit_words(one)]
-    return f"{words}, {', '.join(limits)}" if limits else words
+    return f"{words}, {' '.join(limits)}" if limits else words
 
 
 def _kind_words(annotation: object) -> str:
@@ -249,7 +247,7 @@ def _kind_words(annotation: object) -> str:
 
 
 def _class_words(kind: type) -> str:
-    if kind is QuantityForm:
+    if kind is Quantity:
         return "a number with its standing"
     if issubclass(kind, Enum):
         return " or ".join(f"`{one.value}`" for one in kind)

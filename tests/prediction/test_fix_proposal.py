@@ -74,17 +74,16 @@ def measured_film(profile, storage_kpa):
     """The same film where a tube of 20 mm burst at 70 kPa, and with a fit of growth: measured."""
 
     def measured(value):
-        return Quantity(value=value, standing=Standing.MEASURED)
+        return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
-    material = replace(
-        profile.material, burst_kpa=measured(70.0), burst_width_mm=measured(20.0),
+    material = profile.material.changed(burst_kpa=measured(70.0), burst_width_mm=measured(20.0),
         survived_kpa=None, survived_width_mm=None,
     )  # fmt: skip
     growth = {
         "yield_kpa": measured(1.92), "drag_kpa_m": measured(0.771), "friction": measured(0.234),
         "storage_kpa": measured(storage_kpa), "width_mm": measured(25.0 * math.pi / 2.0),
     }  # fmt: skip
-    return replace(profile, material=material, recipe=replace(profile.recipe, growth=growth))
+    return replace(profile, material=material, recipe=profile.recipe.changed(growth=growth))
 
 
 def test_what_is_kept_and_what_of_it_is_in_the_way_is_told(profile):

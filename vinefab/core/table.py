@@ -41,6 +41,11 @@ class Slider:
     step: float = 1.0
 
 
+LATER = "later"
+"""Marks a field that a table did not always have: records leave it out where it says nothing, so
+that the ids of runs stay as they were."""
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
@@ -177,7 +182,21 @@ def bad_input_of(
         inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
         return BadInputError(f"{key}{inner}", cause.value, cause.allowed, source)
     text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return BadInputError(key, detail["input"], text[:1].lower() + text[1:], source)
+    inside, given = _beyond(detail)
+    return BadInputError(f"{key}{inside}", given, text[:1].lower() + text[1:], source)
+
+
+def _beyond(detail: ErrorDetails) -> tuple[str, object]:
+    """Return the key, and the number, by which an inline table breaks the range of its field."""
+    given, limits = detail["input"], detail.get("ctx", {})
+    if isinstance(given, Mapping | BaseModel) and ("ge" in limits or "le" in limits):
+        for name in ("value", "low", "high"):
+            number = dict(given).get(name)
+            if isinstance(number, int | float) and not (
+                limits.get("ge", number) <= number <= limits.get("le", number)
+            ):
+                return f".{name}", number
+    return "", given
 
 
 def _rank(detail: ErrorDetails) -> int:

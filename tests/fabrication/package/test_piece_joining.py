@@ -29,13 +29,13 @@ def recipe():
 @pytest.fixture(scope="module")
 def glued(recipe):
     """The recipe with laps of adhesive film."""
-    guess = {"standing": Standing.ASSUMED}
+    guess = {"standing": Standing.ASSUMED, "source": "a test"}
     lap = LapBond(
         method=LapMethod.ADHESIVE_FILM,
         band_mm=Quantity(value=10.0, **guess),
         survived_n_per_mm=Quantity(value=0.2, **guess),
     )
-    return replace(recipe, recipe=replace(recipe.recipe, lap=lap))
+    return replace(recipe, recipe=recipe.recipe.changed(lap=lap))
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,7 @@ def test_adhesive_film_needs_no_strip(cut_at, robot, glued, job) -> None:
 
 
 def test_a_recipe_without_laps_says_that_nothing_is_known(cut_at, robot, recipe, job) -> None:
-    unknown = replace(recipe, recipe=replace(recipe.recipe, lap=None))
+    unknown = replace(recipe, recipe=recipe.recipe.changed(lap=None))
     words = joining_items(robot, job, unknown, cut_at(robot, (1,))[0])
     assert any("has no [lap]: nothing is known of the bond" in text for text in words)
     assert not any("None" in text for text in words)

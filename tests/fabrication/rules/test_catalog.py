@@ -15,7 +15,7 @@ Make = Callable[..., Design]
 
 def with_limits(profile: LaserProfile, **rules: dict[str, float]) -> LaserProfile:
     limits = {rule.replace("_", "-"): named for rule, named in rules.items()}
-    return replace(profile, recipe=replace(profile.recipe, limits=limits))
+    return replace(profile, recipe=profile.recipe.changed(limits=limits))
 
 
 def test_the_command_line_overrides_the_design_and_the_design_the_recipe(

@@ -1,7 +1,6 @@
 """Every setting of a job as JSON: ``vinefab/job-1``."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.formats.dxf_format import DXF
@@ -21,6 +20,7 @@ from vinefab.model.laser import (
     OperationSettings,
     Quantity,
     Recipe,
+    quantities,
 )
 
 _SCHEMA = "vinefab/job-1"
@@ -48,8 +48,8 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "title": recipe.title,
                 "status": str(recipe.status),
                 "source": recipe.source,
-                "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
-                "windows": [window.words() for window in recipe.windows],
+                "coupons": {k: plain_quantity(q) for k, q in quantities(recipe.coupons).items()},
+                "windows": [window.words() for window in recipe.coupons.windows],
                 **_lap(job, recipe),
             },
             "operations": [
@@ -202,8 +202,12 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
 
 
 def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
-    values = {field.name: getattr(noun, field.name) for field in fields(noun)}
-    return {name: _plain(value) for name, value in values.items() if value is not NO_SHRINKAGE}
+    values = noun.record() if isinstance(noun, OperationSettings) else dict(noun)
+    return {
+        name: _plain(value)
+        for name, value in values.items()
+        if name != "schema_" and value is not NO_SHRINKAGE
+    }
 
 
 def _plain(value: object) -> object:

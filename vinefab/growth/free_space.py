@@ -107,7 +107,16 @@ def _without(bounds: BaseGeometry, obstacles: Shapes, grid_mm: float) -> BaseGeo
     # Only obstacles that meet are merged one with another: much faster on scattered ones.
     solid = shapely.disjoint_subset_union_all(obstacles[~alone])
     free = shapely.difference(bounds, solid, grid_size=grid_mm)
-    return _with_holes(free, _rounded(obstacles[alone], grid_mm))
+    holes = _rounded(obstacles[alone], grid_mm)
+    if len(holes) == 0:
+        return free
+    parts = shapely.get_parts(free)
+    inside, part = shapely.STRtree(parts).query(shapely.get_point(holes, 0), "intersects")
+    for index in np.unique(part):
+        shell = shapely.get_exterior_ring(parts[index])
+        old = shapely.get_rings(parts[index])[1:]
+        parts[index] = shapely.polygons(shell, np.append(old, holes[inside[part == index]]))
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(list(parts))
 
 
 def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
@@ -152,19 +161,6 @@ def _rounded(obstacles: Shapes, grid_mm: float) -> Shapes:
     return outlines
 
 
-def _with_holes(free: BaseGeometry, holes: Shapes) -> BaseGeometry:
-    """Return polygons with more holes, each cut into the polygon that it lies in."""
-    if len(holes) == 0:
-        return free
-    parts = shapely.get_parts(free)
-    inside, part = shapely.STRtree(parts).query(shapely.get_point(holes, 0), "intersects")
-    for index in np.unique(part):
-        shell = shapely.get_exterior_ring(parts[index])
-        old = shapely.get_rings(parts[index])[1:]
-        parts[index] = shapely.polygons(shell, np.append(old, holes[inside[part == index]]))
-    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(list(parts))
-
-
 class FreeSpaceWalls(NamedTuple):
     """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns.
 
@@ -189,7 +185,10 @@ def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     if straight.any():
         rings = linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)
-    wall = _wall_rows(rings)
+    start, end = rings.corner, rings.corner[rings.after]
+    span = end - start
+    length = np.hypot(span[:, 0], span[:, 1])
+    wall = np.column_stack([start, span / length[:, None], length, end])
     follower = _followers(wall, place, rings.after, count)
     ahead = np.empty_like(follower)
     ahead[follower] = np.arange(len(follower))
@@ -220,13 +219,6 @@ def _bulge(rings: Rings) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         out = np.abs(back[:, 0] * on[:, 1] - back[:, 1] * on[:, 0]) / chord
     return np.where(turns_back, np.inf, out)
-
-
-def _wall_rows(rings: Rings) -> Floats:
-    start, end = rings.corner, rings.corner[rings.after]
-    span = end - start
-    length = np.hypot(span[:, 0], span[:, 1])
-    return np.column_stack([start, span / length[:, None], length, end])
 
 
 def _followers(wall: Floats, place: Ints, after: Ints, count: Ints) -> Ints:

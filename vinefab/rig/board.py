@@ -165,6 +165,7 @@ def build_board(
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
+        origin_mm=plan.origin_mm,
         counts={"pieces": len(pieces), "slivers": plan.slivers, "slits": plan.slits, **counts},
         notes=_notes(plan, counts, printer, options),
     )

@@ -39,7 +39,7 @@ class Fixtures:
 
 def with_fixtures(rig: Rig, world: Map, design: Design | None) -> tuple[Rig, Fixtures]:
     """Return a rig with markers and base holder among its extras and notes, and what they are."""
-    plate = on_rig(rig.plate, rig, world)
+    plate = rig.on_plan(rig.plate)
     pads = marker_pads(world, plate, rig.printer, rig.options)
     taken = shapely.union_all([pad.outline for pad in pads])
     base, notes = base_holder(world, rig, design, taken)
@@ -60,12 +60,6 @@ def _lowered(part: RigPart, rig: Rig) -> RigPart:
     to_map = np.array(part.to_map)
     to_map[1, 3] -= (ARM_MM + 10.0) / rig.options.scale
     return replace(part, to_map=to_map)
-
-
-def on_rig(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
-    """Return a shape of the map in the coordinates of the rig's plan."""
-    low = np.array(world.bounds.bounds[:2])
-    return shapely.transform(shape, lambda points: (points - low) * rig.options.scale)
 
 
 def outside_of(fixtures: Fixtures) -> BaseGeometry:

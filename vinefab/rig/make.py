@@ -21,7 +21,7 @@ from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import laser_cut_files, outlines_of
 from vinefab.rig.open_shell import shell_words
-from vinefab.rig.page import rig_page, rig_pictures, rig_section
+from vinefab.rig.page import rig_page, rig_pictures, rig_section, true_scale_files
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig, refuse_early
@@ -30,7 +30,6 @@ from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import RigPlan, plan_of
 from vinefab.rig.split import usable_mm
-from vinefab.rig.true_scale import true_scale_files
 
 RIG_MARK = "rig.json"
 """The file by which the folder of a rig is known again."""
@@ -116,7 +115,7 @@ def make_rig(
     report_progress(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
     rig, fixtures = with_fixtures(rig, world, request.design)
-    cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
+    cut = laser_cut_files(rig, pieces, fixtures.board, lid=request.lid)
     report_progress(0.25, "comparing with the map")
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
@@ -145,7 +144,7 @@ def make_rig(
     else:
         files |= true_scale_files(rig, world, fixtures, pieces)
         if request.pictures:
-            outlines = outlines_of(rig, world, pieces)
+            outlines = outlines_of(rig, pieces)
             report_progress(0.5, "drawing the plan")
             drawn = rig_pictures(rig, world, outlines, cut.jobs)
             section = rig_section(rig, printing, drawn, why_style)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
@@ -150,6 +151,7 @@ class Rig:
     thickened: BaseGeometry = field(default_factory=Polygon)
     # where walls were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # lower left corner of the bounds on the map
     # what was left out, filled or joined, by name; see `vinefab.rig.plate`
     counts: Mapping[str, int] = field(default_factory=dict)
     joint_gap_mm3: float = 0.0  # volume of the plate that is missing in the gaps around the joints
@@ -157,6 +159,16 @@ class Rig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))
+
+    def on_plan(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape of the map in the coordinates of the rig's plan."""
+        return shapely.transform(
+            shape, lambda points: (points - self.origin_mm) * self.options.scale
+        )
+
+    def on_map(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape of the plan in map coordinates."""
+        return shapely.transform(shape, lambda points: points / self.options.scale + self.origin_mm)
 
     @property
     def printed(self) -> tuple[RigPart, ...]:

@@ -61,6 +61,7 @@ def build_rig(
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
+        origin_mm=plan.origin_mm,
         counts={
             "slivers": plan.slivers,
             "slits": plan.slits,

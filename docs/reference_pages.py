@@ -17,13 +17,15 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
+from vinefab.core.table import Table as DeclaredTable
+from vinefab.core.table import declared_keys
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.contacts_toml import ContactsForm
 from vinefab.model.files.design_toml import DesignForm
 from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
-from vinefab.rig.rig_options import Printer, PrinterForm
+from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.run_file import RunForm
 from vinefab.tasks.shipped_tasks import TASKS
@@ -152,9 +154,11 @@ _EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
 
 def keys_of(form: type[BaseModel]) -> list[Key]:
     """Return the keys of one table."""
-    said = _EVERYWHERE | meanings(form)
-    if form is PrinterForm:  # its keys are the fields of the noun, and explained there
-        said |= meanings(Printer)
+    said = dict(_EVERYWHERE)
+    if issubclass(form, DeclaredTable):
+        said |= {key.field: key.meaning for key in declared_keys(form) if key.meaning}
+    else:
+        said |= meanings(form)
     return [
         Key(
             name=field.alias or name,

@@ -29,7 +29,7 @@ from vinefab.observation.observation_json import observation_text
 from vinefab.observation.observe_photo import observe_photo
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.photo import read_photo
-from vinefab.rig.corner_tiles import marker_gap_mm
+from vinefab.rig.fixtures import marker_gap_mm
 from vinefab.rig.rig_options import RigOptions
 
 POSE = Pose(x_mm=60.0, y_mm=12.0, heading_rad=np.pi / 2)

@@ -285,7 +285,8 @@ def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     crowded = np.zeros(len(walls.wall), dtype=np.int64)
     for owner, place in _lists_at_starts(grid, walls.wall, wall_first):
         crowded[_crowded(walls, owner, wall_item[place].astype(np.int64), near_mm)] = 1
-    vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
+    cell = _row(grid, walls.vertex[:, 1]) * grid.columns + _column(grid, walls.vertex[:, 0])
+    vertex_first, order = _listed(grid, np.arange(len(walls.vertex)), cell)
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall[:, :5]),
         link=np.column_stack([walls.link, crowded]).astype(np.int32),
@@ -395,11 +396,6 @@ def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:
     index = np.repeat(np.arange(len(first)), count)
     within = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
     return index, first[index] + within
-
-
-def _cells_of_vertices(grid: _Grid, vertex: Floats) -> tuple[Ints, Ints]:
-    cell = _row(grid, vertex[:, 1]) * grid.columns + _column(grid, vertex[:, 0])
-    return np.arange(len(vertex)), cell
 
 
 def _listed(grid: _Grid, item: Ints, cell: Ints) -> tuple[Ints32, Ints32]:

@@ -602,6 +602,13 @@ def blended(shares: ArrayLike, colours: Sequence[str]) -> NDArray[np.uint8]:
     return np.stack([*channels, 255.0 * known], axis=-1).round().astype(np.uint8)
 
 
+def photo(pixels: NDArray[np.uint8], box: Box) -> Raster:
+    """Return a photo, grey or in colours, as a primitive."""
+    shades = pixels if pixels.ndim == 3 else np.repeat(pixels[:, :, None], 3, axis=2)
+    opaque = np.full((*shades.shape[:2], 1), 255)
+    return Raster(box, np.concatenate([shades[:, :, :3], opaque], axis=2).astype(np.uint8))
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     """Return red, green and blue of ``#rrggbb``, or of white and black."""
     text = {"white": "#ffffff", "black": "#000000"}.get(colour, colour)

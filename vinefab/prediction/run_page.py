@@ -23,9 +23,9 @@ from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.pages.page_svg import page_svg
 from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
 from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily

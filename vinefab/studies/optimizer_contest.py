@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -247,14 +247,10 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     if lines.pop():
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
-        rows = [_row(json.loads(line)) for line in lines[1:]]
+        rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
     except (ValueError, TypeError) as error:
         raise UnreadableFileError(record, "is no record of a comparison") from error
     return {row.key: row for row in rows}
-
-
-def _row(values: Mapping[str, float]) -> ContestRow:
-    return ContestRow(**values)  # type: ignore[arg-type]
 
 
 _RESAMPLES = 10_000

@@ -11,7 +11,8 @@ moved by `NUDGE` change as well are ties, which rounding may settle either way; 
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -21,6 +22,9 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
@@ -303,7 +307,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
-        plain = grow(design, terrain, poses[launch], alone, "reference")
+        plain = grow(design, terrain, poses[launch], alone, grow_reference_branches)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1

@@ -6,7 +6,7 @@ whole shapes: every robot is grown again at many half-angles and compared with i
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np

@@ -120,7 +120,11 @@ CONCLUSIONS = (*LEADS.values(), *REACHES.values())
 
 def ablation(store: JobStore) -> StudyResult:
     """Train and test under every variant."""
-    size, designs = store.size, _reach_designs(store)
+    size, designs = store.size, {}
+    for environment in STUDIED_ENVIRONMENTS:
+        # The kept designs of `reach`, as slim as all others here.
+        reached, best = reach_designs(store, environment)
+        designs[environment] = slim(reached[best])
     ones = {
         variant.name: {home: _one(store, variant, designs, home) for home in STUDIED_ENVIRONMENTS}
         for variant in VARIANTS
@@ -229,15 +233,6 @@ def _one(
     return study_scores(
         store, [replace(test, worlds=worlds, task=variant.reached, growth=variant.growth)]
     )
-
-
-def _reach_designs(store: JobStore) -> dict[str, dict[str, Any]]:
-    """Return the kept designs of `reach`, as slim as all others here."""
-    slimmed = {}
-    for environment in STUDIED_ENVIRONMENTS:
-        designs, best = reach_designs(store, environment)
-        slimmed[environment] = slim(designs[best])
-    return slimmed
 
 
 def slim(design: Mapping[str, Any]) -> dict[str, Any]:

@@ -72,6 +72,7 @@ def anchor(store: JobStore) -> StudyResult:
     single = {
         home: _plain_scores(store, found.kept_design(home), home) for home in STUDIED_ENVIRONMENTS
     }
+    turns_rad = [float(np.log(PREDICTED / BRANCHES) / ASSUMED_FRICTION.value)] * BRANCHES
     return StudyResult(
         name="anchor",
         title="Anchoring (Fig. 7)",
@@ -88,7 +89,10 @@ def anchor(store: JobStore) -> StudyResult:
         ),
         rows=(
             *(row for home in STUDIED_ENVIRONMENTS for row in _rows(store, found, home)),
-            *_paper_rows(),
+            *(
+                _paper_row(amplification_interval(turns_rad, fewest, most), words)
+                for fewest, most, words in ENGAGED
+            ),
         ),
         claims=tuple(
             claim for home in STUDIED_ENVIRONMENTS for claim in _claims(found, home, single)
@@ -151,15 +155,6 @@ def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
             ours=f"{engaged:.2f} of {design['levels'][0]['branches']}",
             paper="6 (1 without contact, 1 slack)",
         ),
-    ]
-
-
-def _paper_rows() -> list[PaperNumber]:
-    """Return the paper's own prediction with fewer branches engaged and other friction."""
-    turns_rad = [float(np.log(PREDICTED / BRANCHES) / ASSUMED_FRICTION.value)] * BRANCHES
-    return [
-        _paper_row(amplification_interval(turns_rad, fewest, most), words)
-        for fewest, most, words in ENGAGED
     ]
 
 

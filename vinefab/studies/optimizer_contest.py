@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,7 +25,8 @@ from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
-from vinefab.search.record.generations import RunIdentity, package_versions
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.record.identity import package_versions
 from vinefab.search.run import fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
@@ -247,14 +248,10 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     if lines.pop():
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
-        rows = [_row(json.loads(line)) for line in lines[1:]]
+        rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
     except (ValueError, TypeError) as error:
         raise UnreadableFileError(record, "is no record of a comparison") from error
     return {row.key: row for row in rows}
-
-
-def _row(values: Mapping[str, float]) -> ContestRow:
-    return ContestRow(**values)  # type: ignore[arg-type]
 
 
 _RESAMPLES = 10_000

@@ -12,7 +12,8 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.generations import Progress, RunIdentity, map_fingerprint
+from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.identity import map_fingerprint
 from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,

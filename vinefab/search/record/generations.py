@@ -1,10 +1,7 @@
 """Generations and finalists of a run, and what identifies it."""
 
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, cast
 
 import numpy as np
@@ -14,15 +11,15 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
-from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.start_place import start_of_record, start_text
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.search.settings import (
     LIMIT_NAMES,
     RunSettings,
@@ -133,28 +130,6 @@ class Extension:
         )
 
 
-_PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
-
-
-@cache
-def _versions_of_needed() -> dict[str, str]:
-    """Return the versions of the packages that vinefab itself needs; to ask takes 10 ms."""
-    return {name: version(name) for name in _PACKAGES}
-
-
-def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
-    """Return the versions of all packages that a run's numbers depend on."""
-    versions = {"vinefab": __version__, "python": platform.python_version()}
-    versions |= _versions_of_needed()
-    for name in others:
-        if name not in versions:
-            try:
-                versions[name] = version(name)
-            except PackageNotFoundError:
-                versions[name] = "none"
-    return versions
-
-
 def plugin_packages(settings: RunSettings) -> list[str]:
     """Return the plug-in packages of a run's task, optimizer and environment."""
     environment = "" if settings.maps.files else settings.maps.environment
@@ -166,17 +141,6 @@ def plugin_packages(settings: RunSettings) -> list[str]:
     # A look-up of a name makes the registry load plug-ins.
     packages = {parts.packages.get(name, "") for parts, name in named if name in parts}
     return sorted(packages - {""})
-
-
-def map_fingerprint(world: Map) -> str:
-    """Return the fingerprint of a map's name, bounds, obstacles and starts."""
-    starts = [start_record(start) for start in world.starts]
-    return fingerprint(
-        world.name,
-        world.bounds.wkb_hex,
-        [obstacle.wkb_hex for obstacle in world.obstacles],
-        starts,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,5 @@
 """Figure 7: how much more than one pouch six branches hold."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,7 @@ ALIKE = 0.8
 def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run on anchoring in the simplified space."""
     run = coverage_run(size, environment, number)
-    return replace(run, name=f"anchor_{environment}", task=ANCHORING_TASK, space=SPACE)
+    return run.changed(name=f"anchor_{environment}", task=ANCHORING_TASK, space=SPACE)
 
 
 def anchor(store: JobStore) -> StudyResult:

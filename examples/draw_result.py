@@ -18,8 +18,8 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
 from vinefab.pages.drawing import draw_deployment, draw_map
 from vinefab.pages.figure import house_style, png_bytes
+from vinefab.rig.build import build_rig
 from vinefab.rig.part import Rig
-from vinefab.rig.plate import build_rig
 from vinefab.rig.rig_options import read_printer
 
 UNSEEN_SEED = 100_003

@@ -18,7 +18,7 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.formats.dxf_format import read_dxf
 from vinefab.model.job import Operation
-from vinefab.rig.board import build_board
+from vinefab.rig.build import build_board
 from vinefab.rig.fixtures import Fixtures, marker_gap_mm
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.page import plan_picture

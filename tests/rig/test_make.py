@@ -11,9 +11,8 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig import board
+from vinefab.rig import build
 from vinefab.rig import make as module
-from vinefab.rig import plate as build
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import plan_of
@@ -93,7 +92,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
 
 def test_both_styles_are_made_of_one_plan(monkeypatch):
     made = []
-    for user in (module, build, board):
+    for user in (module, build):
         monkeypatch.setattr(
             user, "plan_of", lambda *given: made.append(plan_of(*given)) or made[-1]
         )

@@ -15,15 +15,14 @@ from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFac
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.html import Section
-from vinefab.rig.board import LoosePiece, build_board
-from vinefab.rig.comparison_with_map import compare_with_map
+from vinefab.rig.build import LoosePiece, build_board, build_rig, refuse_early
+from vinefab.rig.comparison_with_map import compare_with_map, footprints
 from vinefab.rig.fixtures import with_fixtures
-from vinefab.rig.laser_cut import laser_cut_files, outlines_of
+from vinefab.rig.laser_cut import laser_jobs, sheet_file
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.page import rig_page, rig_pictures, rig_section, true_scale_files
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
-from vinefab.rig.plate import build_rig, refuse_early
 from vinefab.rig.printing import printing_of
 from vinefab.rig.rig_json import RIG_NAME, RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
@@ -104,7 +103,8 @@ def make_rig(
     tell(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
     rig, fixtures = with_fixtures(rig, world, request.design)
-    cut = laser_cut_files(rig, pieces, fixtures.board, lid=request.lid)
+    jobs = laser_jobs(rig, pieces, fixtures.board, lid=request.lid)
+    sheets = {name: sheet_file(name, job) for name, job in jobs.items()}
     tell(0.25, "comparing with the map")
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
@@ -132,17 +132,18 @@ def make_rig(
         printing=printing,
         comparison=comparison,
         report=report,
-        jobs=cut.jobs,
+        jobs=jobs,
         why_style=why_style,
         fixtures=fixtures,
     )
     if report.blocking:
         return made
-    files |= cut.files | true_scale_files(rig, world, fixtures, pieces)
+    files |= sheets | true_scale_files(rig, world, fixtures, pieces)
     section: Section | None = None
     if request.pictures:
         tell(0.5, "drawing the plan")
-        drawn = rig_pictures(rig, world, outlines_of(rig, pieces), cut.jobs)
+        outlines = {piece.number: rig.on_map(piece.outline) for piece in pieces} or footprints(rig)
+        drawn = rig_pictures(rig, world, outlines, jobs)
         section = rig_section(rig, printing, drawn, why_style)
         page = rig_page(rig, section, report, comparison)
         files |= {**drawn, "report.html": page.encode()}

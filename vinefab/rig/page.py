@@ -26,7 +26,7 @@ from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN_DETAIL, Box, longer_mm, start_marks
 from vinefab.pages.plan_document import LONGEST_PX, RANGE, START_ENTRY, plan_document
 from vinefab.pages.plan_svg import contour_path, pose_svg
-from vinefab.rig.board import LoosePiece
+from vinefab.rig.build import LoosePiece
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
 from vinefab.rig.open_shell import shell_words

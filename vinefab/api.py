@@ -561,7 +561,6 @@ def aim(
     >>> 0.0 < found.mean <= 1.0
     True
     """
-    from vinefab.prediction.aim_page import aim_document
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.provenance import origin_of
@@ -593,9 +592,11 @@ def aim(
         call += f"growth={choice.options.content}, out={str(path)!r})"
         family = MapFamily(label=place.name, worlds=(place,))
         origin = origin_of(call, designs, None, [family])
-        document = aim_document(found, origin, path.suffix, choice.notes)
+        found = replace(found, origin=origin, growth_notes=choice.notes)
+        is_page = path.suffix.lower() == ".html"
+        document = found.page().encode() if is_page else found.picture(path.suffix)
         write_bytes(path, document, force=force)
-    return replace(found, notes=(*choice.notes, *found.notes))
+    return replace(found, growth_notes=choice.notes)
 
 
 def compare(
@@ -674,7 +675,7 @@ def compare(
     ['plain_vine', 'three_level_tree']
     """
     from vinefab.growth.options import GrowthChoice
-    from vinefab.prediction.comparison import compare_designs, comparison_page, measure_named
+    from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.provenance import origin_of
 
@@ -701,8 +702,8 @@ def compare(
         call = f"vf.compare([{', '.join(map(call_text, named))}], {places}, "
         call += f"measure={main.key!r}, {poses=}, {seed=}, growth={choice.options.content}, "
         call += f"out={str(path)!r})"
-        page = comparison_page(found, origin_of(call, robots, None, families))
-        write_text(path, page, force=force)
+        found = replace(found, origin=origin_of(call, robots, None, families))
+        write_text(path, found.page(), force=force)
     return found
 
 
@@ -1614,7 +1615,6 @@ def report(
     from vinefab.growth.options import GrowthChoice
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import part_of, predict
-    from vinefab.prediction.prediction_json import prediction_text, summary_lines
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
@@ -1638,12 +1638,13 @@ def report(
     origin = origin_of(call, [robot], profile, families)
     with progress_given("report", progress) as tell:
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
-        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
+        found = replace(found, origin=origin)
+        page = found.page(part_of(tell, 0.6, 1.0))
     write_text(path, page, force=force)
     return WrittenReport(
         path=path,
-        summary=tuple(summary_lines(found)),
-        numbers=json.loads(prediction_text(found, origin)),
+        summary=found.summary,
+        numbers=found.numbers,
     )
 
 

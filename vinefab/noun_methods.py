@@ -29,8 +29,6 @@ from vinefab.model.outline import Contour
 if TYPE_CHECKING:
     from vinefab.fabrication.rule_listing import RuleBook
     from vinefab.fabrication.rules.rule import Rule
-    from vinefab.prediction.aiming import AimResult
-    from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
     from vinefab.search.record.result import RunResult
@@ -271,34 +269,12 @@ def _picture_html(data: bytes, kind: str) -> str:
     return f'<img alt="" src="data:image/{kind};base64,{b64encode(data).decode()}">'
 
 
-def _comparison_html(found: DesignComparison) -> str:
-    from vinefab.prediction.comparison import (
-        paired_difference_table,
-        ranking_lines,
-        side_by_side_table,
-        told_differences,
-    )
-
-    tables = side_by_side_table(found.outcomes()), paired_difference_table(told_differences(found))
-    return lines_html(ranking_lines(found)) + "".join(
-        html_table(table.caption, table.headings, table.rows) for table in tables
-    )
-
-
-def _aim_html(found: AimResult) -> str:
-    robot = found.first
-    shown = replace(robot.shown[0], design=robot.design, world=found.world)
-    return lines_html(found.summary) + _deployment_document(shown)
-
-
 def _runs_html(listing: RunListing) -> str:
     return lines_html([counted(len(listing.rows), "run"), *listing.lines])
 
 
 _HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
-    "AimResult": _aim_html,
     "CheckReport": _report_html,
-    "DesignComparison": _comparison_html,
     "Finding": lambda found: _findings_html(found.rule, [found]),
     "Rule": _rule_html,
     "RuleBook": _rules_html,

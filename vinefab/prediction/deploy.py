@@ -26,6 +26,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
+from vinefab.pages.plan import deployment_plan, page_bytes
 
 MOST_FRAMES = 1000
 
@@ -324,12 +325,8 @@ class DeployedDesign:
 
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""
-        # matplotlib takes longer to load than the growth to simulate.
-        from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
-        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-
-        figure = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
-        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+        plan = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
+        return page_bytes(plan, suffix)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
         """Return the deployment as a moving picture."""

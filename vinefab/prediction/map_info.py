@@ -36,8 +36,10 @@ from vinefab.model.files.results_json import pose_content
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.model.rings import without_notches
+from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
+from vinefab.prediction.pictures import passage_plan
 
 SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
@@ -360,17 +362,13 @@ class MapInfo(Result):
 
     def picture(self, suffix: str) -> bytes:
         """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
-        # matplotlib takes longer to load than all of this to compute.
-        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-        from vinefab.prediction.map_plan import passage_plan  # noqa: PLC0415
-
-        figure = passage_plan(
+        plan = passage_plan(
             self.world,
             [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
-        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+        return page_bytes(plan, suffix)
 
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:

@@ -70,21 +70,17 @@ class PreparedMap:
             If the map has no free space.
         """
         terrain = Terrain.of(world)
+        # Only obstacles that a pose drawn from a start could lie in.
+        boxes = np.array([_reach_box(start) for start in world.starts], dtype=np.object_)
+        near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
+        free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
+        shapely.prepare(free)
         return cls(
             world=world,
             terrain=terrain,
             context=MapContext.of(world, terrain.free_space()),
-            around_starts=_around_starts(world),
+            around_starts=free,
         )
-
-
-def _around_starts(world: Map) -> BaseGeometry:
-    """Return the bounds minus the obstacles that a pose drawn from a map's starts could lie in."""
-    boxes = np.array([_reach_box(start) for start in world.starts], dtype=np.object_)
-    near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
-    free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
-    shapely.prepare(free)
-    return free
 
 
 def _reach_box(start: Start) -> Polygon:

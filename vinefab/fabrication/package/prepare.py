@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Fact, Section, Tone
 from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
@@ -55,7 +56,7 @@ from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
-from vinefab.pages.html import Report, Section, Tone, page_html
+from vinefab.pages.html import Report, page_html
 
 ANIMATION_NAME = "animation.svg"
 
@@ -387,16 +388,19 @@ def _no_predictions() -> Section:
     return Section(title="Predictions", paragraphs=(note,))
 
 
-def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (
-        ("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
-        ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
-        ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
-        ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
-        ("film", profile.material.title),
-        ("machine", profile.machine.title),
-        ("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+        Fact("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
+        Fact("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
+        Fact(
+            "widths, lay-flat",
+            ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm",
+        ),
+        Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
+        Fact("film", profile.material.title),
+        Fact("machine", profile.machine.title),
+        Fact("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
     )

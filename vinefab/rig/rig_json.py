@@ -17,10 +17,10 @@ from vinefab.core.table import validated
 from vinefab.fabrication.rules.run_rules import checks_content
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
 from vinefab.model.files.named_file import path_inside
-from vinefab.model.files.profile_toml import FileName
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
+from vinefab.model.laser import FileName
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures

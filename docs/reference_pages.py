@@ -18,7 +18,7 @@ from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
 from vinefab.core.table import Table, declared_keys
-from vinefab.fabrication.rule_listing import grouped_rules, limit_text
+from vinefab.fabrication.rule_listing import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile
@@ -300,7 +300,7 @@ def rules_page() -> str:
 
 
 def _rule_part(rule: Rule) -> str:
-    limits = "; ".join(limit_text(rule, name) for name in rule.limits) or "none: it holds or not"
+    limits = "; ".join(rule.limit_text(name) for name in rule.limits) or "none: it holds or not"
     picture = Path(__file__).parent / "pictures" / "rules" / f"{rule.id}.svg"
     shown = (
         f"\n![{rule.id} broken and kept](../pictures/rules/{rule.id}.svg)\n"

@@ -80,7 +80,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
     found = {finding["id"]: finding for finding in checks["findings"]}
     assert found["VF-R03"]["measured"] == pytest.approx(20.0)
     assert found["VF-R04"]["measured"] == 30.0
-    assert any("VF-R03" in line for line in made.summary())
+    assert any("VF-R03" in line for line in made.summary)
     large = make_rig(
         world,
         PRINTER,
@@ -103,7 +103,7 @@ def test_both_styles_are_made_of_one_plan(monkeypatch):
 def test_without_a_robot_these_rules_are_skipped_with_the_reason():
     made = make_rig(_map(box(30, 60, 80, 100)), PRINTER, RigOptions(), BARE)
     assert [skip.rule for skip in made.report.skipped] == ["VF-R03", "VF-R04"]
-    assert any("needs a" in line and "VF-R04" in line for line in made.summary())
+    assert any("needs a" in line and "VF-R04" in line for line in made.summary)
 
 
 def test_thickened_walls_narrow_the_corridors():

@@ -31,7 +31,7 @@ from vinefab.rig.solid import (
     plan_volume_mm3,
     stacked,
 )
-from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
+from vinefab.rig.split import Cuts, Dovetail, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
 
 RIM_MM = 0.6
 """Least material around a peg or a pin's hole."""
@@ -119,9 +119,9 @@ def build_rig(
     refuse_early(world, printer, options)
     plan = plan or plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
-    joints = Dovetails(joints=(), bare_seams=0)
+    joints, bare = list[Dovetail](), 0
     if options.joint == "dovetail":
-        joints = dovetails_of(plan, cuts, options.gap_mm(printer))
+        joints, bare = dovetails_of(plan, cuts, options.gap_mm(printer))
     # A top would have to be bridged over nothing: with one, obstacles on plates stay filled.
     wall_mm = 0.0 if options.top_mm else shell_wall_mm(printer, options)
     tiles = list(rig_tiles(plan, cuts, joints, (options.sliver_mm, 0.5 * printer.nozzle_mm)))
@@ -129,7 +129,6 @@ def build_rig(
         _tile_part(number, len(tiles), tile, (plan, cuts, options, wall_mm))
         for number, tile in enumerate(tiles, 1)
     ]
-    bare = joints.bare_seams
     return _rig_of(
         plan,
         world,
@@ -148,11 +147,11 @@ def build_rig(
             "slivers": plan.slivers,
             "slits": plan.slits,
             "bridges": plan.bridges,
-            "joints": len(joints.joints),
+            "joints": len(joints),
             "bare_seams": bare,
             "unmarked": sum(not marked for _, marked in parts) if options.mark_depth_mm else 0,
         },
-        joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints.joints),
+        joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints),
     )
 
 

@@ -4,7 +4,8 @@ Lengths are millimetres of the rig's plan. Drawings at true scale (plan, paper m
 ruler of 100 mm, by which a user sees whether a printer scaled the page.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,22 +16,32 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted, one_line
 from vinefab.core.validation import Floats
-from vinefab.fabrication.package.package_page import check_section
-from vinefab.model.finding import CheckReport
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Remark,
+    Result,
+    Section,
+    Table,
+)
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
-from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN_DETAIL, StartMark, start_marks
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Box, Ink, Page, Panel, bare_page, page_of, plan_panel
 from vinefab.pages.plan import draw_start_range
 from vinefab.rig.build import LoosePiece
-from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import Rig
-from vinefab.rig.printing import BASIS, Printing
+from vinefab.rig.printing import BASIS
+from vinefab.rig.rig_json import RigRecord
 
 A4_MM = (210.0, 297.0)
 MARGIN_MM = 15.0
@@ -237,75 +248,101 @@ def _draw_ruler(panel: Panel, x_mm: float, y_mm: float) -> None:
     panel.words((x_mm + RULER_MM + 2.0, y_mm + 1.0), "100 mm", 8.0)
 
 
-# --- Page
+# --- Result
 
 
-def rig_section(
-    rig: Rig, printing: Printing, pictures: Mapping[str, bytes], why_style: str
-) -> Section:
-    """Return the section about a rig."""
-    sheets = sorted(name for name in pictures if name.startswith(("board", "lid")))
-    captions = {"assembly.svg": "Where each part goes; the arrow points to the map's north."}
-    captions |= {name: f"{name}: a sheet for the laser." for name in sheets[:MOST_SHEETS]}
-    marked = rig.options.marker_kind != "none"
-    said = [words for words in (why_style, shell_words(rig)) if words]
-    return Section(
-        title="Test rig",
-        paragraphs=(
-            f"Printing on {rig.printer.name} takes about {printing.total.words()}: {BASIS}.",
-            *(f"{words[0].upper()}{words[1:]}." for words in said),
-            "plan.svg is the rig's plan at true scale with markers and a ruler: lay "
-            "the rig onto it, or draw the map on paper."
-            + (" markers.svg has paper markers." if marked else ""),
-            *(f"Note: {note}." for note in rig.notes),
-        ),
-        pictures=tuple(
-            Picture(image=pictures[name], caption=caption, wide=True)
-            for name, caption in captions.items()
-        ),
-        tables=(
-            Table(
-                caption="Beds (estimate)",
-                headings=("bed", "takes"),
-                rows=tuple((bed.name, bed.estimate.words()) for bed in printing.beds),
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigFiles(RigRecord, Result):
+    """A rig as files."""
+
+    # by name, every solid read back; empty when a rule forbids the rig
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = field(default_factory=dict)  # those of the page, by file name
+
+    @property
+    def title(self) -> str:
+        """What its page is called."""
+        return f"{self.rig.name}: test rig"
+
+    def view(self) -> Iterator[Block]:
+        """Yield where each part goes, how many there are, how they are printed, and notes."""
+        rig, options = self.rig, self.rig.options
+        yield from self._pictures("assembly")
+        sheets = f" and {counted(len(self.jobs), 'sheet')} for the laser" if self.jobs else ""
+        yield Answer(
+            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name}{sheets} at "
+            f"{options.scale:.4g} of the map's size; every STL and 3MF read back closed and "
+            "oriented; assembled, the outsides of the walls differ from the map by "
+            f"{100 * self.comparison.share:.4f} %",
+            "bad" if self.report.findings else "good",
+        )
+        x_min, y_min, x_max, y_max = (options.scale * side for side in rig.plate.bounds)
+        size = f"{x_max - x_min:.0f} x {y_max - y_min:.0f} mm"
+        volume = Number(rig.volume_mm3, "cm3", ".0f", standing="computed", per=1000.0)
+        basis = "computed from assumed settings of the printer"
+        yield Facts(
+            (
+                Fact("size", f"{size}, obstacles {options.height_mm:g} mm high"),
+                Fact("volume", volume),
+                Fact("printing", self.printing.total.words(), detail=basis),
+            )
+        )
+        yield Notes((self.why_style, *filter(None, [shell_words(rig)])))
+        yield Notes(tuple(f"note: {note}" for note in rig.notes))
+        yield from (block for block in self.report.view() if isinstance(block, Remark))
+
+    def sections(self) -> Iterator[Block]:
+        """Yield how it is printed, the sheets for the laser, and the rules."""
+        yield replace(self.section, pictures=self._pictures("board", "lid"))
+        yield from self.report.sections()
+
+    @property
+    def section(self) -> Section:
+        """The rig as a part of a report."""
+        marked = self.rig.options.marker_kind != "none"
+        return Section(
+            title="Test rig",
+            paragraphs=(
+                f"Printing on {self.rig.printer.name} takes about {self.printing.total.words()}: "
+                f"{BASIS}.",
+                "plan.svg is the rig's plan at true scale with markers and a ruler: lay "
+                "the rig onto it, or draw the map on paper."
+                + (" markers.svg has paper markers." if marked else ""),
             ),
-            Table(
-                caption="Parts (computed)",
-                headings=("number", "file", "bed", "size as printed, mm", "volume, cm3"),
-                rows=tuple(
-                    (
-                        str(part.number or ""),
-                        f"{part.name}.stl",
-                        printing.bed_of(index).name,
-                        " x ".join(f"{size:.1f}" for size in part.size_mm),
-                        f"{part.volume_mm3 / 1000.0:.1f}",
-                    )
-                    for index, part in enumerate(rig.printed)
+            pictures=self._pictures("assembly", "board", "lid"),
+            tables=(
+                Table(
+                    caption="Beds (estimate)",
+                    headings=("bed", "takes"),
+                    rows=tuple((bed.name, bed.estimate.words()) for bed in self.printing.beds),
+                ),
+                Table(
+                    caption="Parts (computed)",
+                    headings=("number", "file", "bed", "size as printed, mm", "volume, cm3"),
+                    rows=tuple(
+                        (
+                            str(part.number or ""),
+                            f"{part.name}.stl",
+                            self.printing.bed_of(index).name,
+                            " x ".join(f"{size:.1f}" for size in part.size_mm),
+                            f"{part.volume_mm3 / 1000.0:.1f}",
+                        )
+                        for index, part in enumerate(self.rig.printed)
+                    ),
                 ),
             ),
-        ),
-    )
-
-
-def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigComparison) -> str:
-    """Return the page about a rig as HTML."""
-    x_min, y_min, x_max, y_max = (rig.options.scale * side for side in rig.plate.bounds)
-    found = len(report.findings)
-    return page_html(
-        Report(
-            title=f"{rig.name}: test rig",
-            verdict=f"{counted(len(rig.parts), 'part')}; every file read back closed and "
-            "oriented; assembled, "
-            f"the walls differ from the map by {100 * comparison.share:.4f} %; "
-            f"{counted(found, 'finding')}",
-            tone="bad" if found else "good",
-            facts=(
-                ("size", f"{x_max - x_min:.0f} x {y_max - y_min:.0f} mm"),
-                ("scale", f"{rig.options.scale:.4g}"),
-                ("obstacles", f"{rig.options.height_mm:g} mm high"),
-                ("printer", rig.printer.name),
-                ("volume", f"{rig.volume_mm3 / 1000.0:.0f} cm3 (computed)"),
-            ),
-            sections=(section, check_section(report)),
         )
-    )
+
+    def _pictures(self, *kinds: str) -> tuple[Picture, ...]:
+        """Return the assembly plan or sheets that were drawn."""
+        names = [name for kind in kinds for name in sorted(self.pictures) if name.startswith(kind)]
+        return tuple(
+            Picture(
+                image=self.pictures[name],
+                caption="Where each part goes; the arrow points to the map's north."
+                if name == "assembly.svg"
+                else f"{name}: a sheet for the laser.",
+                wide=True,
+            )
+            for name in names[:MOST_SHEETS]
+        )

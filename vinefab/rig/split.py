@@ -1,6 +1,6 @@
 """A plate that is larger than the bed: cut lines, dovetails and tiles."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -278,16 +278,11 @@ class Dovetail:
         return float(self.socket.difference(self.tab).area)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Dovetails:
-    """All joints of a rig."""
+def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> tuple[list[Dovetail], int]:
+    """Return the dovetails of all seams between neighbouring tiles, and how many seams have none.
 
-    joints: tuple[Dovetail, ...]  # seam by seam
-    bare_seams: int  # number of seams without room for a joint
-
-
-def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
-    """Return the dovetails of all seams between neighbouring tiles."""
+    No room for a joint is no error: such tiles are glued.
+    """
     plate = plan.plate
     shapely.prepare(plate)
     tree = shapely.STRtree(plan.solids)
@@ -300,11 +295,11 @@ def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
             Dovetail(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
             for tab in tabs
         ]
-    return Dovetails(joints=tuple(joints), bare_seams=bare)
+    return joints, bare
 
 
 def rig_tiles(
-    plan: RigPlan, cuts: Cuts, joints: Dovetails, least_mm: tuple[float, float]
+    plan: RigPlan, cuts: Cuts, joints: Sequence[Dovetail], least_mm: tuple[float, float]
 ) -> Iterator[RigTile]:
     """Yield the plans of all parts, row by row.
 
@@ -316,8 +311,8 @@ def rig_tiles(
     sliver_mm, bridge_mm = least_mm
     tree = shapely.STRtree(plan.solids)
     for cell, rectangle in cuts.cells():
-        tabs = [joint.tab for joint in joints.joints if joint.giver == cell]
-        sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
+        tabs = [joint.tab for joint in joints if joint.giver == cell]
+        sockets = [joint.socket for joint in joints if joint.taker == cell]
         own = shapely.intersection(plan.plate, rectangle, grid_size=GRID_MM)
         own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
         own = shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM)

@@ -21,7 +21,8 @@ from vinefab.prediction.measures import NO_INTERVAL, REACH, Spread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
-from vinefab.rig.make import RigFiles, make_rig
+from vinefab.rig.make import make_rig
+from vinefab.rig.page import RigFiles
 from vinefab.rig.rig_options import RigOptions, read_printer
 from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.run import progress_line, run_search, training_maps

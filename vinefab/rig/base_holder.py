@@ -12,6 +12,7 @@ table, x forward along the heading, y to the left, z upwards.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -31,6 +32,8 @@ from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
 from vinefab.rig.rig_options import GRID_MM, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
 from vinefab.rig.solid import Course, centred, grooves, mesh_of, prism, strokes
+
+G = TypeVar("G", bound=BaseGeometry)
 
 ASSUMED_COLLAR_MM = 25.5
 """Diameter of the base's tube where neither design nor user gives one: a trunk 40 mm wide."""
@@ -185,7 +188,7 @@ class _Stand:
         return shapely.union_all([_rotated(shape, turn) for turn in turns.tolist()])
 
 
-def _rotated(shape: BaseGeometry, angle_deg: float) -> BaseGeometry:
+def _rotated(shape: G, angle_deg: float) -> G:
     return rotate(shape, angle_deg, origin=(0, 0))
 
 

@@ -118,14 +118,10 @@ def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> list[BaseGeometry]:
     """Return each part's cross-section at a height of the map, where it stands."""
     found = []
     for part, body in zip(rig.parts, bodies, strict=True):
-        to_map = part.to_map
-        flat = outlines_at(body, float((z_mm - to_map[2, 3]) / to_map[2, 2]))
-        found.append(
-            shapely.transform(
-                flat,
-                lambda points, to_map=to_map: points @ to_map[:2, :2].T + to_map[:2, 3],
-            )
-        )
+        turn, shift = part.to_map[:2, :2].T, part.to_map[:2, 3]
+        flat = outlines_at(body, float((z_mm - part.to_map[2, 3]) / part.to_map[2, 2]))
+        points = shapely.get_coordinates(flat) @ turn + shift
+        found.append(shapely.set_coordinates(flat, points))
     return found
 
 

@@ -209,7 +209,7 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
     for pad in fixtures.pads:
         _draw_cells(panel, pad)
     for start in world.starts:  # the mouth of the trunk as a cross, and its heading
-        at = rig.on_plan(Point(start.pose.x_mm, start.pose.y_mm))
+        at = rig.on_plan(Point(start.pose.x_mm, start.pose.y_mm)).centroid
         cos, sin = np.cos(start.pose.heading_rad), np.sin(start.pose.heading_rad)
         mouth = np.array([(at.x + side * sin, at.y - side * cos) for side in (5.0, -5.0)])
         ahead = np.array([(at.x, at.y), (at.x + 20.0 * cos, at.y + 20.0 * sin)])

@@ -326,7 +326,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     origin_mm, scale = (world.bounds.bounds[0], world.bounds.bounds[1]), options.scale
 
     def on_plan(points: Floats) -> Floats:
-        return (points - np.array(origin_mm)) * scale
+        return np.asarray((points - np.array(origin_mm)) * scale, dtype=np.float64)
 
     bounds, *shapes = shapely.transform([world.bounds, *world.obstacles], on_plan)
     inside = Polygon(bounds.exterior)

@@ -440,6 +440,14 @@ def page_of(*panels: Panel) -> Page:
     return page_of_rows([panels])
 
 
+def bare_page(panel: Panel) -> Page:
+    """Return a page that is a panel alone, without axes and title: a drawing at true scale."""
+    inside = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
+    layers = [Layer(primitives=inside)]
+    wide_pt, high_pt = panel.width_pt, panel.height_pt
+    return Page(width_pt=wide_pt, height_pt=high_pt, layers=layers, panels=[panel])
+
+
 def page_of_rows(
     rows: Sequence[Sequence[Panel]], legend: dict[str, Primitive] | None = None
 ) -> Page:

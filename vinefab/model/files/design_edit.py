@@ -67,30 +67,23 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     old = design_of(content, source)
     if old == design:
         return text
-    too_much = _too_much(body)
+    too_much = ""
+    if len(body.encode()) > LARGEST_EDITED_BYTES:
+        too_much = f"files of over {LARGEST_EDITED_BYTES} bytes"
+    elif next(islice(_DOTTED.finditer(body), _MOST_DOTTED, None), None):
+        too_much = f"files with over {_MOST_DOTTED} dotted keys"
     if too_much:
         raise CannotWriteError(source, f"{too_much} are not changed in place; {_ELSEWHERE}")
-    for order in _level_orders(old, design):
+    orders = [_by_place(old.levels, design.levels)]  # which level continues which
+    if len(old.levels) != len(design.levels):
+        orders.insert(0, _order(old.levels, design.levels))  # likelier
+    for order in orders:
         changed = _changed(body, content, old, design, order)
         for result in _with_lost_comments(body, changed):
-            if _gives(result, design, source):
-                return bom + result
+            with suppress(VinefabError):
+                if _is_near(design_of(toml_content(result, source), source), design):
+                    return bom + result
     raise CannotWriteError(source, f"its layout cannot be changed in place; {_ELSEWHERE}")
-
-
-def _too_much(body: str) -> str:
-    if len(body.encode()) > LARGEST_EDITED_BYTES:
-        return f"files of over {LARGEST_EDITED_BYTES} bytes"
-    dotted = islice(_DOTTED.finditer(body), _MOST_DOTTED, None)
-    return f"files with over {_MOST_DOTTED} dotted keys" if next(dotted, None) else ""
-
-
-def _level_orders(old: Design, new: Design) -> list[Order]:
-    """Return which level continues which, the likeliest first."""
-    by_place = _by_place(old.levels, new.levels)
-    if len(old.levels) == len(new.levels):
-        return [by_place]
-    return [_order(old.levels, new.levels), by_place]
 
 
 def _by_place(old: Sequence[object], new: Sequence[object]) -> Order:
@@ -289,11 +282,14 @@ class _EditedFile:
 
     def put_build(self, changes: Mapping[str, Any], order: Order) -> None:
         """Change table ``[build]``, or add it."""
+        from tomlkit import item  # noqa: PLC0415  of the extra
+
         table = self.document.get("build")
         if table is None:
             given = {key: value for key, value in changes.items() if value is not None}
-            lines = [f"{key} = {_value_text(value)}\n" for key, value in given.items()]
-            if lines:
+            if given:
+                parts = {k: _inline(v) if isinstance(v, dict) else v for k, v in given.items()}
+                lines = [f"{key} = {item(value).as_string()}\n" for key, value in parts.items()]
                 self.at_end.append(f"[build]\n{''.join(lines)}")
             return
         by_level: Order = [0, *(None if index is None else index + 1 for index in order)]
@@ -325,7 +321,7 @@ class _EditedFile:
             del table[key]
         for key, value in new.items():
             before = old.get(key)
-            if key in old and _same(before, value):
+            if key in old and before == value and type(before) is type(value):
                 continue
             if isinstance(value, dict) and isinstance(before, dict):
                 self._merge(table[key], before, value)
@@ -340,14 +336,15 @@ class _EditedFile:
 
         body = table.value.body
         place = len(body)
-        while place and body[place - 1][0] is None and not self._is_mark(body[place - 1][1]):
+        while (
+            place
+            and body[place - 1][0] is None
+            and self.token not in body[place - 1][1].as_string()
+        ):
             place -= 1
         # Entries without a key are in no index of the table.
         body.insert(place, (None, comment(f"{self.token}:{len(self.blocks)}")))
         self.blocks.append(block)
-
-    def _is_mark(self, entry: Any) -> bool:  # noqa: ANN401  tomlkit's
-        return self.token in entry.as_string()
 
 
 def _takes_lines(table: Any) -> bool:  # noqa: ANN401  tomlkit's
@@ -384,18 +381,8 @@ def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
     return table
 
 
-def _value_text(value: Any) -> str:  # noqa: ANN401  a number, a list or a table
-    from tomlkit import item  # noqa: PLC0415  of the extra
-
-    return str((_inline(value) if isinstance(value, dict) else item(value)).as_string())
-
-
 def _table_block(name: str, values: Mapping[str, Any]) -> str:
     return f"\n[[{name}]]\n{tomli_w.dumps(values)}"
-
-
-def _same(one: object, other: object) -> bool:
-    return one == other and type(one) is type(other)
 
 
 _TOKENS = re.compile(
@@ -469,13 +456,6 @@ def _line_changes(
     for kind, i1, i2, j1, j2 in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
         yield kind, head + i1, head + i2, head + j1, head + j2
     yield "equal", len(before) - tail, len(before), len(after) - tail, len(after)
-
-
-def _gives(text: str, design: Design, source: str | Path) -> bool:
-    """Tell whether a text is read as a design, lengths to the last place."""
-    with suppress(VinefabError):
-        return _is_near(design_of(toml_content(text, source), source), design)
-    return False
 
 
 def _is_near(read: Design, wanted: Design) -> bool:

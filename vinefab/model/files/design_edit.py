@@ -7,26 +7,26 @@ come before the comments above the next table, and so that comments of lines tha
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import tomli_w
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Table
 
-from vinefab.core.errors import BadInputError, CannotWriteError, VinefabError
+from vinefab.core.errors import CannotWriteError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.table import declared_keys, inner_table
 from vinefab.core.units import file_number
-from vinefab.model.design import PER_LEVEL, Build, Design
+from vinefab.model.design import PER_LEVEL, Build, Design, Level, Trunk
 from vinefab.model.files.design_toml import design_content, design_of
 from vinefab.model.files.toml import table_content, toml_content
-
-if TYPE_CHECKING:
-    from tomlkit import TOMLDocument
 
 LARGEST_EDITED_BYTES = 1 << 16
 """Thirty times the largest that is shipped; more may take tomlkit seconds."""
@@ -59,7 +59,7 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     Raises
     ------
     VinefabError
-        If the text is no design file, or tomlkit is missing or cannot change it in place.
+        If the text is no design file, or tomlkit cannot change it in place.
     """
     bom = "\ufeff" if text.startswith("\ufeff") else ""
     body = text.removeprefix(bom)
@@ -102,12 +102,9 @@ def _changed(
     body: str, content: Mapping[str, Any], old: Design, new: Design, order: Order
 ) -> str | None:
     """Return the changed text; None where its layout is beyond tomlkit."""
-    parse = _parser()
-    from tomlkit.exceptions import TOMLKitError  # noqa: PLC0415  of the extra, as above
-
     ended = body if body.endswith("\n") else f"{body}\n"
     try:
-        file = _EditedFile(document=parse(ended), token=sha256_of(body.encode())[:16])
+        file = _EditedFile(document=tomlkit.parse(ended), token=sha256_of(body.encode())[:16])
         _edit(file, content, old, new, order)
         changed = file.text()
     except (TOMLKitError, RecursionError, ValueError, KeyError, IndexError, AttributeError):
@@ -116,15 +113,6 @@ def _changed(
     if "\r\n" in body and "\n" not in body.replace("\r\n", ""):
         changed = re.sub(r"(?<!\r)\n", "\r\n", changed)
     return changed if body.endswith("\n") else changed.removesuffix("\n").removesuffix("\r")
-
-
-def _parser() -> "Callable[[str], TOMLDocument]":
-    try:
-        from tomlkit import parse  # noqa: PLC0415  of the extra, and only where a file is changed
-    except ImportError as error:
-        allowed = "only with the extra: pip install 'vinefab[studio]'"
-        raise BadInputError("tomlkit", None, allowed) from error
-    return parse
 
 
 def _edit(
@@ -188,7 +176,7 @@ def _build_changes(table: Mapping[str, Any], old: Build, new: Build) -> dict[str
 class _EditedFile:
     """A document that is being changed."""
 
-    document: "TOMLDocument"
+    document: tomlkit.TOMLDocument
     token: str  # in every mark; in no text by chance
     blocks: list[str] = field(default_factory=list)  # by the number of their mark
     at_end: list[str] = field(default_factory=list)  # tables to be added below all others
@@ -201,16 +189,13 @@ class _EditedFile:
 
     def put(self, table: Any, key: str, value: Any) -> None:  # noqa: ANN401  tomlkit's tables
         """Set a value, or remove it with None; a new one stands below the others of its table."""
-        from tomlkit import item  # noqa: PLC0415  of the extra
-        from tomlkit import key as toml_key  # noqa: PLC0415  as above
-
         if value is None:
             if key in table:
                 del table[key]
         elif key in table or not _takes_lines(table):
             table[key] = value
         else:
-            self._add(table, f"{toml_key(key).as_string()} = {item(value).as_string()}\n")
+            self._add(table, _line(key, value))
 
     def put_tables(
         self,
@@ -282,15 +267,13 @@ class _EditedFile:
 
     def put_build(self, changes: Mapping[str, Any], order: Order) -> None:
         """Change table ``[build]``, or add it."""
-        from tomlkit import item  # noqa: PLC0415  of the extra
-
         table = self.document.get("build")
         if table is None:
             given = {key: value for key, value in changes.items() if value is not None}
             if given:
                 parts = {k: _inline(v) if isinstance(v, dict) else v for k, v in given.items()}
-                lines = [f"{key} = {item(value).as_string()}\n" for key, value in parts.items()]
-                self.at_end.append(f"[build]\n{''.join(lines)}")
+                lines = "".join(_line(key, value) for key, value in parts.items())
+                self.at_end.append(f"[build]\n{lines}")
             return
         by_level: Order = [0, *(None if index is None else index + 1 for index in order)]
         orders = {name: by_level if mark.first == 1 else order for name, mark in PER_LEVEL.items()}
@@ -332,8 +315,6 @@ class _EditedFile:
 
     def _add(self, table: Any, block: str) -> None:  # noqa: ANN401  tomlkit's
         """Put lines below the last value of a table, before the comments above the next one."""
-        from tomlkit import comment  # noqa: PLC0415  of the extra
-
         body = table.value.body
         place = len(body)
         while (
@@ -343,14 +324,12 @@ class _EditedFile:
         ):
             place -= 1
         # Entries without a key are in no index of the table.
-        body.insert(place, (None, comment(f"{self.token}:{len(self.blocks)}")))
+        body.insert(place, (None, tomlkit.comment(f"{self.token}:{len(self.blocks)}")))
         self.blocks.append(block)
 
 
 def _takes_lines(table: Any) -> bool:  # noqa: ANN401  tomlkit's
     """Tell whether lines can be put below the last value of a table: it has a header of its own."""
-    from tomlkit.items import AoT, Table  # noqa: PLC0415  of the extra
-
     if not isinstance(table, Table) or table.is_super_table():
         return False
     if any(key is not None and key.is_dotted() for key, _ in table.value.body):
@@ -374,11 +353,13 @@ def _remove_all_but(entries: Any, order: Order) -> None:  # noqa: ANN401  tomlki
 
 
 def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
-    from tomlkit import inline_table  # noqa: PLC0415  of the extra
-
-    table = inline_table()
+    table = tomlkit.inline_table()
     table.update({key: value for key, value in values.items() if value is not None})
     return table
+
+
+def _line(key: str, value: Any) -> str:  # noqa: ANN401  any that TOML has
+    return f"{tomlkit.key(key).as_string()} = {tomlkit.item(value).as_string()}\n"
 
 
 def _table_block(name: str, values: Mapping[str, Any]) -> str:
@@ -461,7 +442,8 @@ def _line_changes(
 def _is_near(read: Design, wanted: Design) -> bool:
     if len(read.levels) != len(wanted.levels):
         return False
-    pairs = list(zip((read.trunk, *read.levels), (wanted.trunk, *wanted.levels), strict=True))
+    parts: list[Sequence[Trunk | Level]] = [(one.trunk, *one.levels) for one in (read, wanted)]
+    pairs = list(zip(*parts, strict=True))
     trunk, *levels = (one.changed(length_mm=other.length_mm) for one, other in pairs)
     return read.changed(trunk=trunk, levels=levels) == wanted and all(
         math.isclose(one.length_mm, other.length_mm, rel_tol=4e-16) for one, other in pairs

@@ -552,7 +552,8 @@ class Design(Table):
             return NotImplemented
         return {**self.__dict__, "folder": None} == {**other.__dict__, "folder": None}
 
-    __hash__ = None  # type: ignore[assignment]  its origin may hold anything
+    # Its origin may hold anything.
+    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         lengths_mm = " + ".join(

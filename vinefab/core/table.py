@@ -77,10 +77,21 @@ class Table(BaseModel, metaclass=_TableType):
         validate_by_alias=True,
     )
 
+    @property
+    def content(self) -> dict[str, Any]:
+        """The values as files and reports have them; what is None is left out."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
     def changed(self, **changes: Any) -> Self:  # noqa: ANN401  values of any field
         """Return a copy with other values of some fields, checked as a new one is."""
         fields = {name: getattr(self, name) for name in type(self).model_fields}
         return type(self)(**fields | changes)
+
+
+class TablePart(Table):
+    """Base of the keys that are needed of vinefab's own JSON; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore")
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None = None) -> M:

@@ -8,7 +8,6 @@ from vinefab.core.table import Table
 from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
-    plain_quantity,
 )
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
@@ -86,7 +85,7 @@ def profile_json(name: str | None) -> str:
             "kind": kind,
             "name": name,
             "file": str(locate(kind, name)),
-            "numbers": {key: plain_quantity(q) for key, q in profile_numbers(name).items()},
+            "numbers": {key: q.content for key, q in profile_numbers(name).items()},
         },
     )
 

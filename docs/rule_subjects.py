@@ -51,7 +51,7 @@ def design(
         name="robot",
         trunk_length_mm=trunk_mm,
         levels=tuple(Level.of(*fan) for fan in fans),
-        build=replace(plain, **build),
+        build=plain.changed(**build),
     )
 
 

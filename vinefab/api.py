@@ -45,7 +45,6 @@ from vinefab.inputs import (
     maps_given,
     name_given,
     name_or_path,
-    options_given,
     progress_given,
     recipe_for,
     recipe_given,
@@ -61,13 +60,15 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Pose
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.profile_listing import ProfileNumbers
     from vinefab.fabrication.rules.rule import Rule
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.rig.rig_options import Printer
-    from vinefab.search.record.result import Progress, RunResult
+    from vinefab.search.record.generations import Progress
+    from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task
@@ -208,34 +209,6 @@ class PhotoReport:
         return html_table(title, ("what was measured",), [(line,) for line in self.summary])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileNumbers:
-    """What is known of a machine, a material or a recipe.
-
-    Parameters
-    ----------
-    name
-        Its name or path.
-    summary
-        Title and file, then each number with its standing and source, a line each.
-    numbers
-        The same as plain values, schema ``vinefab/profiles-1``.
-    """
-
-    name: str
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        return "\n".join([f"<ProfileNumbers {self.name}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        """Show the numbers in a notebook."""
-        from vinefab.noun_methods import lines_html
-
-        return lines_html(self.summary)
-
-
 def _file_to_write(
     key: str, given: str | PathLike[str], endings: tuple[str, ...], *, force: bool
 ) -> Path:
@@ -307,12 +280,11 @@ def profile(name: str | PathLike[str]) -> ProfileNumbers:
     >>> profile("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
     True
     """
-    from vinefab.fabrication.profile_listing import explain, profile_json
+    from vinefab.fabrication.profile_listing import ProfileNumbers, kind_of
 
-    given = str(path_given("name", name, "a name, or a path"))
-    return ProfileNumbers(
-        name=given, summary=tuple(explain(given)), numbers=json.loads(profile_json(given))
-    )
+    found = ProfileNumbers(name=str(path_given("name", name, "a name, or a path")))
+    kind_of(found.name)
+    return found
 
 
 def examples(
@@ -562,7 +534,6 @@ def aim(
     >>> 0.0 < found.mean <= 1.0
     True
     """
-    from vinefab.prediction.aim_page import aim_document
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.provenance import origin_of
@@ -594,9 +565,11 @@ def aim(
         call += f"growth={choice.options.content}, out={str(path)!r})"
         family = MapFamily(label=place.name, worlds=(place,))
         origin = origin_of(call, designs, None, [family])
-        document = aim_document(found, origin, path.suffix, choice.notes)
+        found = replace(found, origin=origin, growth_notes=choice.notes)
+        is_page = path.suffix.lower() == ".html"
+        document = found.page().encode() if is_page else found.picture(path.suffix)
         write_bytes(path, document, force=force)
-    return replace(found, notes=(*choice.notes, *found.notes))
+    return replace(found, growth_notes=choice.notes)
 
 
 def compare(
@@ -675,7 +648,7 @@ def compare(
     ['plain_vine', 'three_level_tree']
     """
     from vinefab.growth.options import GrowthChoice
-    from vinefab.prediction.comparison import compare_designs, comparison_page, measure_named
+    from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.provenance import origin_of
 
@@ -702,8 +675,8 @@ def compare(
         call = f"vf.compare([{', '.join(map(call_text, named))}], {places}, "
         call += f"measure={main.key!r}, {poses=}, {seed=}, growth={choice.options.content}, "
         call += f"out={str(path)!r})"
-        page = comparison_page(found, origin_of(call, robots, None, families))
-        write_text(path, page, force=force)
+        found = replace(found, origin=origin_of(call, robots, None, families))
+        write_text(path, found.page(), force=force)
     return found
 
 
@@ -807,10 +780,10 @@ def optimize(
     whole("workers", workers, 1, 1024)
     own_task = None if task is None or isinstance(task, str) else task_given(task, {})
     if isinstance(task, str):
-        settings = replace(settings, task=PartSettings(name=task))
+        settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
-        search = replace(settings.search, seed=whole("seed", seed, 0, _MOST_SEED))
-        settings = replace(settings, search=search)
+        search = settings.search.changed(seed=whole("seed", seed, 0, _MOST_SEED))
+        settings = settings.changed(search=search)
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     if not resume and limits.given:
         name, value = next(iter(limits.given.items()))
@@ -1063,9 +1036,9 @@ def rules() -> Mapping[str, Rule]:
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 0.0, 'warning': 2.0})
     """
-    from vinefab.fabrication.rule_listing import RuleBook, all_rules
+    from vinefab.fabrication.rule_listing import RuleBook
 
-    return RuleBook((rule.id, rule) for rule in all_rules())
+    return RuleBook.of()
 
 
 def fabricate(
@@ -1358,7 +1331,7 @@ def rig(
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(printers())}"
         machine = read_printer(name_or_path("printer", machine, allowed))
-    options = RigOptions(**options_given(RigOptions, "rig", sizes))
+    options = RigOptions(**sizes)
     request = RigRequest(
         design=None if design is None else design_given(design),
         allow_empty=allow_empty,
@@ -1615,7 +1588,6 @@ def report(
     from vinefab.growth.options import GrowthChoice
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import part_of, predict
-    from vinefab.prediction.prediction_json import prediction_text, summary_lines
     from vinefab.prediction.provenance import origin_of
 
     flags_given(force=force)
@@ -1639,12 +1611,13 @@ def report(
     origin = origin_of(call, [robot], profile, families)
     with progress_given("report", progress) as tell:
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
-        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
+        found = replace(found, origin=origin)
+        page = found.page(part_of(tell, 0.6, 1.0))
     write_text(path, page, force=force)
     return WrittenReport(
         path=path,
-        summary=tuple(summary_lines(found)),
-        numbers=json.loads(prediction_text(found, origin)),
+        summary=found.summary,
+        numbers=found.numbers,
     )
 
 

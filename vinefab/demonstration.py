@@ -23,7 +23,8 @@ from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.rig_options import RigOptions, read_printer
-from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
 from vinefab.search.run_pages import search_section, unseen_section
 from vinefab.search.settings import (
@@ -214,7 +215,7 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"
     origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
-    texts["report.html"] = demo.predicted.page(origin, more)
+    texts["report.html"] = replace(demo.predicted, origin=origin, more=more).page()
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}
     files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}

@@ -9,12 +9,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.errors import BadInputError
 from vinefab.core.progress_lines import progress_shown
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
@@ -186,24 +185,13 @@ def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:
 
 def run_given(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
-    from vinefab.search.run_file import read_run
-    from vinefab.search.settings import RunSettings
+    from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
         return given, None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
     path = locate("run file", name_or_path("run", given, allowed))
     return read_run(path), path
-
-
-def options_given(options: type, key: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return options by name, all of which a dataclass has."""
-    known = [field.name for field in fields(options)]
-    for name, value in given.items():
-        if name not in known:
-            allowed = f"one of {', '.join(known)}{nearest(name, known)}"
-            raise BadInputError(f"{key}.{name}", value, allowed)
-    return given
 
 
 def call_text(given: object) -> str:

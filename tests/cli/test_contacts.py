@@ -11,9 +11,7 @@ from vinefab.growth.plan import Plan
 from vinefab.inputs import growth_given
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
-from vinefab.search.record.run_archive import settings_from_plain
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import plain_settings
+from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
 [head_on_half_angle_deg]
@@ -149,7 +147,11 @@ def test_bounds_leave_the_other_end_assumed(bounded):
         ("value = 4.5\n", "", "head_on_half_angle_deg.value is missing"),
         ("photos = 4", "photos = 0", "photos is 0"),
         ("high = 6.0", "high = nan", "high is nan"),
-        ("high = 6.0", "high = 120.0", "head_on_half_angle_deg.high is 120.0; allowed: less than or equal to 90"),
+        (
+            "high = 6.0",
+            "high = 120.0",
+            "head_on_half_angle_deg.high is 120.0; allowed: less than or equal to 90",
+        ),
         ("contacts-1", "contacts-2", "schema is 'vinefab/contacts-2'"),
         ("[head", "[haed", "no such key"),
     ],

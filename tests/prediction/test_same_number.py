@@ -13,7 +13,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.map import Map, Pose, Start
-from vinefab.prediction.comparison import compare_designs, comparison_lines, comparison_text
+from vinefab.prediction.comparison import compare_designs
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
@@ -109,18 +109,18 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
 
 
 def test_one_sample_has_no_interval_and_no_p_value() -> None:
-    other = replace(TREE, name="other", trunk_length_mm=120.0)
+    other = TREE.changed(name="other", trunk_length_mm=120.0)
     family = MapFamily(label="the map given", worlds=(ROOM,))
     plan = PredictionPlan(poses=5)
     found = compare_designs([TREE, other], [family], plan, measure=REACH)
     assert not any(difference.is_clear for difference in found.differences)
-    lines = "\n".join(comparison_lines(found))
+    lines = "\n".join(found.summary)
     assert "1 deployment of each design" in lines
     assert "this start has no spread" in lines
     assert "tree minus other" in lines
-    assert "one pair: no interval, no p value" in lines
-    assert "p = " not in lines
-    text = comparison_text(found, origin_of("again", [TREE, other], None, [family]))
+    assert "(one sample: no interval)" in lines
+    found = replace(found, origin=origin_of("again", [TREE, other], None, [family]))
+    text = found.json_text()
     assert '"p": null' in text
     assert '"low": null' in text
 
@@ -128,7 +128,7 @@ def test_one_sample_has_no_interval_and_no_p_value() -> None:
 def test_the_bond_of_laps_went_into_reports_of_robots_in_pieces_only() -> None:
     profile = read_profile("co2_60w__stretchlon_200")
     unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
-    cut = replace(TREE, build=replace(TREE.build, pieces=PieceSettings()))
+    cut = TREE.changed(build=TREE.build.changed(pieces=PieceSettings()))
     whole, other = (origin_of("again", [TREE], known, []).inputs for known in (profile, unbonded))
     assert whole == other
     bonded, open_ = (origin_of("again", [cut], known, []).inputs for known in (profile, unbonded))
@@ -190,7 +190,7 @@ def test_the_parts_of_a_score_add_up_to_it(task: str, parameters: Mapping[str, o
     rows = {line.strip().rsplit("  ", 1)[0].strip(): line.split()[-1] for line in lines}
     shown = [float(rows[name]) for name in score.parts]
     assert sum(shown) == pytest.approx(score.composite["mean"], abs=3e-4)
-    assert "(0.25 mean + 0.75 (1 - std / 0.5);" in "".join(lines)
+    assert "0.25 mean + 0.75 (1 - std / 0.5);" in "".join(lines)
 
 
 def test_a_task_that_does_not_say_has_no_parts() -> None:

@@ -19,12 +19,11 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.formats.dxf_format import read_dxf
 from vinefab.model.job import Operation
 from vinefab.rig.board import build_board
-from vinefab.rig.corner_tiles import marker_gap_mm
-from vinefab.rig.fixtures import Fixtures
+from vinefab.rig.fixtures import Fixtures, marker_gap_mm
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.page import plan_picture
+from vinefab.rig.part_files import read_stl
 from vinefab.rig.rig_options import RigOptions
-from vinefab.rig.stl_format import read_stl
 
 cv2 = pytest.importorskip("cv2")
 
@@ -222,9 +221,9 @@ def test_the_board_carries_engraved_markers(make_map, make_printer):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"markers": "gold"}, "rig.markers is 'gold'; allowed: one of print, paper, engrave, none"),
+        ({"markers": "gold"}, "markers is 'gold'; allowed: 'print', 'paper', 'engrave' or 'none'"),
         ({"markers": "engrave"}, "print, paper or none for style plate"),
-        ({"marker_mm": 5.0}, "rig.marker_mm is 5"),
+        ({"marker_mm": 5.0}, "marker_mm is 5"),
     ],
 )
 def test_markers_that_cannot_be_made_are_refused(options, words):

@@ -47,8 +47,8 @@ def test_bounds_with_a_corner_to_go_around_are_enough():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (RigOptions(scale=13.0), r"rig.parts is \d+; allowed: at most 100 for a plate of"),
-        (RigOptions(height_mm=98.0), "rig.height_mm is 98"),
+        (RigOptions(scale=13.0), r"parts is \d+; allowed: at most 100 for a plate of"),
+        (RigOptions(height_mm=98.0), "height_mm is 98"),
     ],
 )
 def test_what_cannot_be_printed_is_refused_before_anything_is_built(monkeypatch, options, words):

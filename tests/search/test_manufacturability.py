@@ -63,17 +63,17 @@ def test_a_waived_finding_does_not_count_against_a_design(
         for finding in check_design(narrow, penalty.profile).blocking
     )
     assert waivers
-    assert penalty.passes(replace(narrow, waivers=waivers))
+    assert penalty.passes(narrow.changed(waivers=waivers))
 
 
 def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     penalty: ManufacturabilityPenalty,
 ) -> None:
     build = Build(widths_mm=(60.0, 24.0), fillet_mm=(6.0,), pressure_kpa=10.0)
-    wide = replace(fork(1.2, 200.0), build=build)
+    wide = fork(1.2, 200.0).changed(build=build)
     assert penalty.passes(wide)
     build = Build(widths_mm=(80.0, 6.0), fillet_mm=(3.0,), pressure_kpa=10.0)
-    narrow = replace(fork(1.2, 300.0), build=build)
+    narrow = fork(1.2, 300.0).changed(build=build)
     assert penalty(narrow) > 0.0
     # The check forbids what was measured; a search keeps to limits that are only assumed, too.
     assert penalty.passes(narrow)

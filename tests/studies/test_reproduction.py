@@ -16,8 +16,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.tree import branch_tree
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.ablation import VARIANTS
 from vinefab.studies.optimizers_compared import evaluations_to, smoothed
 from vinefab.studies.redeployment import BEYOND, RedeploymentJob, shape_count, tip_groups
@@ -178,7 +177,7 @@ def test_a_design_survives_being_plain():
     design = read_design("grid_explorer")
     again = design_from(json.loads(json.dumps(plain_design(design))))
     assert (again.levels, again.build) == (design.levels, design.build)
-    cut = replace(design, build=replace(design.build, pieces=PieceSettings(most=3, lap_mm=12.0)))
+    cut = design.changed(build=design.build.changed(pieces=PieceSettings(most=3, lap_mm=12.0)))
     assert design_from(json.loads(json.dumps(plain_design(cut)))).build == cut.build
     assert total_length_mm(again) == pytest.approx(branch_tree(design).total_length_mm)
 

@@ -1,6 +1,7 @@
 """``vinefab aim``: where to put a robot's base."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,13 +27,10 @@ from vinefab.core.atomic import write_bytes
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.aim_page import aim_document
 from vinefab.prediction.aiming import (
     AimPlan,
     aim_growth,
-    aim_lines,
     aim_robots,
-    aim_text,
     held_against,
 )
 from vinefab.prediction.family_deployments import MapFamily
@@ -130,10 +128,12 @@ def aim_command(
     origin = origin_of(
         shlex.join(arguments), designs, None, [MapFamily(label=world.name, worlds=(world,))]
     )
-    page = aim_document(found, origin, out.suffix, choice.notes) if out is not None else b""
-    output.give_json(aim_text(found, origin))
+    found = replace(found, origin=origin, growth_notes=choice.notes)
+    output.give_json(found.json_text())
     if out is not None:
-        write_bytes(out, page, force=force)
+        page = out.suffix.lower() == ".html"
+        data = found.page().encode() if page else found.picture(out.suffix)
+        write_bytes(out, data, force=force)
         output.say(f"wrote {out}")
-    for line in [*choice.notes, *aim_lines(found)]:
+    for line in found.summary:
         output.say(line)

@@ -33,13 +33,7 @@ from vinefab.core.atomic import write_text
 from vinefab.growth.options import growth_arguments
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.comparison import (
-    compare_designs,
-    comparison_lines,
-    comparison_page,
-    comparison_text,
-    measure_named,
-)
+from vinefab.prediction.comparison import compare_designs, measure_named
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.provenance import origin_of
 
@@ -109,10 +103,11 @@ def compare_command(
             *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)
-        page = comparison_page(found, origin) if out else ""
+        found = replace(found, origin=origin)
+        page = found.page() if out else ""
     if out is not None:
         write_text(out, page, force=force)
         output.say(f"wrote {out}")
-    output.give_json(comparison_text(found, origin))
-    for line in comparison_lines(found):
+    output.give_json(found.json_text())
+    for line in found.summary:
         output.say(line)

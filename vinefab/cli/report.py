@@ -37,7 +37,6 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import part_of, predict
-from vinefab.prediction.prediction_json import prediction_text, summary_lines
 from vinefab.prediction.provenance import origin_of
 
 
@@ -89,10 +88,10 @@ def report_command(
         arguments += ["--poses", str(poses), "--seed", str(seed)]
         arguments += [*contacts_arguments(contacts), *growth_arguments(options), "--out", str(out)]
         origin = origin_of(shlex.join(arguments), [robot], profile, families)
-        page = found.page(origin, (), part_of(show, 0.6, 1.0))
-        text = prediction_text(found, origin)
+        found = replace(found, origin=origin)
+        page = found.page(part_of(show, 0.6, 1.0))
     write_text(out, page, force=force)
-    output.give_json(text)
-    for line in summary_lines(found):
+    output.give_json(found.json_text())
+    for line in found.summary:
         output.say(line)
     output.say(f"wrote {out}")

@@ -82,9 +82,13 @@ class Table(BaseModel, metaclass=_TableType):
         """The values as files and reports have them; what is None is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
+    def __str__(self) -> str:
+        return repr(self)
+
     def changed(self, **changes: Any) -> Self:  # noqa: ANN401  values of any field
         """Return a copy with other values of some fields, checked as a new one is."""
-        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        # Fields that were not given may follow from the others: they are found anew.
+        fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**fields | changes)
 
 
@@ -120,6 +124,7 @@ class DeclaredKey:
     name: str  # in files
     field: str  # in Python
     annotation: Any  # type of its values
+    title: str  # for people; empty: as its name
     limits: tuple[Ge | Gt | Le | Lt, ...]  # of a number
     unit: str  # empty: none
     meaning: str
@@ -129,11 +134,17 @@ class DeclaredKey:
 
 
 def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
-    """Yield what a table declares of its keys, in their order."""
+    """Yield what a table declares of its keys, in their order.
+
+    Of an optional number or a list of numbers these are the limits and the unit of the numbers. A
+    field with ``Field(exclude=True)`` is no key of files.
+    """
     for name, field in table.model_fields.items():
+        if field.exclude:
+            continue
         marks = [
             part
-            for mark in field.metadata
+            for mark in (*field.metadata, *_inner_marks(field.annotation))
             for part in (mark if isinstance(mark, Interval) else (mark,))
         ]
         required = field.is_required() or name == "schema_"
@@ -141,6 +152,7 @@ def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
             name=field.alias or name,
             field=name,
             annotation=field.annotation,
+            title=field.title or "",
             limits=tuple(mark for mark in marks if isinstance(mark, Ge | Gt | Le | Lt)),
             unit=next((str(mark.unit) for mark in marks if isinstance(mark, Unit)), ""),
             meaning=next((mark.documentation for mark in marks if isinstance(mark, Doc)), ""),
@@ -148,6 +160,12 @@ def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
             required=required,
             default=None if required else field.get_default(call_default_factory=True),
         )
+
+
+def _inner_marks(annotation: Any) -> Iterator[Any]:  # noqa: ANN401  any annotation
+    yield from getattr(annotation, "__metadata__", ())
+    for part in getattr(annotation, "__args__", ()):
+        yield from _inner_marks(part)
 
 
 # --- Errors --------------------------------------------------------------------------------------
@@ -221,7 +239,7 @@ def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list
             match = [f for name, f in fields.items() if part in (name, f.alias)]
             current = inner_table(match[0].annotation) if match else None
     known: dict[str, FieldInfo] = getattr(current, "model_fields", {})
-    return [field.alias or name for name, field in known.items()]
+    return [field.alias or name for name, field in known.items() if not field.exclude]
 
 
 def inner_table(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401  any annotation

@@ -10,13 +10,15 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Literal, Protocol
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted, visible
+
+NO_INTERVAL = "one sample: no interval"
 
 Tone = Literal["good", "caution", "bad"]
 
@@ -80,8 +82,10 @@ class Number:
         if not self._is_known(self.value):
             return "-"
         words = self._shown(self.value)
-        if self.interval is not None and all(map(self._is_known, self.interval)):
-            words += f" [{', '.join(map(self._shown, self.interval))}]"
+        if self.interval is not None:
+            known = all(map(self._is_known, self.interval))
+            ends = f"[{', '.join(map(self._shown, self.interval))}]" if known else ""
+            words += f" {ends or f'({NO_INTERVAL})'}"
         return f"{words} {self.unit}".rstrip()
 
     @property
@@ -89,7 +93,10 @@ class Number:
         """The number as it stands in JSON."""
         if self.value is None or not self._is_known(self.value):
             return None
-        return self.value if self.decimals is None else round(float(self.value), self.decimals)
+        if self.decimals is None:
+            return self.value
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        return round(float(self.value), self.decimals) + 0.0
 
     @staticmethod
     def _is_known(value: float | None) -> bool:
@@ -151,10 +158,14 @@ class Table:
     folded: bool = False  # whether a reader has to open it; what is folded is not printed
     key: str = ""  # its key in JSON, a list of objects; empty: not there
     keys: tuple[str, ...] = ()  # keys of the cells in JSON, one per column; empty: not there
-    data: tuple[Mapping[str, Any], ...] = ()  # what else stands in JSON, one for each row
-    most: int = 10_000  # rows that are shown
+    # what else stands in JSON, one for each row, with keys as above; or what makes it
+    data: Sequence[Mapping[str, Any]] | Callable[[], Sequence[Mapping[str, Any]]] = ()
+    most: int = 100  # rows that are shown; a page shows all
 
     def __post_init__(self) -> None:
+        if self.key and len(self.keys) != len(self.headings):
+            allowed = f"{counted(len(self.headings), 'key')}"
+            raise BadInputError(self.caption, len(self.keys), allowed)
         for row in self.rows:
             if len(row) != len(self.headings):
                 raise BadInputError(
@@ -235,12 +246,45 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Plain values that stand in JSON alone, by their keys."""
+    """Plain values that stand in JSON alone, by their keys, or what makes them."""
 
-    content: Mapping[str, Any]
+    content: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
 
 
 Block = Answer | Facts | Table | Picture | Remark | Notes | Text | Code | Section | Data
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What it takes to get a result again."""
+
+    command: str  # what to type
+    inputs: Mapping[str, str]  # fingerprints of the contents that went in, by name
+    versions: Mapping[str, str]  # versions of what computed it
+
+    @property
+    def section(self) -> Section:
+        """The command, the inputs' fingerprints and the versions behind a page."""
+        return Section(
+            title="How to reproduce",
+            paragraphs=(
+                "The same command with the same inputs and versions gives the same file, byte for "
+                "byte; results do not depend on the computer beyond rounding.",
+            ),
+            code=self.command,
+            tables=(
+                Table(
+                    caption="Fingerprints of what went in (SHA-256, shortened)",
+                    headings=("input", "fingerprint"),
+                    rows=tuple(self.inputs.items()),
+                ),
+                Table(
+                    caption="Versions",
+                    headings=("program", "version"),
+                    rows=tuple(self.versions.items()),
+                ),
+            ),
+        )
 
 
 class Result:
@@ -248,6 +292,9 @@ class Result:
 
     __slots__ = ()
     schema: ClassVar[str] = ""
+    origin: Origin | None = None  # a result that can be got again by a command has one
+
+    parts: ClassVar[int] = 1  # about how many sections its page has
 
     @property
     def title(self) -> str:
@@ -258,7 +305,7 @@ class Result:
         """Return the result: a picture, the answer, numbers and notes."""
         raise NotImplementedError
 
-    def details(self) -> Iterable[Block]:
+    def sections(self) -> Iterable[Block]:
         """Return what its page shows below the view."""
         return ()
 
@@ -267,9 +314,15 @@ class Result:
         """The result, a line each."""
         return tuple(lines(self.view()))
 
+    @property
+    def details(self) -> tuple[str, ...]:
+        """The summary with what ``--verbose`` adds."""
+        return self.summary
+
     def json_text(self) -> str:
         """Return the result as JSON."""
-        return json_text(self.schema, document(self.view()))
+        reproduce = {"reproduce": asdict(self.origin)} if self.origin else {}
+        return json_text(self.schema, {**document(self.view()), **reproduce})
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -277,9 +330,22 @@ class Result:
         plain: dict[str, Any] = json.loads(self.json_text())
         return plain
 
-    def page(self) -> str:
-        """Return the result as an HTML page."""
-        made: str = front_door("pages.html").page(self.title, [*self.view(), *self.details()])
+    def page(self, progress: Callable[[float, str], None] | None = None) -> str:
+        """Return the result as an HTML page.
+
+        Parameters
+        ----------
+        progress
+            Called with the share of the page that is drawn and a few words.
+        """
+        blocks = list(self.view())
+        for count, block in enumerate(self.sections(), start=1):
+            blocks.append(block)
+            if progress is not None:
+                progress(min(1.0, count / self.parts), "drawing the page")
+        if self.origin is not None:
+            blocks.append(self.origin.section)
+        made: str = front_door("pages.html").page(self.title, blocks)
         return made
 
     def __repr__(self) -> str:
@@ -322,7 +388,8 @@ _SIGNS = {"error": "ERROR", "warning": "warn"}
 
 def fact_line(fact: Fact) -> str:
     """Return a fact as a line: name, value, detail."""
-    return f"{fact.name}: {fact.text}{f' ({fact.detail})' if fact.detail else ''}"
+    detail = f", {fact.detail}" if "(" in fact.detail else f" ({fact.detail})"
+    return f"{fact.name}: {fact.text}{detail if fact.detail else ''}"
 
 
 def _table_lines(table: Table) -> Iterator[str]:
@@ -373,38 +440,38 @@ def document(blocks: Iterable[Block]) -> dict[str, Any]:
             case Facts(facts):
                 for fact in facts:
                     if fact.key:
-                        _put(found, fact.key, _data(fact.value) if fact.data is None else fact.data)
+                        _put(found, fact.key, fact.value if fact.data is None else fact.data)
             case Table(key=key) if key:
                 _put(found, key, _objects(block))
             case Notes(notes, key) if key:
                 _put(found, key, list(notes))
             case Data(content):
-                found |= content
+                found |= content() if callable(content) else content
     return found
 
 
 def _objects(table: Table) -> list[dict[str, Any]]:
     objects = list[dict[str, Any]]()
-    more: Sequence[Mapping[str, Any]] = table.data or [{}] * len(table.rows)
-    for row, rest in zip(table.rows, more, strict=True):
+    given = table.data() if callable(table.data) else table.data
+    for row, rest in zip(table.rows, given or [{}] * len(table.rows), strict=True):
         one: dict[str, Any] = {}
-        for key, cell in zip(table.keys, row, strict=True):
+        for key, value in [*zip(table.keys, row, strict=True), *rest.items()]:
             if key:
-                _put(one, key, _data(cell))
-        objects.append({**one, **rest})
+                _put(one, key, value)
+        objects.append(one)
     return objects
 
 
 def _put(found: dict[str, Any], key: str, value: object) -> None:
-    """Put a value at a key with dots between its levels."""
+    """Put a value at a key with dots between its levels; the ends of an interval beside a mean."""
     *levels, last = key.split(".")
     for level in levels:
         found = found.setdefault(level, {})
-    found[last] = value
-
-
-def _data(value: Value) -> object:
-    return value.data if isinstance(value, Number) else value
+    found[last] = value.data if isinstance(value, Number) else value
+    if isinstance(value, Number) and value.interval is not None:
+        ends = ("low", "high") if last == "mean" else (f"{last}_low", f"{last}_high")
+        for name, end in zip(ends, value.interval, strict=True):
+            found[name] = replace(value, value=end, interval=None).data
 
 
 # --- As the studio takes it --------------------------------------------------------------------

@@ -201,8 +201,13 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     """Return the number of each corner's place and how many corners share each place."""
     if len(corner) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    _, place, count = np.unique(corner, axis=0, return_inverse=True, return_counts=True)
-    return place.reshape(-1).astype(np.int64), count.astype(np.int64)
+    # As np.unique over rows, at a third of its time.
+    x, y = corner[:, 0], corner[:, 1]
+    order = np.lexsort((y, x))
+    differs = (np.diff(x[order]) != 0.0) | (np.diff(y[order]) != 0.0)
+    place = np.empty(len(corner), dtype=np.int64)
+    place[order] = np.concatenate([[0], np.cumsum(differs)])
+    return place, np.bincount(place).astype(np.int64)
 
 
 def _bulge(rings: Rings) -> Floats:
@@ -280,7 +285,8 @@ def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     crowded = np.zeros(len(walls.wall), dtype=np.int64)
     for owner, place in _lists_at_starts(grid, walls.wall, wall_first):
         crowded[_crowded(walls, owner, wall_item[place].astype(np.int64), near_mm)] = 1
-    vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
+    cell = _row(grid, walls.vertex[:, 1]) * grid.columns + _column(grid, walls.vertex[:, 0])
+    vertex_first, order = _listed(grid, np.arange(len(walls.vertex)), cell)
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall[:, :5]),
         link=np.column_stack([walls.link, crowded]).astype(np.int32),
@@ -368,12 +374,15 @@ def _crowded(walls: FreeSpaceWalls, owner: Ints, other: Ints, near_mm: float) ->
     Walls do not cross, so what comes nearest is an end of one of the two.
     """
     start, end = walls.link[:, 2], walls.link[:, 3]
+    # Columns, each in one piece: rows of two numbers take three times as long.
+    x, y, t_x, t_y, length = np.ascontiguousarray(walls.wall[:, :5].T)
+    r_x, r_y = x[owner] - x[other], y[owner] - y[other]
+    aside = np.abs(r_x * t_y[other] - r_y * t_x[other])
+    few = np.flatnonzero(aside <= near_mm)
+    owner, other = owner[few], other[few]
     apart = (start[other] != start[owner]) & (end[other] != start[owner])
-    owner, other = owner[apart], other[apart]
-    r, t = walls.wall[owner, :2] - walls.wall[other, :2], walls.wall[other, 2:4]
-    along = np.sum(r * t, axis=1)
-    aside = np.abs(r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0])
-    near = (aside <= near_mm) & (along >= -near_mm) & (along <= walls.wall[other, 4] + near_mm)
+    along = r_x[few] * t_x[other] + r_y[few] * t_y[other]
+    near = apart & (along >= -near_mm) & (along <= length[other] + near_mm)
     crowded = np.zeros(len(start), dtype=np.bool_)
     if near.any():
         crowded[other[near]] = True
@@ -387,11 +396,6 @@ def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:
     index = np.repeat(np.arange(len(first)), count)
     within = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
     return index, first[index] + within
-
-
-def _cells_of_vertices(grid: _Grid, vertex: Floats) -> tuple[Ints, Ints]:
-    cell = _row(grid, vertex[:, 1]) * grid.columns + _column(grid, vertex[:, 0])
-    return np.arange(len(vertex)), cell
 
 
 def _listed(grid: _Grid, item: Ints, cell: Ints) -> tuple[Ints32, Ints32]:

@@ -389,7 +389,17 @@ def _apart(walls: _Walls, gaps: _Gaps, most: int, wide_mm: float) -> tuple[Passa
         if not others or not _belongs(walls, gaps, number, others):
             kept.append(number)
             count += use[number] >= wide_mm
-    return tuple(_passage(gaps.ends[number], float(gaps.dead_end_mm[number])) for number in kept)
+    found = []
+    for number in kept:
+        (x_1, y_1), (x_2, y_2) = gaps.ends[number].tolist()
+        found.append(
+            Passage(
+                width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)),
+                ends_mm=((x_1, y_1), (x_2, y_2)),
+                dead_end_mm=float(gaps.dead_end_mm[number]),
+            )
+        )
+    return tuple(found)
 
 
 def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
@@ -414,12 +424,3 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
         bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (_WIDENING - 1.0) * width
     )
     return bool((is_open & keeps_narrow).any())
-
-
-def _passage(ends: Floats, dead_end_mm: float) -> Passage:
-    (x_1, y_1), (x_2, y_2) = ends.tolist()
-    return Passage(
-        width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)),
-        ends_mm=((x_1, y_1), (x_2, y_2)),
-        dead_end_mm=dead_end_mm,
-    )

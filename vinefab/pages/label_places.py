@@ -13,6 +13,7 @@ _FAR_PT = (1.5, 4.0, 8.0, 13.0, 19.0, 26.0, 34.0, 44.0, 58.0, 76.0)
 
 _ANGLES = np.arange(16) * np.pi / 8.0 + np.pi / 4.0
 
+
 def label_middles(
     places_pt: Floats,
     sizes_pt: Floats,

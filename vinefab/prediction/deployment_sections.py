@@ -55,6 +55,15 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
     )
 
 
+def deployment_picture(
+    design: Design, world: Map, deployment: Deployment, options: GrowthOptions
+) -> bytes:
+    """Return a deployment on its map, as pixels where lines would take megabytes."""
+    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    plan = deployment_plan(world, deployment, widths_mm, longest_pt=331.0)
+    return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
+
+
 def deployment_section(
     design: Design,
     deployed: Sequence[tuple[str, Map, Deployment]],
@@ -62,14 +71,15 @@ def deployment_section(
     options: GrowthOptions,
 ) -> Section:
     """Return pictures of deployments, and how all branches ended."""
-    fine = design.branch_count > TOO_FINE
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
-    pictures = []
-    for words, world, deployment in deployed:
-        plan = deployment_plan(world, deployment, widths_mm, longest_pt=331.0)
-        image = page_bytes(plan, ".png" if fine else ".svg", dpi=130)
-        pictures.append(Picture(image=image, caption=f"{words} (simulated)."))
+    pictures = [
+        Picture(
+            image=deployment_picture(design, world, deployment, options),
+            caption=f"{words} (simulated).",
+        )
+        for words, world, deployment in deployed
+    ]
     return Section(
         title="Deployments",
         paragraphs=(

@@ -17,7 +17,7 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Part
 from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import footprints
-from vinefab.rig.corner_tiles import BoardMarkers
+from vinefab.rig.fixtures import BoardMarkers
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts

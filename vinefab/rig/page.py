@@ -28,8 +28,7 @@ from vinefab.pages.plan_document import LONGEST_PX, RANGE, START_ENTRY, plan_doc
 from vinefab.pages.plan_svg import contour_path, pose_svg
 from vinefab.rig.board import LoosePiece
 from vinefab.rig.comparison_with_map import RigComparison
-from vinefab.rig.corner_tiles import MarkerPad, black_cells, paper_crop_mm
-from vinefab.rig.fixtures import Fixtures, outside_of
+from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
 from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import Rig
 from vinefab.rig.printing import BASIS, Printing

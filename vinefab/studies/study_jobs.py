@@ -27,7 +27,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity
+from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
@@ -106,7 +106,7 @@ def plain_design(design: Design) -> dict[str, Any]:
         else {
             name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
         },
-        **({} if pieces is None else {"pieces": asdict(pieces)}),
+        **({} if pieces is None else {"pieces": pieces.model_dump()}),
         **({} if build.mounting == DEFAULT_MOUNTING else {"mounting": build.mounting}),
     }
 

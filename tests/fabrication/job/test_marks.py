@@ -86,14 +86,14 @@ def test_robots_of_a_full_bed_are_named_by_their_numbers(make_plan, marking):
 
 
 def test_letters_that_the_font_lacks_are_named(make_plan, marking):
-    job = laser_job(dataclasses.replace(make_plan((40.0,)), name="caché"), marking)
+    job = laser_job(make_plan((40.0,)).changed(name="caché"), marking)
     assert job.facts["marks_left_out"] == ["no strokes for É in the label of caché"]
 
 
 def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
     """A sharp s becomes SS: the box must hold both."""
     name = "ß" * 40
-    job = laser_job(dataclasses.replace(make_plan((40.0,)), name=name), marking)
+    job = laser_job(make_plan((40.0,)).changed(name=name), marking)
     strokes = [path.contour for path in job.paths if path.label.startswith("label")]
     body = shapely.Polygon(job.paths[-2].contour.flattened_mm())
     assert all(shapely.LineString(s.points_mm).distance(body) >= 3.0 for s in strokes)
@@ -167,9 +167,7 @@ def test_labels_of_nested_robots_lie_beside_their_own(make_plan, make_fan, marki
 
 def test_long_names_take_no_film(make_plan, make_fan, marking):
     def film_of(name):
-        design = dataclasses.replace(
-            make_plan((40.0, 24.0), (6.0,), (make_fan(3, 150.0, 120.0),)), name=name
-        )
+        design = make_plan((40.0, 24.0), (6.0,), (make_fan(3, 150.0, 120.0),)).changed(name=name)
         recipe = marking.recipe.changed(name=name)
         job = laser_job(design, dataclasses.replace(marking, recipe=recipe))
         assert labels(job) == {f"label of {name}"}

@@ -75,7 +75,7 @@ def test_the_way_of_a_strip_summed_by_hand(cut_at, robot) -> None:
 @pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
 def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, job, mounting) -> None:
     """Played through: what is sealed is closed, and a strip passes no joint that is made."""
-    built = replace(robot, build=replace(robot.build, mounting=mounting))
+    built = robot.changed(build=robot.build.changed(mounting=mounting))
     rng = np.random.default_rng(5)
     for _ in range(60):
         cuts = 1 + rng.choice(robot.branch_count - 1, int(rng.integers(1, 7)), replace=False)

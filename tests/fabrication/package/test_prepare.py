@@ -72,7 +72,7 @@ def test_a_package_holds_the_agreed_files_in_order(content: PackageContent) -> N
 
 
 def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) -> None:
-    other = replace(content.design, name="other")
+    other = content.design.changed(name="other")
     files = package_files(replace(content, others=(other,)))
     for name, design in (("design.toml", content.design), ("design_2.toml", other)):
         (tmp_path / name).write_bytes(files[name])

@@ -31,7 +31,7 @@ def tree(random, branches):
         )
         for count in branches
     )
-    build = replace(Build.standard(1 + len(levels), 24.0, 0.65), pieces=PieceSettings())
+    build = Build.standard(1 + len(levels), 24.0, 0.65).changed(pieces=PieceSettings())
     return Design(
         name="tree", trunk_length_mm=float(random.uniform(120, 205)), levels=levels, build=build
     )

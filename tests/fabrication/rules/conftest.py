@@ -23,7 +23,7 @@ def make_design(
         for branches, length, angle in fans
     )
     return Design(
-        name="case", trunk_length_mm=trunk_mm, levels=levels, build=replace(plain, **build)
+        name="case", trunk_length_mm=trunk_mm, levels=levels, build=plain.changed(**build)
     )
 
 

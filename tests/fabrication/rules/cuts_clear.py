@@ -11,7 +11,6 @@ a kerf or more away from it. The exit code is 1 if any robot breaks that.
 import io
 import sys
 from collections import Counter
-from dataclasses import replace
 
 import ezdxf
 import ezdxf.path
@@ -69,8 +68,8 @@ def near_the_limit(random, least_gap_mm):
     target = least_gap_mm + random.uniform(-0.5, 1.0)
 
     def grown(factor):
-        last = replace(levels[1], length_mm=levels[1].length_mm * factor)
-        return replace(whole, levels=(levels[0], last))
+        last = levels[1].changed(length_mm=levels[1].length_mm * factor)
+        return whole.changed(levels=(levels[0], last))
 
     factors = np.linspace(0.6, 4.0, 35)
     gaps = np.array([gap_mm(grown(factor)) for factor in factors]) - target

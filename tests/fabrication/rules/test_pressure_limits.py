@@ -110,9 +110,7 @@ def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: Laser
     assert found.severity is Severity.WARNING
     assert "at most 23.3" in found.message
     assert (
-        findings(
-            Subject.of(replace(design, build=replace(design.build, pressure_kpa=5.0)), profile)
-        )
+        findings(Subject.of(design.changed(build=design.build.changed(pressure_kpa=5.0)), profile))
         == []
     )
 

@@ -23,12 +23,12 @@ Make = Callable[..., Design]
 
 @pytest.fixture
 def fork(make: Make) -> Design:
-    return replace(make((2, 150.0, 70.0)), name="fork")
+    return make((2, 150.0, 70.0)).changed(name="fork")
 
 
 @pytest.fixture
 def vine(make: Make) -> Design:
-    return replace(make(), name="vine")
+    return make().changed(name="vine")
 
 
 def squeezed(contour: Contour, share: float) -> Contour:

@@ -114,7 +114,7 @@ def _finger(name: str, width_mm: float, trunk_mm: float) -> Design:
 
 def crotch_designs() -> tuple[Design, ...]:
     """Return the crotch coupons: a trunk with two branches, each with another fillet."""
-    fork = Level(branches=2, length_mm=50.0, fan_rad=math.radians(60.0))
+    fork = Level(branches=2, length_mm=50.0, angle_deg=60.0)
     return tuple(
         Design(
             name=f"CROTCH-R{radius:g}",

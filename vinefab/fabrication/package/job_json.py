@@ -1,10 +1,8 @@
 """Every setting of a job as JSON: ``vinefab/job-1``."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 
 from vinefab.core.jsontext import json_text
-from vinefab.core.units import deg
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
 from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
@@ -125,8 +123,8 @@ def _design(design: Design) -> dict[str, object]:
         {
             "branches": level.branches,
             "length_mm": level.length_mm,
-            "angle_deg": deg(level.fan_rad),
-            "growth_percent": round(100.0 * level.growth, 9),
+            "angle_deg": level.angle_deg,
+            "growth_percent": level.growth_percent,
         }
         for level in design.levels
     ]
@@ -148,11 +146,11 @@ def _build(build: Build) -> dict[str, object]:
         "pressure_kpa": build.pressure_kpa,
         "mounting": build.mounting,
         "faces": face_words(build),
-        "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
+        "pouch": None if pouch is None else pouch.model_dump(),
         "collar": None
         if collar is None
         else {
-            **{f.name: getattr(collar, f.name) for f in fields(collar)},
+            **collar.model_dump(),
             "flat_width_mm": collar.flat_width_mm,
         },
     }

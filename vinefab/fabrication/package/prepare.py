@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import verdict
+from vinefab.core.view import Fact, Section, Tone
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
@@ -54,8 +54,8 @@ from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.figure import png_bytes
-from vinefab.pages.html import Report, Section, Tone, page_html
+from vinefab.pages.html import Report, page_html
+from vinefab.pages.page_png import page_png
 
 ANIMATION_NAME = "animation.svg"
 
@@ -226,7 +226,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         profile=prepared.profile,
         job=prepared.job,
         checks=checks_text(prepared.report, prepared.beside),
-        preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
+        preview=page_png(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
         animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],
@@ -313,7 +313,7 @@ def page_content(prepared: Prepared) -> Report:
 
 def _verdict(prepared: Prepared) -> str:
     """Return what rules and recipe say together, in one line."""
-    words = verdict(prepared.report)
+    words = prepared.report.verdict
     return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
 
 
@@ -387,16 +387,19 @@ def _no_predictions() -> Section:
     return Section(title="Predictions", paragraphs=(note,))
 
 
-def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (
-        ("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
-        ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
-        ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
-        ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
-        ("film", profile.material.title),
-        ("machine", profile.machine.title),
-        ("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+        Fact("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
+        Fact("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
+        Fact(
+            "widths, lay-flat",
+            ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm",
+        ),
+        Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
+        Fact("film", profile.material.title),
+        Fact("machine", profile.machine.title),
+        Fact("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
     )

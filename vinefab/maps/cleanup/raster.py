@@ -232,16 +232,11 @@ def _jumping(rings: list[Floats], lines: Lines, ends: Ints) -> Ints:
     pairs = [(int(ring), outer) for ring in lost]
     pairs += zip(inside[eaten].tolist(), around[eaten].tolist(), strict=True)
     starts = ends - np.diff(ends, prepend=0)
-    found = [
-        starts[jumper] + _nearest_to(solids[ring], lines[starts[jumper] : ends[jumper]])
-        for ring, jumper in pairs
-    ]
-    return np.concatenate([np.empty(0, dtype=np.int64), *found])
-
-
-def _nearest_to(solid: Polygon, lines: Lines) -> Ints:
-    off = shapely.distance(lines, solid)
-    return np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE)
+    found = [np.empty(0, dtype=np.int64)]
+    for ring, jumper in pairs:
+        off = shapely.distance(lines[starts[jumper] : ends[jumper]], solids[ring])
+        found.append(starts[jumper] + np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE))
+    return np.concatenate(found)
 
 
 MOST_OBSTACLES, MANY_EDGES, MOST_EDGES = 5000, 300_000, 4_000_000

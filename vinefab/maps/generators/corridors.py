@@ -213,9 +213,13 @@ def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRul
     needed = _spanning(len(regions), open_wide, possible)
     taken = needed | (rng.random(len(possible)) < rules.loops)
     doors = [border for border, take in zip(possible, taken, strict=True) if take]
-    return [_opening(regions, border, border.low, border.high) for border in open_wide] + [
-        _door(rng, regions, border, rules) for border in doors
-    ]
+    openings = [_opening(regions, border, border.low, border.high) for border in open_wide]
+    for border in doors:
+        low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
+        begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
+        end = round(begin + rules.door_mm, COORDINATE_DECIMALS)
+        openings.append(_opening(regions, border, begin, end))
+    return openings
 
 
 def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
@@ -256,14 +260,6 @@ def _spanning(
         needed[index] = one != other
         group[one] = other
     return needed
-
-
-def _door(
-    rng: np.random.Generator, regions: Sequence[Region], border: _Border, rules: DoorRules
-) -> Region:
-    low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
-    begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
-    return _opening(regions, border, begin, round(begin + rules.door_mm, COORDINATE_DECIMALS))
 
 
 def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:

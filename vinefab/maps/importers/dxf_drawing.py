@@ -401,7 +401,9 @@ def _document(path: Path) -> tuple["Document", int]:
         raise UnreadableFileError(path, "is empty")
     if data.startswith(_DWG):
         raise UnreadableFileError(path, "is a DWG file, not DXF: save it as DXF in a CAD program")
-    tags = _tag_count(data)
+    tags = max(data.count(b"\n"), data.count(b"\r")) // 2
+    if data.startswith(_BINARY):
+        tags = len(data) // _BYTES_PER_BINARY_TAG
     if tags > _MOST_TAGS:
         problem = f"is a drawing of about {tags} values; at most {_MOST_TAGS} can be read"
         raise UnreadableFileError(path, f"{problem}: save only the layers that are walls")
@@ -417,12 +419,6 @@ def _document(path: Path) -> tuple["Document", int]:
         # ezdxf assumes metres then; the file names no unit.
         document.header["$INSUNITS"] = 0
     return document, repaired
-
-
-def _tag_count(data: bytes) -> int:
-    if data.startswith(_BINARY):
-        return len(data) // _BYTES_PER_BINARY_TAG
-    return max(data.count(b"\n"), data.count(b"\r")) // 2
 
 
 def _not_dxf(path: Path, error: Exception) -> UnreadableFileError:

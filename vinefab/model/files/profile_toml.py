@@ -8,9 +8,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.files.named_file import is_inside
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml, validated
-from vinefab.model.laser import LaserProfile, Machine, Material, Quantity, Recipe
+from vinefab.model.laser import LaserProfile, Machine, Material, Recipe
 
-QuantityForm = Quantity  # until printers are declared with it
 P = TypeVar("P", Machine, Material, Recipe)
 
 

@@ -32,7 +32,8 @@ from vinefab.search.evaluator import Evaluations, Evaluator, EvaluatorSpec
 from vinefab.search.parallel.executor import in_work_units
 from vinefab.search.parallel.point_evaluator import Begin, Finish, ThreadEvaluator
 from vinefab.search.parallel.work_placement import HandingOut, PlacedRun
-from vinefab.search.record.result import package_versions, plugin_packages
+from vinefab.search.record.identity import package_versions
+from vinefab.search.record.result import plugin_packages
 from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.evaluate import Conditions
 

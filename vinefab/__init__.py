@@ -81,7 +81,6 @@ __all__ = [
 _HOMES = {
     "vinefab.api": (
         "PhotoReport",
-        "ProfileNumbers",
         "ProposedFix",
         "WrittenFolder",
         "WrittenReport",
@@ -107,6 +106,7 @@ _HOMES = {
         "score",
     ),
     "vinefab.core.errors": ("BadInputError", "ExportRefusedError", "VinefabError"),
+    "vinefab.fabrication.profile_listing": ("ProfileNumbers",),
     "vinefab.fabrication.rules.rule": ("Rule",),
     "vinefab.model.deployment": ("Deployment", "Stop"),
     "vinefab.model.design": ("Build", "Collar", "Design", "Level", "Pouch"),
@@ -132,7 +132,6 @@ _HOMES = {
 if TYPE_CHECKING:
     from vinefab import maps as maps
     from vinefab.api import PhotoReport as PhotoReport
-    from vinefab.api import ProfileNumbers as ProfileNumbers
     from vinefab.api import ProposedFix as ProposedFix
     from vinefab.api import WrittenFolder as WrittenFolder
     from vinefab.api import WrittenReport as WrittenReport
@@ -160,6 +159,7 @@ if TYPE_CHECKING:
     from vinefab.core.errors import BadInputError as BadInputError
     from vinefab.core.errors import ExportRefusedError as ExportRefusedError
     from vinefab.core.errors import VinefabError as VinefabError
+    from vinefab.fabrication.profile_listing import ProfileNumbers as ProfileNumbers
     from vinefab.fabrication.rules.rule import Rule as Rule
     from vinefab.model.deployment import Deployment as Deployment
     from vinefab.model.deployment import Stop as Stop

@@ -60,6 +60,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Pose
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.profile_listing import ProfileNumbers
     from vinefab.fabrication.rules.rule import Rule
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
@@ -207,34 +208,6 @@ class PhotoReport:
         return html_table(title, ("what was measured",), [(line,) for line in self.summary])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileNumbers:
-    """What is known of a machine, a material or a recipe.
-
-    Parameters
-    ----------
-    name
-        Its name or path.
-    summary
-        Title and file, then each number with its standing and source, a line each.
-    numbers
-        The same as plain values, schema ``vinefab/profiles-1``.
-    """
-
-    name: str
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        return "\n".join([f"<ProfileNumbers {self.name}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        """Show the numbers in a notebook."""
-        from vinefab.noun_methods import lines_html
-
-        return lines_html(self.summary)
-
-
 def _file_to_write(
     key: str, given: str | PathLike[str], endings: tuple[str, ...], *, force: bool
 ) -> Path:
@@ -306,12 +279,11 @@ def profile(name: str | PathLike[str]) -> ProfileNumbers:
     >>> profile("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
     True
     """
-    from vinefab.fabrication.profile_listing import explain, profile_json
+    from vinefab.fabrication.profile_listing import ProfileNumbers, kind_of
 
-    given = str(path_given("name", name, "a name, or a path"))
-    return ProfileNumbers(
-        name=given, summary=tuple(explain(given)), numbers=json.loads(profile_json(given))
-    )
+    found = ProfileNumbers(name=str(path_given("name", name, "a name, or a path")))
+    kind_of(found.name)
+    return found
 
 
 def examples(
@@ -1063,9 +1035,9 @@ def rules() -> Mapping[str, Rule]:
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 0.0, 'warning': 2.0})
     """
-    from vinefab.fabrication.rule_listing import RuleBook, all_rules
+    from vinefab.fabrication.rule_listing import RuleBook
 
-    return RuleBook((rule.id, rule) for rule in all_rules())
+    return RuleBook.of()
 
 
 def fabricate(

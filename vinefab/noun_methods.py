@@ -22,13 +22,10 @@ from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
-from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 
 if TYPE_CHECKING:
-    from vinefab.fabrication.rule_listing import RuleBook
-    from vinefab.fabrication.rules.rule import Rule
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
     from vinefab.search.record.result import RunResult
@@ -199,44 +196,6 @@ def html_of(noun: object) -> str:
     return _HTML_FORMS[type(noun).__name__](noun)
 
 
-def _report_html(report: CheckReport) -> str:
-    from vinefab.fabrication.checking import verdict
-
-    return _findings_html(verdict(report), report.findings)
-
-
-def _findings_html(title: str, findings: Sequence[Finding]) -> str:
-    from vinefab.fabrication.checking import rule_title
-
-    rows = [
-        (
-            "waived" if found.waived else found.severity,
-            found.rule,
-            rule_title(found.rule),
-            ", ".join(found.branches),
-            found.message,
-            "" if found.measured is None else f"{found.measured:.4g} {found.unit}",
-            "" if found.limit is None else f"{found.limit:.4g} {found.unit}",
-        )
-        for found in findings
-    ]
-    head = ("", "rule", "what must hold", "branches", "finding", "is", "limit")
-    return html_table(title, head, rows)
-
-
-def _rule_html(rule: Rule) -> str:
-    from vinefab.fabrication.rule_listing import rule_lines
-
-    return lines_html(rule_lines(rule))
-
-
-def _rules_html(book: RuleBook) -> str:
-    from vinefab.fabrication.rule_listing import limits_text
-
-    rows = [(rule.id, rule.title, limits_text(rule, "{}")) for rule in book.values()]
-    return html_table(counted(len(rows), "rule"), ("rule", "what must hold", "limits"), rows)
-
-
 def _run_html(result: RunResult) -> str:
     from vinefab.prediction.run_winner import prediction_lines
 
@@ -274,10 +233,6 @@ def _runs_html(listing: RunListing) -> str:
 
 
 _HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
-    "CheckReport": _report_html,
-    "Finding": lambda found: _findings_html(found.rule, [found]),
-    "Rule": _rule_html,
-    "RuleBook": _rules_html,
     "RunResult": _run_html,
     "RunListing": _runs_html,
 }

@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
@@ -20,6 +21,9 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
@@ -222,8 +226,8 @@ def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
         name="fuzz",
         trunk_length_mm=float(size_mm * rng.choice([0.3, 1.0, 10.0 ** rng.uniform(-1.0, 0.5)])),
         levels=levels,
-        build=replace(
-            build, widths_mm=widths_mm, pressure_kpa=min(float(limit_kpa / share), MOST_KPA)
+        build=build.changed(
+            widths_mm=widths_mm, pressure_kpa=min(float(limit_kpa / share), MOST_KPA)
         ),
     )
 
@@ -300,7 +304,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = replace(options, head_on_half_angle_rad=angles_rad[launch])
-        plain = grow(design, terrain, poses[launch], alone, "reference")
+        plain = grow(design, terrain, poses[launch], alone, grow_reference_branches)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1
@@ -473,7 +477,7 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
     if move.mirrors:  # only fans of equal branches have a mirror image
         designs = [
-            replace(one, levels=tuple(replace(level, growth=1.0) for level in one.levels))
+            one.changed(levels=tuple(level.changed(growth=1.0) for level in one.levels))
             for one in designs
         ]
     scaled = [scaled_design(one, move.scale) for one in designs]
@@ -501,10 +505,9 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
 
 def scaled_design(design: Design, scale: float) -> Design:
     """Return a design whose lengths are multiplied."""
-    return replace(
-        design,
+    return design.changed(
         trunk_length_mm=design.trunk_length_mm * scale,
-        levels=tuple(replace(one, length_mm=one.length_mm * scale) for one in design.levels),
+        levels=tuple(one.changed(length_mm=one.length_mm * scale) for one in design.levels),
     )
 
 

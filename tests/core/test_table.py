@@ -83,6 +83,28 @@ def test_a_file_must_say_its_kind():
     assert next(declared_keys(Tree)).required
 
 
+class Amount(Table):
+    value: float
+
+    def __ge__(self, least):
+        return self.value >= least
+
+    def __le__(self, most):
+        return self.value <= most
+
+
+class Dose(Table):
+    salt: Annotated[Amount | None, Interval(ge=1, le=5)] = None
+
+
+def test_a_range_of_inline_tables_is_that_of_their_numbers():
+    assert validated(Dose, {"salt": {"value": 5.0}}).salt.value == 5.0
+    with pytest.raises(BadInputError, match=r"salt.value is 9.0; allowed: less than or equal to 5"):
+        validated(Dose, {"salt": {"value": 9.0}})
+    with pytest.raises(BadInputError, match=r"salt.value is 0.0; allowed: greater than or equal"):
+        Dose(salt=Amount(value=0.0))
+
+
 def test_keys_tell_what_is_declared():
     length, tip = declared_keys(Branch)
     assert (length.name, length.field, length.unit) == ("length", "length_mm", "mm")

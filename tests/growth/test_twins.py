@@ -2,16 +2,15 @@
 
 import cmath
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
+from tests.oracles.growth_reference import World, grow_reference_branches
 from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.reference import World
 from vinefab.growth.simulator import KERNEL, grow, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -34,7 +33,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
             fast = grow(robot, terrain, pose, options, "kernel")
-            plain = grow(robot, terrain, pose, options, "reference")
+            plain = grow(robot, terrain, pose, options, grow_reference_branches)
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -52,7 +51,7 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
         fast = grow(robot, terrain, pose, options, "kernel")
-        plain = grow(robot, terrain, pose, options, "reference")
+        plain = grow(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
@@ -74,8 +73,8 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
             body=str(rng.choice(["centerline", "inflated"])),
             pressure_stop=number % 2 == 0,
         )
-        build = replace(robot.build, pressure_kpa=float(rng.uniform(0.2, 2.0)))
-        robot = replace(robot, build=build)
+        build = robot.build.changed(pressure_kpa=float(rng.uniform(0.2, 2.0)))
+        robot = robot.changed(build=build)
         fast = grow(robot, terrain, pose, options, "kernel")
         plain = grow(robot, terrain, pose, options, "interpreted")
         for name in ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad"):
@@ -97,11 +96,11 @@ def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
         rng = np.random.default_rng([9, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        near = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+        near = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
         few = len(tested)
         with monkeypatch.context() as everywhere:
             everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
-            whole = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+            whole = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
         assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
         assert near.stop.tolist() == whole.stop.tolist(), number
         assert few < len(tested) - few, number
@@ -157,14 +156,14 @@ def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, ter
     """Turned along the wall or not, it sends its children to the wall at 90 degrees or along it."""
     ground = terrain(box(-2000.0, -2000.0, 2000.0, 2000.0))
     robot = tree(3000.0, (3, 2000.0, 60.0, 0.8), (1, 400.0, 90.0, 1.0), (3, 1000.0, 180.0, 1.0))
-    build = replace(robot.build, widths_mm=(40.0,) * 4, pressure_kpa=6.5574184435189595)
+    build = robot.build.changed(widths_mm=(40.0,) * 4, pressure_kpa=6.5574184435189595)
     options = GrowthOptions(
         head_on_half_angle_rad=0.0, body_width_ratio=1.3, children_of_stuck="deploy"
     )
     pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
     fast, plain = (
-        grow(replace(robot, build=build), ground, pose, options, engine)
-        for engine in ("kernel", "reference")
+        grow(robot.changed(build=build), ground, pose, options, engine)
+        for engine in ("kernel", grow_reference_branches)
     )
     assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())
     assert fast.stop.tolist() == plain.stop.tolist()

@@ -104,7 +104,7 @@ def test_widths_are_measured(seen):
 
 
 def test_another_design_is_seen(photo_file):
-    other = replace(DESIGN, levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
+    other = DESIGN.changed(levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
     found = observe_photo(read_photo(photo_file), WORLD, other, POSE, SETUP)
     assert not found.fits
     assert found.verdict.startswith("no verdict")

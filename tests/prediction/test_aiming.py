@@ -95,7 +95,7 @@ def test_the_plain_vine_has_the_same_length_film_and_rules():
     vine = plain_vine_of(TREE)
     assert branch_tree(vine).total_length_mm == pytest.approx(200.0)
     assert (vine.branch_count, vine.build.widths_mm) == (1, TREE.build.widths_mm[:1])
-    trained = replace(TREE, origin={"growth": {"pressure_stop": False}, "seed": 3})
+    trained = TREE.changed(origin={"growth": {"pressure_stop": False}, "seed": 3})
     assert not aim_growth(held_against(trained), None).options.pressure_stop
     assert held_against(vine) == [vine]
     assert held_against(TREE, vine) == [TREE, vine]

@@ -27,7 +27,7 @@ SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 @pytest.fixture(scope="module")
 def found():
     design = read_design("three_level_tree")
-    short = replace(scaled_tree(design, 0.5), name="short")
+    short = scaled_tree(design, 0.5).changed(name="short")
     family = unseen_maps("grid", 6, 0, SMALL)
     return compare_designs([design, short, design], [family], PredictionPlan(poses=2)), family
 

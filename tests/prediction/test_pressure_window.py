@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ from vinefab.prediction.pressure_window import window_of, window_section
 
 def test_a_robot_without_room_has_no_pressure(straight):
     design, family = straight
-    wide = replace(design, build=Build.standard(1, trunk_width_mm=2000.0))
+    wide = design.changed(build=Build.standard(1, trunk_width_mm=2000.0))
     result = deploy_family(
         wide, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
     )
@@ -42,7 +40,7 @@ def known_window(most_kpa=30.0):
     values = {LOOSE_PRESSURE.key: needs, TIGHT_PRESSURE.key: 2.0 * needs}
     table = MeasureTable(label="l", maps=("m",) * 102, poses=(None,) * 102, values=values)
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=40.0)
-    build = replace(Build.standard(1, trunk_width_mm=20.0), pouch=pouch, pressure_kpa=15.0)
+    build = Build.standard(1, trunk_width_mm=20.0).changed(pouch=pouch, pressure_kpa=15.0)
     design = Design(name="v", trunk_length_mm=100.0, build=build)
     return window_of(design, read_profile(DEFAULT_RECIPE), [table])
 

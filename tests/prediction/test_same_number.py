@@ -109,7 +109,7 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
 
 
 def test_one_sample_has_no_interval_and_no_p_value() -> None:
-    other = replace(TREE, name="other", trunk_length_mm=120.0)
+    other = TREE.changed(name="other", trunk_length_mm=120.0)
     family = MapFamily(label="the map given", worlds=(ROOM,))
     plan = PredictionPlan(poses=5)
     found = compare_designs([TREE, other], [family], plan, measure=REACH)
@@ -127,8 +127,8 @@ def test_one_sample_has_no_interval_and_no_p_value() -> None:
 
 def test_the_bond_of_laps_went_into_reports_of_robots_in_pieces_only() -> None:
     profile = read_profile("co2_60w__stretchlon_200")
-    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
-    cut = replace(TREE, build=replace(TREE.build, pieces=PieceSettings()))
+    unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
+    cut = TREE.changed(build=TREE.build.changed(pieces=PieceSettings()))
     whole, other = (origin_of("again", [TREE], known, []).inputs for known in (profile, unbonded))
     assert whole == other
     bonded, open_ = (origin_of("again", [cut], known, []).inputs for known in (profile, unbonded))

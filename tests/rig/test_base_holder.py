@@ -1,6 +1,5 @@
 """The base holder as made: bore, place and holes measured on the triangles of its STL files."""
 
-import dataclasses
 import json
 import math
 import shutil
@@ -71,8 +70,8 @@ def test_the_bore_has_the_collars_diameter_at_the_trunks_height(
     make_map, make_printer, scale, heading_deg
 ):
     design = read_design("plain_vine")
-    build = dataclasses.replace(design.build, collar=Collar(clamp_diameter_mm=22.0))
-    design = dataclasses.replace(design, build=build)
+    build = design.build.changed(collar=Collar(clamp_diameter_mm=22.0))
+    design = design.changed(build=build)
     world = make_map(*WALLS, starts=(spread(0.0, heading_deg=heading_deg),))
     printer = make_printer()
     made = made_of(world, printer, design, scale=scale, entry_width_mm=60.0)

@@ -28,14 +28,11 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import (
     Deployed,
     check_design,
-    check_lines,
     deployed_lines,
     findings_file,
-    verdict,
 )
 from vinefab.fabrication.rules.catalog import parsed_limits
 from vinefab.fabrication.rules.fix import parsed_keeps
-from vinefab.fabrication.rules.run_rules import checks_text
 from vinefab.fabrication.rules.subject import RigFacts
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
@@ -129,8 +126,9 @@ def check_command(
         grown = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
         deployed = deploy_from_starts(robot, worlds, given)
     report = check_design(robot, profile, limits, deployed, worlds, _rig(rig))
-    output.give_json(checks_text(report))
-    for line in [*grown, *deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
+    output.give_json(report.json_text())
+    told = report.details if verbose else report.summary
+    for line in [*grown, *deployed_lines(deployed), *told]:
         output.say(line)
     for path in (svg, png, dxf):
         if path is not None:
@@ -173,7 +171,7 @@ def _write_fix(
         output.say(line)
     if proposal.design is None or proposal.after is None:
         return EXIT_FINDINGS if proposal.failed else 0
-    for line in [*scores(proposal.design), verdict(proposal.after)]:
+    for line in [*scores(proposal.design), proposal.after.verdict]:
         output.say(line)
     write_text(fix, design_text(proposal.design), force=output.force)
     output.say(f"wrote {fix}")

@@ -14,7 +14,6 @@ from vinefab.fabrication.calibration.coupon_package import (
     ensure_results_not_filled_in,
     make_coupons,
 )
-from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -35,7 +34,7 @@ def coupon_command(
     output.ensure_folder(out, COUPON_MARK)
     ensure_results_not_filled_in(out, force=force)
     coupons = make_coupons(read_profile(recipe))
-    for line in (*check_lines(coupons.report), *broken_formats()):
+    for line in (*coupons.report.summary, *broken_formats()):
         output.say(line)
     if coupons.report.blocking:
         typer.echo("nothing written: a rule forbids these coupons", err=True)

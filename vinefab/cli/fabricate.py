@@ -16,7 +16,6 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import PACKAGE_MARK, Prepared, package, prepare, zip_bytes
@@ -88,5 +87,5 @@ def fabricate_command(
 def _report_lines(prepared: Prepared) -> Iterator[str]:
     """Yield the report on every design, and the laser formats that could not be loaded."""
     for report in (prepared.report, *prepared.beside):
-        yield from check_lines(report)
+        yield from report.summary
     yield from broken_formats()

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
-from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
+from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
 
 
 def profiles_command(
@@ -22,8 +22,8 @@ def profiles_command(
     Example: vinefab profiles co2_60w__stretchlon_200
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    lines = profile_list() if name is None else explain(name)
-    output.give_json(profile_json(name))
-    for line in lines:
+    found = ProfileListing() if name is None else ProfileNumbers(name=name)
+    output.give_json(found.json_text())
+    for line in found.summary:
         output.say(line)
     return 0

@@ -16,7 +16,6 @@ from vinefab.cli.common_options import (
 )
 from vinefab.core.atomic import write_folder
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import check_lines
 from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -130,7 +129,7 @@ def rig_command(
     with output.progress("rig") as show:
         made = make_rig(world, machine, options, request, progress=show)
     if made.report.blocking:
-        for line in check_lines(made.report):
+        for line in made.report.summary:
             output.say(line)
         return EXIT_FINDINGS
     write_folder(out, made.files, RIG_MARK, force=force)

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
-from vinefab.fabrication.rule_listing import explain_rule, rule_list, rules_json
+from vinefab.fabrication.rule_listing import RuleBook
 
 
 def rules_command(
@@ -25,8 +25,8 @@ def rules_command(
     Example: vinefab rules VF-C01
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    lines = rule_list() if rule is None else explain_rule(rule)
-    output.give_json(rules_json(rule))
-    for line in lines:
+    book = RuleBook.of(rule)
+    output.give_json(book.json_text())
+    for line in book.summary:
         output.say(line)
     return 0

@@ -341,7 +341,7 @@ class Map:
         --------
         >>> from vinefab import maps
         >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
-        'pegs_1: 500 x 500 mm, 64 obstacles, 1028 walls, 1028 vertices'
+        'map: pegs_1'
         """
         return front_door().info_of(self, width_mm=width_mm, passages=passages)
 

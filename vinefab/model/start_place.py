@@ -15,17 +15,21 @@ Commas count as spaces.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
 import shapely.affinity
+from annotated_types import Interval, Unit
+from pydantic import Field
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, nearest, shortened
+from vinefab.core.table import Table
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.model.map import START_CLEARANCE_MM, Map, Pose, Start
@@ -131,7 +135,8 @@ class StartPlace:
             If nothing of the place is free there.
         """
         box = world.bounds.bounds
-        area = self.area or _side_line(str(self.side), self._inset_mm, box)
+        inset_mm = self.least_clearance_mm if self.inset_mm is None else self.inset_mm
+        area = self.area or _side_line(str(self.side), inset_mm, box)
         heading_deg = SIDES[self.side] if self.side else _inwards_deg(area, box)
         heading_rad = rad(heading_deg) if self.heading_rad is None else self.heading_rad
         start = Start(
@@ -148,9 +153,95 @@ class StartPlace:
         x_mm, y_mm = _middle_mm(area, pieces)
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
 
+
+Spread = Annotated[float, Interval(ge=0.0, le=LARGEST_MM), Unit("mm")]
+Place = Annotated[float, Interval(ge=-LARGEST_MM, le=LARGEST_MM), Unit("mm")]
+Point = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class StartTable(Table):
+    """A start in a file: a pose and the range around it, or a side, a line or an area."""
+
+    x_mm: Annotated[Place | None, Doc("in map coordinates")] = None
+    y_mm: Annotated[Place | None, Doc("in map coordinates")] = None
+    heading_deg: Annotated[
+        float | None,
+        Interval(ge=-1e6, le=1e6),
+        Unit("deg"),
+        Doc("counter-clockwise from +x; of a side: inwards if left out"),
+    ] = None
+    spread_x_mm: Annotated[Spread | None, Doc("half-width of the range of positions")] = None
+    spread_y_mm: Annotated[Spread | None, Doc("half-width of the range of positions")] = None
+    spread_heading_deg: Annotated[
+        float, Interval(ge=0.0, le=360.0), Unit("deg"), Doc("half-width of the range of headings")
+    ] = 0.0
+    side: Annotated[str | None, Doc("left, right, bottom or top: anywhere on it")] = None
+    inset_mm: Annotated[Spread | None, Doc("how far from the side")] = None
+    line: Annotated[list[Point] | None, Doc("points of a line: anywhere on it")] = None
+    area: Annotated[
+        list[Point] | None, Doc("corners of a box, or of a polygon: anywhere in it")
+    ] = None
+    clearance_mm: Annotated[Spread | None, Doc("least distance of a line or area from walls")] = (
+        None
+    )
+
     @property
-    def _inset_mm(self) -> float:
-        return self.least_clearance_mm if self.inset_mm is None else self.inset_mm
+    def start(self) -> Start | StartPlace:
+        """The start that the table says.
+
+        Raises
+        ------
+        BadInputError
+            If it says none, or two; its key is one of the table.
+        """
+        places = [name for name in ("side", "line", "area") if getattr(self, name) is not None]
+        if not places:
+            return self._pose()
+        if len(places) > 1:
+            raise BadInputError(places[1], getattr(self, places[1]), "not beside another one")
+        self.only_without("x_mm", "y_mm", "spread_x_mm", "spread_y_mm", at=places[0])
+        points = self.line if places[0] == "line" else self.area
+        if points is not None and len(points) < 2:
+            raise BadInputError(places[0], points, "two or more points")
+        try:
+            return self.place(None if points is None else shape_of(places[0], points))
+        except BadInputError as error:
+            name = error.key.removeprefix("start.")
+            key = places[0] if name in ("area", "x", "y") else name
+            raise BadInputError(key, error.value, error.allowed) from error
+
+    def place(self, area: LineString | Polygon | None) -> StartPlace:
+        """Return the start on the table's side, or anywhere in an area."""
+        return StartPlace(
+            side=self.side,
+            area=area,
+            inset_mm=self.inset_mm,
+            heading_rad=None if self.heading_deg is None else rad(self.heading_deg),
+            spread_heading_rad=rad(self.spread_heading_deg),
+            clearance_mm=self.clearance_mm,
+        )
+
+    def _pose(self) -> Start:
+        for name in ("x_mm", "y_mm", "heading_deg"):
+            if getattr(self, name) is None:
+                raise BadInputError(name, None, "it must be given, or side, line or area")
+        self.only_without("inset_mm", "clearance_mm", at="a pose")
+        return Start(
+            pose=Pose(
+                x_mm=self.x_mm or 0.0,
+                y_mm=self.y_mm or 0.0,
+                heading_rad=rad(self.heading_deg or 0.0),
+            ),
+            spread_x_mm=self.spread_x_mm or 0.0,
+            spread_y_mm=self.spread_y_mm or 0.0,
+            spread_heading_rad=rad(self.spread_heading_deg),
+        )
+
+    def only_without(self, *names: str, at: str) -> None:
+        """Refuse keys that mean nothing there."""
+        for name in names:
+            if getattr(self, name) is not None:
+                raise BadInputError(name, getattr(self, name), f"not beside {at}")
 
 
 def start_given(given: object, key: str = "start") -> Start | StartPlace:
@@ -263,7 +354,13 @@ class _Said:
             raise self.wrong("heading DEG, heading DEG+-SPREAD or heading +-SPREAD")
         if name in SIDES and self.numbers[name]:
             raise self.wrong(f"{name} side without numbers, then heading DEG, inset MM, clear MM")
-        area = None if name in SIDES else _shape(name, self.numbers[name], self.wrong)
+        area = None
+        if name not in SIDES:
+            numbers = self.numbers[name]
+            points = list(zip(numbers[::2], numbers[1::2], strict=False))
+            if len(numbers) % 2 or len(points) < 2:
+                raise self.wrong(f"{name} X,Y X,Y: two or more points")
+            area = shape_of(name, points)
         return StartPlace(
             side=name if name in SIDES else None,
             area=area,
@@ -291,16 +388,6 @@ class _Said:
     def spread_rad(self, name: str) -> float:
         """Return the range of headings that is said, either way."""
         return rad(number("+-SPREAD", self.either_way.get(name, 0.0), 0.0, 360.0, "deg"))
-
-
-def _shape(
-    name: str, numbers: Sequence[float], wrong: Callable[[str], BadInputError]
-) -> LineString | Polygon:
-    """Return the line or area through points that stand one behind the other."""
-    points = list(zip(numbers[::2], numbers[1::2], strict=False))
-    if len(numbers) % 2 or len(points) < 2:
-        raise wrong(f"{name} X,Y X,Y: two or more points")
-    return shape_of(name, points)
 
 
 def shape_of(name: str, points: Sequence[Sequence[float]]) -> LineString | Polygon:
@@ -450,7 +537,11 @@ def start_pieces(
     if area is None:
         raise BadInputError("start", "a pose", "a start with an area")
     clear_mm = max(start.clearance_mm, clearance_mm)
-    pieces = _free_pieces(area, _near(area, free, clear_mm), clear_mm)
+    near = shapely.intersection(free, _box_around(area, clear_mm))
+    if clear_mm > _SLACK_MM:
+        near = shapely.buffer(near, _SLACK_MM - clear_mm, quad_segs=_SEGMENTS_PER_QUARTER)
+    parts = shapely.get_parts(shapely.intersection(area, near)).tolist()
+    pieces = [part for part in parts if isinstance(part, type(area)) and not part.is_empty]
     if not pieces:
         away = (
             f" at least {clear_mm:g} mm from walls: move it (a side by inset MM), or say a smaller "
@@ -464,7 +555,11 @@ def start_pieces(
 def area_notes(worlds: Sequence[Map]) -> list[str]:
     """Return from how much of the lines and areas of starts poses are drawn, if not from all."""
     drawn = [(world, start) for world in worlds for start in world.starts if start.area is not None]
-    shares = [_free_share(world, start) for world, start in drawn]
+    shares = []
+    for world, start in drawn:
+        measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
+        whole = float(measure(start.area))
+        shares.append(min(1.0, float(measure(pieces_on(world, start)).sum()) / whole))
     if not shares or min(shares) > _ALL:
         return []
     clearances_mm = {start.clearance_mm for _, start in drawn}
@@ -493,24 +588,21 @@ def start_range(start: Start) -> BaseGeometry | None:
 
 def pieces_on(world: Map, start: Start) -> list[LineString | Polygon]:
     """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
-    return start_pieces(start, _free_near(world, start))
-
-
-def _free_share(world: Map, start: Start) -> float:
-    """Return how much of a start's line or area poses are drawn from, 0 to 1."""
-    measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
-    pieces = pieces_on(world, start)
-    return min(1.0, float(measure(pieces).sum() / measure(start.area)))
-
-
-def _free_near(world: Map, start: Start) -> BaseGeometry:
-    """Return the free space around a start's area, as far as its clearance may ask for."""
-    x_min, y_min, x_max, y_max = (start.area or world.bounds).bounds
-    reach_mm = start.clearance_mm + 1.0
-    around = shapely.box(x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+    around = _box_around(start.area or world.bounds, start.clearance_mm)
     solid = np.array(world.obstacles, dtype=np.object_)
     near = solid[shapely.intersects(shapely.box(*shapely.bounds(solid).T), around)]
-    return shapely.difference(shapely.intersection(world.bounds, around), shapely.union_all(near))
+    inside = shapely.intersection(world.bounds, around)
+    return start_pieces(start, shapely.difference(inside, shapely.union_all(near)))
+
+
+def _box_around(area: BaseGeometry, clearance_mm: float) -> Polygon:
+    """Return a box with all that may be within a clearance of an area."""
+    x_min, y_min, x_max, y_max = area.bounds
+    reach_mm = clearance_mm + 1.0
+    box: Polygon = shapely.box(
+        x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm
+    )
+    return box
 
 
 def share_around(start: Start, share: float) -> LineString | Polygon | None:
@@ -525,29 +617,6 @@ def share_around(start: Start, share: float) -> LineString | Polygon | None:
         spot = shapely.Point(base)
         return min(pieces, key=lambda piece: piece.distance(spot), default=smaller)
     return smaller
-
-
-def _near(area: BaseGeometry, free: BaseGeometry, reach_mm: float) -> BaseGeometry:
-    """Return the free space around an area: all that may be within a distance."""
-    x_min, y_min, x_max, y_max = area.bounds
-    reach_mm = reach_mm + 1.0
-    around = shapely.box(x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
-    return shapely.intersection(free, around)
-
-
-def _far_from_walls(free: BaseGeometry, clearance_mm: float) -> BaseGeometry:
-    if clearance_mm <= _SLACK_MM:
-        return free
-    return shapely.buffer(free, _SLACK_MM - clearance_mm, quad_segs=_SEGMENTS_PER_QUARTER)
-
-
-def _free_pieces(
-    area: LineString | Polygon, near: BaseGeometry, clearance_mm: float
-) -> list[LineString | Polygon]:
-    room = _far_from_walls(near, clearance_mm)
-    pieces = shapely.get_parts(shapely.intersection(area, room)).tolist()
-    kind = type(area)
-    return [piece for piece in pieces if isinstance(piece, kind) and not piece.is_empty]
 
 
 def _side_line(side: str, inset_mm: float, box: tuple[float, ...]) -> LineString:

@@ -382,7 +382,7 @@ class AimResult(Result):
             }
         )
 
-    def details(self) -> Iterator[Block]:
+    def sections(self) -> Iterator[Block]:
         """Yield the other pictures, and how the pose was found."""
         plan, first = self.plan, self.first
         others = [

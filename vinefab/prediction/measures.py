@@ -13,12 +13,12 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import NO_INTERVAL, Number
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
+from vinefab.model.laser import GrowthConstants
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
     NO_TENSION,
-    GrowthConstants,
     riding_mm,
 )
 from vinefab.physics.tube import inflated_diameter_mm
@@ -314,7 +314,7 @@ def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Flo
     return np.asarray(worst)
 
 
-LOOSE = FITTED.with_storage(NO_TENSION)
+LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 TIGHT = FITTED
 """Film that nothing holds back as it leaves its store, and film on a tight spool."""

@@ -10,7 +10,7 @@ import numpy as np
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import check_design, verdict
+from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
@@ -381,7 +381,7 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
     if isinstance(checked, str):
         return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
     asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
-    words = (f"{verdict(checked)}; recipe {run.profile().recipe.name}.{asked}",)
+    words = (f"{checked.verdict}; recipe {run.profile().recipe.name}.{asked}",)
     if run.design.branch_count > TOO_FINE:
         return Section(
             title=title,

@@ -305,8 +305,8 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
 
 def scaled_tree(design: Design, factor: float) -> Design:
     """Return a design with all lengths times a factor; widths stay."""
-    levels = tuple(replace(level, length_mm=level.length_mm * factor) for level in design.levels)
-    return replace(design, trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
+    levels = tuple(level.changed(length_mm=level.length_mm * factor) for level in design.levels)
+    return design.changed(trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
 
 
 def moved_poses(

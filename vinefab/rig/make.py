@@ -8,7 +8,7 @@ import shapely
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import check_lines, corridors_in
+from vinefab.fabrication.checking import corridors_in
 from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
@@ -65,7 +65,7 @@ class RigFiles(RigRecord):
             f"every STL and 3MF read back closed and oriented; assembled, the outsides of the "
             f"walls differ from the map by {100 * self.comparison.share:.4f} %",
             *(f"note: {note}" for note in rig.notes),
-            *check_lines(self.report)[:-1],
+            *self.report.summary[:-1],
         ]
 
 

@@ -11,9 +11,9 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.validation import SMALLEST
 from vinefab.model.corner_marker import DEFAULT_MARKER_MM
-from vinefab.model.files.profile_toml import QuantityForm
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
+from vinefab.model.laser import Quantity
 from vinefab.model.map import Map
 
 MOST_PARTS = 2000
@@ -72,13 +72,20 @@ def _form_of_printers() -> type[Table]:
     keys = [key for key in declared_keys(Printer) if key.field != "name"]
     optional = [key.field for key in keys].index("layer_mm")
     fields: dict[str, Any] = {
-        "schema_": (Literal["vinefab/printer-1"], Field(alias="schema")),
+        "schema_": (
+            Annotated[
+                Literal["vinefab/printer-1"],
+                Field(alias="schema"),
+                Doc("kind of file and its version"),
+            ],
+            ...,
+        ),
         "title": (Annotated[str, Doc("for people")], ...),
     }
     fields |= {
-        key.field: (Annotated[QuantityForm, Unit(key.unit), Doc(key.meaning)], ...)
+        key.field: (Annotated[Quantity, Unit(key.unit), Doc(key.meaning)], ...)
         if index < optional
-        else (Annotated[QuantityForm | None, Unit(key.unit), Doc(key.meaning)], None)
+        else (Annotated[Quantity | None, Unit(key.unit), Doc(key.meaning)], None)
         for index, key in enumerate(keys)
     }
     doc = "A file in ``laser_profiles/printers``; what is for estimates only may be left out."
@@ -97,7 +104,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
     path = locate("printer", name_or_path)
     form = validated(PrinterForm, read_toml(path), path)
     with located(path):
-        values = {name: held.value for name, held in form if isinstance(held, QuantityForm)}
+        values = {name: held.value for name, held in form if isinstance(held, Quantity)}
         return cast("Printer", Printer(name=path.stem, **values))
 
 

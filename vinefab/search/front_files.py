@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -166,7 +166,7 @@ def _named(design: Design, settings: RunSettings, result: RunResult, place: int)
     origin[ORIGIN_GROWTH] = settings.growth.content
     if result.recipe is not None:
         origin[ORIGIN_RECIPE] = result.recipe.origin
-    return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
+    return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
 
 
 def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:

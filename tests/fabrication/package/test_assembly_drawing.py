@@ -3,7 +3,6 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -68,7 +67,7 @@ def test_every_piece_joint_and_step_is_on_the_page(robot, parts, recipe) -> None
 def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
     cut_at, robot, recipe
 ) -> None:
-    turned = replace(robot, build=replace(robot.build, mounting="turned"))
+    turned = robot.changed(build=robot.build.changed(mounting="turned"))
     partition, outlines = cut_at(turned, (1, 2), 12.0)
     page = " ".join(texts_of(assembly_drawing(turned, partition, outlines, recipe)))
     assert "B over A: plug and socket B" in page
@@ -80,13 +79,13 @@ def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
 def test_a_robot_in_one_piece_has_the_drawing_of_its_faces(robot, recipe) -> None:
     """Which face is which is told from the drawn lines: the outer line as deployed, by colour."""
     for mounting, outside in (("tail_inverted", ALERT), ("turned", INK)):
-        one = replace(robot, build=replace(robot.build, mounting=mounting))
-        drawn = primitives_of(mounting_drawing(one))
+        turned = robot.changed(build=robot.build.changed(mounting=mounting))
+        drawn = primitives_of(mounting_drawing(turned))
         lines = [one for one in drawn if isinstance(one, Shape) and len(one.chains[0]) > 8]
         growing = sorted(lines, key=lambda line: line.chains[0][:, 0].max())[-2:]
         highest = min(growing, key=lambda line: line.chains[0][:, 1].min())
         assert highest.ink.line == outside
-    assert list(assembly_files(one, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
+    assert list(assembly_files(turned, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
 
 
 def test_labels_lie_on_no_other_label(robot, parts, recipe) -> None:

@@ -29,13 +29,13 @@ def recipe():
 @pytest.fixture(scope="module")
 def glued(recipe):
     """The recipe with laps of adhesive film."""
-    guess = {"standing": Standing.ASSUMED}
+    guess = {"standing": Standing.ASSUMED, "source": "a test"}
     lap = LapBond(
         method=LapMethod.ADHESIVE_FILM,
         band_mm=Quantity(value=10.0, **guess),
         survived_n_per_mm=Quantity(value=0.2, **guess),
     )
-    return replace(recipe, recipe=replace(recipe.recipe, lap=lap))
+    return replace(recipe, recipe=recipe.recipe.changed(lap=lap))
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_the_way_of_a_strip_summed_by_hand(cut_at, robot) -> None:
 @pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
 def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, job, mounting) -> None:
     """Played through: what is sealed is closed, and a strip passes no joint that is made."""
-    built = replace(robot, build=replace(robot.build, mounting=mounting))
+    built = robot.changed(build=robot.build.changed(mounting=mounting))
     rng = np.random.default_rng(5)
     for _ in range(60):
         cuts = 1 + rng.choice(robot.branch_count - 1, int(rng.integers(1, 7)), replace=False)
@@ -153,7 +153,7 @@ def test_adhesive_film_needs_no_strip(cut_at, robot, glued, job) -> None:
 
 
 def test_a_recipe_without_laps_says_that_nothing_is_known(cut_at, robot, recipe, job) -> None:
-    unknown = replace(recipe, recipe=replace(recipe.recipe, lap=None))
+    unknown = replace(recipe, recipe=recipe.recipe.changed(lap=None))
     words = joining_items(robot, job, unknown, cut_at(robot, (1,))[0])
     assert any("has no [lap]: nothing is known of the bond" in text for text in words)
     assert not any("None" in text for text in words)

@@ -123,7 +123,8 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
 
 
 def _matrix(profile: LaserProfile) -> Matrix | None:
-    if not any(s.by_laser for op, s in profile.recipe.operations.items() if op.startswith("weld")):
+    operations = profile.recipe.by_operation.items()
+    if not any(settings.by_laser for name, settings in operations if name.startswith("weld")):
         return None
     return energy_matrix(profile)
 

@@ -399,7 +399,7 @@ def marks_of(
     robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
 ) -> Marking:
     """Return fold lines and labels of robots, as far as there is room."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     placed = [robot for robot in robots if robot.placement]
     areas = [body_area(robot) for robot in placed]

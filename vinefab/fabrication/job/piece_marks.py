@@ -54,7 +54,7 @@ def marks_of_pieces(
     partition: Partition,
 ) -> Marking:
     """Return the marks of the pieces on one sheet, as far as there is room."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     # What seals a piece with stubs is several open paths: its outline encloses it.
     taken = [path for path in bodies if path.operation is Operation.CUT]

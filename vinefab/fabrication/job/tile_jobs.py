@@ -174,7 +174,7 @@ def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
     """
     made = [mark(line, TARGET, "") for line in _crosses(tile.made_mm)]
     verifying: list[LaserPath] = []
-    if Operation.MARK in profile.recipe.operations:
+    if Operation.MARK in profile.recipe.by_operation:
         settings = profile.settings(Operation.MARK)
         verifying = [
             replace(mark(line, VERIFICATION, ""), variant=VERIFY, settings=settings)

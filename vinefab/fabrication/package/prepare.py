@@ -9,7 +9,6 @@ from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Fact, Section, Tone
-from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
@@ -314,7 +313,7 @@ def page_content(prepared: Prepared) -> Report:
 
 def _verdict(prepared: Prepared) -> str:
     """Return what rules and recipe say together, in one line."""
-    words = verdict(prepared.report)
+    words = prepared.report.verdict
     return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
 
 

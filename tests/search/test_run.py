@@ -15,7 +15,8 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunResult, map_fingerprint
+from vinefab.search.record.identity import map_fingerprint
+from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.record.run_archive import RunArchive, map_from_text, map_to_text
 from vinefab.search.run import (
     generated_maps,

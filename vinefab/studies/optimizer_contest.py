@@ -25,7 +25,8 @@ from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
-from vinefab.search.record.result import RunIdentity, package_versions
+from vinefab.search.record.identity import package_versions
+from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import environment_options, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design

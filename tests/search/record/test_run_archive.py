@@ -13,7 +13,8 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunIdentity, RunResult, map_fingerprint
+from vinefab.search.record.identity import map_fingerprint
+from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.run_archive import (
     RECORD_FILE,
     RecordTail,

@@ -103,10 +103,10 @@ class WrittenFolder:
 
     def _repr_html_(self) -> str:
         """Show the files and the findings in a notebook."""
-        from vinefab.noun_methods import html_of, html_table
+        from vinefab.noun_methods import html_table
 
         files = html_table(f"written: {self.path}", ("file",), [(name,) for name in self.files])
-        return files + html_of(self.report)
+        return files + self.report._repr_html_()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

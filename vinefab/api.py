@@ -1412,8 +1412,6 @@ def observe(
     >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
     """
-    from vinefab.observation.observation_json import observation_text
-    from vinefab.observation.observation_page import observation_html
     from vinefab.observation.observe_photo import observe_photo
     from vinefab.observation.photo_setup import PhotoSetup
     from vinefab.photos.photo import read_photo
@@ -1447,12 +1445,12 @@ def observe(
             map_file=world.name if isinstance(map, Map) else str(map),
             design_file=robot.name if isinstance(design, Design) else str(design),
         )
-    text = observation_text(seen)
+    text = seen.json_text()
     if page is not None:
         is_json = page.suffix.lower() == ".json"
-        write_text(page, text if is_json else observation_html(seen), force=force)
+        write_text(page, text if is_json else seen.page(), force=force)
     numbers = json.loads(text)
-    return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=numbers)
+    return PhotoReport(path=page, summary=seen.summary, numbers=numbers)
 
 
 def fit_observations(

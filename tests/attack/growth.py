@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
@@ -20,6 +21,9 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
@@ -300,7 +304,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = replace(options, head_on_half_angle_rad=angles_rad[launch])
-        plain = grow(design, terrain, poses[launch], alone, "reference")
+        plain = grow(design, terrain, poses[launch], alone, grow_reference_branches)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1

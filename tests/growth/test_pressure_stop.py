@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 from shapely import box
 
+from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow
@@ -152,7 +153,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         robot = at_pressure(robot, some_pressure_kpa(robot, terrain, pose, options, constants, rng))
         options = replace(options, pressure_stop=True)
         fast = grow(robot, terrain, pose, options, "kernel")
-        plain = grow(robot, terrain, pose, options, "reference")
+        plain = grow(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         (needed_kpa,) = growth_pressures_kpa(fast, robot, [constants])

@@ -223,11 +223,11 @@ def _previewed(
 ) -> tuple[tuple[Map, ...], bytes]:
     """Return the map in a photo, and the photo with the map's walls drawn over it."""
     from vinefab.maps.importers.photo_map import read_photo_map  # noqa: PLC0415  loads scipy.optimize
-    from vinefab.pages.figure import png_bytes  # noqa: PLC0415  loads matplotlib
+    from vinefab.pages.page_png import page_png  # noqa: PLC0415
     from vinefab.pages.photo_preview import photo_preview  # noqa: PLC0415
 
     imported = read_photo_map(source, options)
-    return started_maps([imported.world], start), png_bytes(photo_preview(imported))
+    return started_maps([imported.world], start), page_png(photo_preview(imported))
 
 
 def start_command(

@@ -9,7 +9,7 @@ import importlib.util
 from collections.abc import Callable
 from functools import cache
 from importlib.machinery import SourceFileLoader
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 # mypy: allow-untyped-calls
@@ -66,6 +66,20 @@ def interpreted(name: str) -> ModuleType:
     module = ModuleType(loader.name)
     loader.exec_module(module)
     return module
+
+
+def rebindable(name: str) -> dict[str, Any]:
+    """Return the names of a module as `interpreted` gives it, to be replaced one by one.
+
+    Its functions are new ones, which find each other under these names: whoever replaces one sees
+    every call of it, and changes nothing for others.
+    """
+    source = vars(interpreted(name))
+    names: dict[str, Any] = dict(source)
+    for key, part in source.items():
+        if isinstance(part, FunctionType):
+            names[key] = FunctionType(part.__code__, names, key)
+    return names
 
 
 @cache

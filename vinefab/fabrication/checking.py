@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import counted
+from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
@@ -22,6 +23,7 @@ from vinefab.model.finding import CheckReport, RuleSkipped
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import inflated_diameter_mm
 
 MANY_BRANCHES = 1500
@@ -172,12 +174,7 @@ def findings_file(design: Design, profile: LaserProfile, report: CheckReport, pa
     """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
     if path.suffix.lower() == ".dxf":
         return _drawing_dxf(findings_drawing(design, profile, report), path).encode()
-    # Plotting takes long to load, which a check without a picture has no use for.
-    from vinefab.fabrication.findings_picture import findings_picture  # noqa: PLC0415
-    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-
-    picture = findings_picture(design, profile, report)
-    return svg_bytes(picture) if path.suffix.lower() == ".svg" else png_bytes(picture)
+    return page_bytes(findings_picture(design, profile, report), path.suffix)
 
 
 def _drawing_dxf(drawing: Job, path: Path) -> str:

@@ -1,6 +1,6 @@
 """What photos of grown robots measured of contacts: numbers with intervals, read by predictions."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from annotated_types import Ge, Interval, Le, Unit
 from pydantic import Field, model_validator
@@ -117,7 +117,7 @@ class MeasuredContacts(Table):
         return {name: one.content for name, one in found.items() if one is not None}
 
 
-CONTACTS_SCHEMA = "vinefab/contacts-1"
+CONTACTS_SCHEMA: Final = "vinefab/contacts-1"
 
 
 class ContactsFile(MeasuredContacts):

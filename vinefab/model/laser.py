@@ -422,7 +422,7 @@ class GrowthConstants(Table):
             Inflated diameter of the tube that these constants were fitted to.
         """
         factor = fitted_diameter_mm / diameter_mm
-        scaled = {
+        scaled: dict[str, Any] = {
             name: Quantity(
                 value=quantity.value * factor,
                 standing=Standing.ASSUMED,

@@ -23,9 +23,9 @@ from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
 from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
@@ -387,7 +387,7 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
             title=title,
             paragraphs=(*words, "Too many branches to be drawn here: vinefab check --svg does."),
         )
-    image = svg_bytes(findings_picture(run.design, run.profile(), checked))
+    image = page_svg(findings_picture(run.design, run.profile(), checked))
     caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
     picture = Picture(image=image, caption=caption, wide=True, file="sheet")
     return Section(title=title, paragraphs=words, pictures=(picture,))

@@ -222,12 +222,12 @@ class BenchmarkResult:
     search: SearchEvaluation  # the same evaluations by the search's own evaluator
     penalty: PenaltyTimes  # how far designs are from manufacturable
     first_grow_s: dict[str, float]  # time of ``vinefab grow`` on a new computer, by `FIRST_GROWTHS`
-    # reference_branches_per_s, twin_branches_per_s: branches grown by the Shapely reference and by
-    # the kernel's readable twin
+    # reference_branches_per_s, interpreted_branches_per_s: branches grown by the Shapely reference
+    # and by the kernel as the interpreter runs it
     reference_branches_per_s: float
     # largest distance between a tip of the reference and that of the kernel
     reference_error_mm: float
-    twin_branches_per_s: float
+    interpreted_branches_per_s: float
     evaluation_over_growth: float  # time of a full evaluation over that of growth alone
     # events_per_branch, ns_per_event: mean number of events, and the time of one
     events_per_branch: float
@@ -307,7 +307,7 @@ def run_benchmark(
         first_grow_s={name: first_growth_s(site.world, do) for name, do in FIRST_GROWTHS.items()},
         reference_branches_per_s=reference.branches / reference_s,
         reference_error_mm=reference.error_mm(),
-        twin_branches_per_s=_twin(site.terrain, poses[:5]),
+        interpreted_branches_per_s=_interpreted(site.terrain, poses[:5]),
         evaluation_over_growth=evaluated_s / grown_s,
         events_per_branch=count / branches,
         ns_per_event=1e9 * grown_s / count,
@@ -365,11 +365,11 @@ class _Reference:
         return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
 
 
-def _twin(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
-    """Return the readable twin's branches per second."""
+def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
+    """Return the branches per second of the kernel as the interpreter runs it."""
     design = tree_of_40()
     taken_s = least_s(
-        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "reference") for pose in poses], 1
+        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
     )
     return len(poses) * len(branch_tree(design)) / taken_s
 
@@ -438,14 +438,14 @@ def bench_lines(result: BenchmarkResult) -> list[str]:
 
 def _compared(result: BenchmarkResult) -> list[str]:
     growths_per_s = result.branches_per_s / 40.0
-    twin = result.branches_per_s / result.twin_branches_per_s
+    slower = result.branches_per_s / result.interpreted_branches_per_s
     return [
         f"growth             {result.branches_per_s:12,.0f} branches/s"
         f"  ({growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch)",
         f"Shapely reference  {result.reference_branches_per_s:12,.0f} branches/s"
         f"  {result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm",
-        f"plain Python twin  {result.twin_branches_per_s:12,.0f} branches/s"
-        f"  {twin:,.0f} times slower",
+        f"interpreted kernel {result.interpreted_branches_per_s:12,.0f} branches/s"
+        f"  {slower:,.0f} times slower",
         f"full evaluation    {result.evaluations_per_s:12,.0f} trees/s scored for coverage"
         f"  {result.evaluation_over_growth:.2f} times the time of growth alone",
         f"  in a search      {result.search.trees_per_s:12,.0f} trees/s"

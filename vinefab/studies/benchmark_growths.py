@@ -4,12 +4,11 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import FunctionType
 from typing import Any
 
 import numpy as np
 
-from vinefab.core.compiling import interpreted
+from vinefab.core.compiling import rebindable
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth import kernel
@@ -163,7 +162,7 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
     batch = batch_on(terrain, poses)
     walls, rules = terrain.walls(), rules_of(BENCH_GROWTH, terrain.tolerance_mm)
     plan, rays, sweeps, count = batch.plans.each[0], [], [], 0
-    plain = _plain_kernel()
+    plain = rebindable(KERNEL)
     meeting, sweep_to = plain["_meeting"], plain["_sweep_to"]
 
     def note_ray(walls: Any, rules: Any, *ray: Any) -> Any:  # noqa: ANN401  as the kernel
@@ -187,13 +186,3 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
         sweeps=np.ascontiguousarray(sweep[:, :12]),
         corner=sweep[:, 12].astype(np.int64),
     )
-
-
-def _plain_kernel() -> dict[str, Any]:
-    """Return the kernel's names with functions of its own, which call each other by them."""
-    source = vars(interpreted(KERNEL))
-    plain: dict[str, Any] = dict(source)
-    for name, part in source.items():
-        if isinstance(part, FunctionType):
-            plain[name] = FunctionType(part.__code__, plain, name)
-    return plain

@@ -8,7 +8,7 @@ from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.core.registry import Registry
 from vinefab.pages.html import Report, Section, Table, page_html
-from vinefab.search.record.result import package_versions
+from vinefab.search.record.identity import package_versions
 from vinefab.studies.ablation import ablation
 from vinefab.studies.anchor_holding import anchor
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected

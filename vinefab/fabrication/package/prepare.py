@@ -54,8 +54,8 @@ from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.figure import png_bytes
 from vinefab.pages.html import Report, page_html
+from vinefab.pages.page_png import page_png
 
 ANIMATION_NAME = "animation.svg"
 
@@ -226,7 +226,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         profile=prepared.profile,
         job=prepared.job,
         checks=checks_text(prepared.report, prepared.beside),
-        preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
+        preview=page_png(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
         animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],

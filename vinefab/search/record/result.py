@@ -1,10 +1,7 @@
 """Generations, finalists and result of a run, and what identifies the run."""
 
-import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
@@ -18,7 +15,6 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
-from vinefab.core.version import __version__
 from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
@@ -27,10 +23,11 @@ from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.start_place import start_of_record, start_text
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS, Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.record.identity import map_fingerprint, package_versions
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, limit_option, plain_settings
 from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
@@ -98,9 +95,6 @@ class Progress:
         """Share of the run that is done, by the first of its limits that ends it at this pace."""
         whole_s = self.elapsed_s + self.left_s
         return self.elapsed_s / whole_s if whole_s > 0.0 else self.generation / self.generations
-
-
-_PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -293,25 +287,6 @@ class RunResult(Result):
         return sum(len(generation.fitness) for generation in self.history)
 
 
-@cache
-def _versions_of_needed() -> dict[str, str]:
-    """Return the versions of the packages that vinefab itself needs; to ask takes 10 ms."""
-    return {name: version(name) for name in _PACKAGES}
-
-
-def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
-    """Return the versions of all packages that a run's numbers depend on."""
-    versions = {"vinefab": __version__, "python": platform.python_version()}
-    versions |= _versions_of_needed()
-    for name in others:
-        if name not in versions:
-            try:
-                versions[name] = version(name)
-            except PackageNotFoundError:
-                versions[name] = "none"
-    return versions
-
-
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
@@ -433,17 +408,6 @@ def plugin_packages(settings: RunSettings) -> list[str]:
     # A look-up of a name makes the registry load plug-ins.
     packages = {parts.packages.get(name, "") for parts, name in named if name in parts}
     return sorted(packages - {""})
-
-
-def map_fingerprint(world: Map) -> str:
-    """Return the fingerprint of a map's name, bounds, obstacles and starts."""
-    starts = [start_record(start) for start in world.starts]
-    return fingerprint(
-        world.name,
-        world.bounds.wkb_hex,
-        [obstacle.wkb_hex for obstacle in world.obstacles],
-        starts,
-    )
 
 
 def first_difference(

@@ -8,9 +8,9 @@ import pytest
 import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.inputs import growth_given
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.inputs import growth_of
 from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import plain_settings
@@ -183,7 +183,7 @@ def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
     measured.rename(tmp_path / "contacts" / "our_film.toml")
-    assert growth_given({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
+    assert growth_of({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
 
 
 @pytest.mark.usefixtures("measured")

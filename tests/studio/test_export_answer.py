@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import vinefab.cli.report  # noqa: F401  so that its names can be replaced
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
@@ -105,11 +104,10 @@ class FoundInNoTime:
 
 
 def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
-    for place in ("prediction.predict.predict", "cli.report.predict"):
-        monkeypatch.setattr(f"vinefab.{place}", FoundInNoTime)
-    for place in ("prediction.prediction_json", "cli.report"):
-        monkeypatch.setattr(f"vinefab.{place}.summary_lines", lambda _: ["found"])
-    monkeypatch.setattr("vinefab.cli.report.prediction_text", lambda *_: "")
+    monkeypatch.setattr("vinefab.prediction.predict.predict", FoundInNoTime)
+    written = "vinefab.prediction.prediction_json"
+    monkeypatch.setattr(f"{written}.summary_lines", lambda _: ["found"])
+    monkeypatch.setattr(f"{written}.prediction_text", lambda *_: '{"schema": "x"}')
     content = edited(opened(**MOVED, growth={"storage_kpa": 1.25}))
     options = {"poses": 2, "environment": "pegs", "count": 3}
     answer = export(content, "report", "page.html", options=options)

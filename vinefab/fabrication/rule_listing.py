@@ -1,6 +1,6 @@
 """The design rules as a user reads them: a list, and one rule explained."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.front_door import front_door
@@ -115,6 +115,24 @@ def _is_own(rule: Rule) -> bool:
 
 class RuleBook(dict[str, Rule]):
     """Rules by id; an unknown one is an error that names the nearest."""
+
+    words: str | None = None  # that chose them
+
+    @classmethod
+    def of(cls, rules: Iterable[Rule], *, words: str | None = None) -> "RuleBook":
+        """Return some rules, and the words that chose them."""
+        book = cls((rule.id, rule) for rule in rules)
+        book.words = words
+        return book
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The list in lines; one rule that was chosen explained."""
+        return tuple(rule_list() if self.words is None else explain_rule(self.words))
+
+    def json_text(self) -> str:
+        """Return the rules as JSON: ``vinefab/rules-1``."""
+        return rules_json(self.words)
 
     def __missing__(self, rule_id: str) -> Rule:
         raise UnknownNameError("rule", str(rule_id), self)

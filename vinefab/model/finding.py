@@ -151,6 +151,8 @@ class CheckReport:
         Waived fingerprints without a finding.
     limits
         Limits that differ from their defaults.
+    notes
+        What was deployed for it, and by which rules, a line each.
     """
 
     design: str
@@ -160,6 +162,7 @@ class CheckReport:
     findings: tuple[Finding, ...]
     stale_waivers: tuple[str, ...] = ()
     limits: tuple[ChangedLimit, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = " with ".join(reprlib.repr(name) for name in (self.design, self.recipe) if name)
@@ -171,6 +174,28 @@ class CheckReport:
         """Show the findings in a notebook."""
         shown: str = front_door().html_of(self)
         return shown
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """Findings by rule, what was not looked at, and the verdict, a line each."""
+        lines: tuple[str, ...] = front_door().check_summary(self)
+        return lines
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """The same with every rule that was applied."""
+        lines: tuple[str, ...] = front_door().check_summary(self, verbose=True)
+        return lines
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of a command: 1 where something stands in the way of an export."""
+        return int(bool(self.blocking))
+
+    def json_text(self) -> str:
+        """Return the check as JSON: ``vinefab/checks-1``."""
+        text: str = front_door().check_json(self)
+        return text
 
     def _counted(self, severity: Severity) -> str:
         count = self.count(severity)

@@ -55,6 +55,8 @@ class Score:
         The growth options by name.
     notes
         What a user should know about the deployments, a sentence each.
+    summary
+        The score in lines, where `vinefab.score` returned it.
     """
 
     task: str
@@ -63,6 +65,13 @@ class Score:
     parts: Mapping[str, float] = field(default_factory=dict)
     growth: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    summary: tuple[str, ...] = ()
+
+    def json_text(self) -> str:
+        """Return the score as JSON: ``vinefab/score-1``."""
+        from vinefab.model.files.results_json import score_text  # noqa: PLC0415  it needs scores
+
+        return score_text(self)
 
     def __repr__(self) -> str:
         weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())

@@ -15,6 +15,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
+from vinefab.core.verbs import MOST_SEED
 from vinefab.growth.options import (
     HALF_ANGLE_DEG,
     GrowthChoice,
@@ -93,7 +94,7 @@ class AimPlan:
     def __post_init__(self) -> None:
         whole("--deployments", self.deployments, FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS)
         whole("--robots", self.robots, 1, LARGEST_TEAM)
-        whole("--seed", self.seed, 0, 2**31)
+        whole("--seed", self.seed, 0, MOST_SEED)
         number("--placing-mm", self.placing_mm, 0.0, MOST_PLACING_MM, "mm")
         number("--placing-deg", self.placing_deg, 0.0, MOST_PLACING_DEG, "deg")
 
@@ -245,6 +246,8 @@ class AimResult:
         The design, and what it is held against.
     notes
         What a user should know, a sentence each.
+    origin
+        What it takes to get the result again.
     """
 
     world: Map
@@ -252,6 +255,11 @@ class AimResult:
     plan: AimPlan
     robots: tuple[AimedRobot, ...]
     notes: tuple[str, ...] = ()
+    origin: Origin | None = None
+
+    def json_text(self) -> str:
+        """Return the result as JSON: ``vinefab/aim-1``."""
+        return aim_text(self, self.origin)
 
     def __repr__(self) -> str:
         return f"<AimResult {self.first.name} on {self.world.name}: {pose_text(self.pose)}>"
@@ -472,7 +480,7 @@ def _interval_text(mean: float, low: float, high: float) -> str:
     return f"{mean:+.4f} [{low:+.4f}, {high:+.4f}]"
 
 
-def aim_text(found: AimResult, origin: Origin) -> str:
+def aim_text(found: AimResult, origin: Origin | None) -> str:
     """Return the result as JSON."""
     plan = found.plan
     content = {
@@ -492,7 +500,7 @@ def aim_text(found: AimResult, origin: Origin) -> str:
         "notes": list(found.notes),
         "pose": _pose_content(found.pose),
         "robots": [_robot_content(robot, found.first) for robot in found.robots],
-        "reproduce": asdict(origin),
+        "reproduce": asdict(origin) if origin else None,
     }
     return json_text(AIM_SCHEMA, content)
 

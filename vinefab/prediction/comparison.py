@@ -134,6 +134,8 @@ class DesignComparison:
         What counts most.
     growth_notes
         Why they were grown by these rules, a sentence each.
+    origin
+        What it takes to get the result again.
     """
 
     names: tuple[str, ...]
@@ -144,6 +146,11 @@ class DesignComparison:
     plan: PredictionPlan
     measure: Measure = COVERAGE
     growth_notes: tuple[str, ...] = ()
+    origin: Origin | None = None
+
+    def json_text(self) -> str:
+        """Return the comparison as JSON: ``vinefab/design-comparison-1``."""
+        return comparison_text(self, self.origin)
 
     def __repr__(self) -> str:
         means = ", ".join(f"{name} {self.measure.text(mean)}" for name, mean in self.means.items())
@@ -508,7 +515,7 @@ def comparison_lines(found: DesignComparison) -> list[str]:
     return [*ranking_lines(found), *(difference.words for difference in told_differences(found))]
 
 
-def comparison_text(found: DesignComparison, origin: Origin) -> str:
+def comparison_text(found: DesignComparison, origin: Origin | None) -> str:
     """Return a comparison as JSON."""
     outcomes = found.outcomes()
     some = found.results[0].outcomes
@@ -524,7 +531,7 @@ def comparison_text(found: DesignComparison, origin: Origin) -> str:
             "deployments": len(some),
             "designs": {name: spreads_content(found) for name, found in outcomes.items()},
             "duels": [_difference_content(difference) for difference in found.differences],
-            "reproduce": asdict(origin),
+            "reproduce": asdict(origin) if origin else None,
         },
     )
 

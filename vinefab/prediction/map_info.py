@@ -205,6 +205,10 @@ class MapInfo:
         shown: str = front_door().html_of(self)
         return shown
 
+    def json_text(self) -> str:
+        """Return every figure as JSON: ``vinefab/map-info-1``."""
+        return info_text(self)
+
     @property
     def summary(self) -> tuple[str, ...]:
         """The figures, a line each."""

@@ -42,10 +42,18 @@ class RunListing:
         The summary of each, in plain values: ``folder``, ``name``, ``seed``, ``winner_score``, ...
     broken
         One line for each that is unreadable.
+    whole
+        Whether all runs have ended whose best winner was written.
     """
 
     rows: tuple[dict[str, Any], ...]
     broken: tuple[str, ...]
+    whole: bool = True
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command: 1 where runs miss, or none can be read."""
+        return int(not self.whole or bool(self.broken and not self.rows))
 
     def __repr__(self) -> str:
         return "\n".join([f"<RunListing of {counted(len(self.rows), 'run')}>", *self.lines])
@@ -64,13 +72,18 @@ class RunListing:
         return tuple(SeedSummary.of(rows) for rows in alike.values() if len(rows) > 1)
 
     @property
-    def lines(self) -> list[str]:
-        """The listing as lines for the user."""
+    def summary(self) -> tuple[str, ...]:
+        """The listing, a line each."""
         broken = [f"unreadable: {line}" for line in self.broken]
         merged = [line for summary in self.seeds for line in summary.lines]
-        return [*map(run_line, self.rows), *broken, *merged]
+        return (*map(run_line, self.rows), *broken, *merged)
 
-    def json(self) -> str:
+    @property
+    def lines(self) -> list[str]:
+        """The listing as a list."""
+        return list(self.summary)
+
+    def json_text(self) -> str:
         """Return the listing as JSON: ``vinefab/runs-1``."""
         seeds = [summary.plain() for summary in self.seeds]
         content = {"runs": list(self.rows), "broken": list(self.broken), "seeds": seeds}

@@ -173,6 +173,10 @@ class RunResult:
     recipe
         The recipe by which designs were judged; None where none was asked for, and in a record of
         an older vinefab.
+    summary
+        What was found, a line each, of what `vinefab.optimize` returned.
+    exit_code
+        Of the command: 1 where no manufacturable robot was found.
     """
 
     run_id: str
@@ -188,6 +192,19 @@ class RunResult:
     extensions: tuple[Extension, ...] = ()
     prediction: Mapping[str, Any] = field(default_factory=dict)
     recipe: RunRecipe | None = None
+    summary: tuple[str, ...] = ()
+    exit_code: int = 0
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """The summary, and where the time went."""
+        return (self.times.summary, *self.summary)
+
+    def json_text(self) -> str:
+        """Return the result as JSON: ``vinefab/run-result-1``."""
+        from vinefab.search.run import result_json  # noqa: PLC0415  runs are built on this module
+
+        return result_json(self)
 
     def __repr__(self) -> str:
         return f"<RunResult {self.headline}>"

@@ -7,7 +7,7 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 import inspect
 import re
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -19,14 +19,15 @@ from pydantic_core import PydanticUndefined
 from vinefab.app.verbs import GROUPS, VERBS
 from vinefab.cli.commands import Command, names_in
 from vinefab.cli.help import command_help, group_help
+from vinefab.core.table import Table, declared_keys
 from vinefab.core.verbs import parameter_words
 from vinefab.fabrication.rule_listing import grouped_rules, limit_text
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.files.contacts_toml import ContactsForm
-from vinefab.model.files.design_toml import DesignForm
-from vinefab.model.files.profile_toml import MachineForm, MaterialForm, QuantityForm, RecipeForm
-from vinefab.rig.rig_options import Printer, PrinterForm
+from vinefab.model.contacts import ContactsFile
+from vinefab.model.design import Design
+from vinefab.model.laser import Machine, Material, Quantity, Recipe
+from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.run_file import RunForm
 from vinefab.tasks.shipped_tasks import TASKS
@@ -46,7 +47,7 @@ FORMATS = (
     Format(
         name="design",
         title="Design file (`vinefab/design-1`, TOML)",
-        form=DesignForm,
+        form=Design,
         about="`vinefab new design mine.toml` writes one with comments. Lengths are millimetres.",
     ),
     Format(
@@ -60,7 +61,7 @@ FORMATS = (
     Format(
         name="recipe",
         title="Recipe (`vinefab/recipe-1`, TOML)",
-        form=RecipeForm,
+        form=Recipe,
         about="One material on one machine. `vinefab new recipe mine.toml` writes one "
         "(`--from NAME`: of another film), "
         "`vinefab calibrate` another from coupons. Every number is a table with its standing.",
@@ -68,7 +69,7 @@ FORMATS = (
     Format(
         name="machine",
         title="Machine (`vinefab/machine-1`, TOML)",
-        form=MachineForm,
+        form=Machine,
         about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
         "(`machine`) and finds it beside itself, or in your "
         "[own folder](../files.md#where-files-are-found). "
@@ -77,7 +78,7 @@ FORMATS = (
     Format(
         name="material",
         title="Material (`vinefab/material-1`, TOML)",
-        form=MaterialForm,
+        form=Material,
         about="A film; `vinefab new material mine.toml` writes one, found as a "
         "[machine](machine.md) is. "
         "Every number is a table with its standing.",
@@ -91,7 +92,7 @@ FORMATS = (
     Format(
         name="contacts",
         title="Measured contacts (`vinefab/contacts-1`, TOML)",
-        form=ContactsForm,
+        form=ContactsFile,
         about="What photos of grown robots say of assumed numbers; `vinefab observe` writes it, "
         "`--contacts` reads it.",
     ),
@@ -133,8 +134,8 @@ def format_page(one: Format) -> str:
         heading = f"## `{title}`" if title else "## Top of the file"
         head = "| key | kind | default | meaning |\n|---|---|---|---|"
         parts.append("\n".join([heading, "", head, *rows, ""]))
-    if one.form in (RecipeForm, MachineForm, MaterialForm, PrinterForm):
-        rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(QuantityForm)]
+    if one.form in (Recipe, Machine, Material, PrinterForm):
+        rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(Quantity)]
         head = ["## A number with its standing", "", "| key | kind | meaning |", "|---|---|---|"]
         parts.append("\n".join([*head, *rows, ""]))
     return "\n".join(parts)
@@ -145,8 +146,9 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     yield prefix, form
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
-        if inner is not None and inner is not QuantityForm:
-            path = f"{prefix.strip('[]')}.{name}" if prefix else name
+        if inner is not None and inner is not Quantity:
+            key = field.alias or name
+            path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
@@ -155,9 +157,18 @@ _EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
 
 def keys_of(form: type[BaseModel]) -> list[Key]:
     """Return the keys of one table."""
+    if issubclass(form, Table):
+        return [
+            Key(
+                name=key.name,
+                # Limits within a list or an optional value stand in its annotation.
+                kind=_kind(key.annotation, form.model_fields[key.field].metadata),
+                default="" if key.required else _default_words(key.default),
+                meaning=key.meaning,
+            )
+            for key in declared_keys(form)
+        ]
     said = _EVERYWHERE | meanings(form)
-    if form is PrinterForm:  # its keys are the fields of the noun, and explained there
-        said |= meanings(Printer)
     return [
         Key(
             name=field.alias or name,
@@ -208,7 +219,7 @@ def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     if origin in (Union, types.UnionType):
         forms = [_inner_form(one) for one in inside]
         return next((one for one in forms if one[0] is not None), (None, False))
-    if origin is list:
+    if origin in (list, tuple):
         return _inner_form(inside[0])[0], True
     return None, False
 
@@ -219,7 +230,7 @@ _KINDS = {str: "text", float: "number", int: "whole number", bool: "true or fals
 def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
     words = _kind_words(annotation)
     limits = [text for one in metadata for text in _limit_words(one)]
-    return f"{words}, {', '.join(limits)}" if limits else words
+    return f"{words}, {' '.join(limits)}" if limits else words
 
 
 def _kind_words(annotation: object) -> str:
@@ -230,16 +241,16 @@ def _kind_words(annotation: object) -> str:
         return _annotated_words(inside)
     if origin is Literal:
         return " or ".join(f"`{one}`" for one in inside)
-    if origin is list:
+    if origin in (list, tuple):
         inner, _ = _inner_form(inside[0])
         return "tables" if inner is not None else f"list, each {_kind_words(inside[0])}"
-    if origin is dict:
+    if origin in (dict, Mapping):
         return "table of any keys"
     return " or ".join(_kind_words(one) for one in inside if one is not type(None))
 
 
 def _class_words(kind: type) -> str:
-    if kind is QuantityForm:
+    if kind is Quantity:
         return "a number with its standing"
     if issubclass(kind, Enum):
         return " or ".join(f"`{one.value}`" for one in kind)
@@ -263,10 +274,11 @@ def _limit_words(one: object) -> Iterator[str]:
 def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
     if field.is_required():
         return ""
-    value = field.default
-    if value is PydanticUndefined or isinstance(value, BaseModel):
-        return "none"
-    if value is None:
+    return _default_words(None if field.default is PydanticUndefined else field.default)
+
+
+def _default_words(value: object) -> str:
+    if isinstance(value, BaseModel) or value in (None, {}, ()):
         return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 

@@ -51,7 +51,7 @@ def design(
         name="robot",
         trunk_length_mm=trunk_mm,
         levels=tuple(Level.of(*fan) for fan in fans),
-        build=replace(plain, **build),
+        build=plain.changed(**build),
     )
 
 
@@ -62,18 +62,18 @@ def of(*fans: Fan, **build: object) -> Callable[[], Subject]:
 
 
 def quantity(value: float) -> Quantity:
-    return Quantity(value=value, standing=Standing.ASSUMED)
+    return Quantity(value=value, standing=Standing.ASSUMED, source="a test")
 
 
 def seamed(extra_mm: float) -> Callable[[], Subject]:
     """Return a maker of a tube whose paths were drawn for another seam than the recipe's."""
 
     def made() -> Subject:
-        operations = dict(profile().recipe.operations)
+        operations = dict(profile().recipe.by_operation)
         weldcut = operations["weldcut"]
         seam = quantity(weldcut.seam_width_mm.value + extra_mm)
-        operations["weldcut"] = replace(weldcut, seam_width_mm=seam)
-        other = replace(profile(), recipe=replace(profile().recipe, operations=operations))
+        operations["weldcut"] = weldcut.changed(seam_width_mm=seam)
+        other = replace(profile(), recipe=profile().recipe.changed(operations=operations))
         tube = design(widths_mm=(10.0,))
         return replace(Subject.of(tube, profile()), job=laser_job(tube, other))
 
@@ -84,7 +84,7 @@ def material(**changes: object) -> Callable[[], Subject]:
     """Return a maker of a tree on another film."""
 
     def made() -> Subject:
-        film = replace(profile().material, **changes)
+        film = profile().material.changed(**changes)
         return Subject.of(design((2, 200.0, 90.0)), replace(profile(), material=film))
 
     return made
@@ -94,15 +94,15 @@ def recipe(**changes: object) -> Callable[[], Subject]:
     """Return a maker of a tree on another recipe."""
 
     def made() -> Subject:
-        other = replace(profile(), recipe=replace(profile().recipe, **changes))
+        other = replace(profile(), recipe=profile().recipe.changed(**changes))
         return Subject.of(design((2, 200.0, 90.0)), other)
 
     return made
 
 
 def mark_speed(mm_s: float) -> Callable[[], Subject]:
-    operations = dict(profile().recipe.operations)
-    operations["mark"] = replace(operations["mark"], speed_mm_s=quantity(mm_s))
+    operations = dict(profile().recipe.by_operation)
+    operations["mark"] = operations["mark"].changed(speed_mm_s=quantity(mm_s))
     return recipe(operations=operations)
 
 

@@ -6,24 +6,26 @@ Run it as ``python examples/draw_environments.py ENVIRONMENT OUT.png``.
 import sys
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 import vinefab as vf
-from vinefab.pages.drawing import draw_map
-from vinefab.pages.figure import house_style, png_bytes
+from vinefab.pages.page_png import page_png
+from vinefab.pages.panel import page_of_rows, plan_panel
+from vinefab.pages.plan import draw_map
 
 COLUMNS, ROWS = 5, 4
 
 
 def main(name: str, target: Path) -> None:
-    with house_style():
-        figure = Figure(figsize=(3.0 * COLUMNS, 3.0 * ROWS), layout="constrained")
-        for seed, axes in enumerate(figure.subplots(ROWS, COLUMNS).flat):
-            draw_map(axes, vf.maps.generate(name, seed))
-            axes.set_axis_off()
-            axes.set_aspect("equal")
-            axes.set_title(f"{name} {seed}", fontsize=9)
-        target.write_bytes(png_bytes(figure, dpi=60))
+    panels = []
+    for seed in range(ROWS * COLUMNS):
+        world = vf.maps.generate(name, seed)
+        panel = plan_panel(world.bounds.bounds, 200.0)
+        draw_map(panel, world)
+        panel.title, panel.x_name, panel.y_name = f"{name} {seed}", "", ""
+        panel.x_ticks = panel.y_ticks = ()
+        panel.legend_shown = False
+        panels.append(panel)
+    rows = [panels[at : at + COLUMNS] for at in range(0, len(panels), COLUMNS)]
+    target.write_bytes(page_png(page_of_rows(rows), dpi=60))
 
 
 if __name__ == "__main__":

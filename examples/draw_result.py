@@ -3,12 +3,14 @@
 Run it as ``python examples/draw_result.py OUT.png``.
 """
 
+import io
 import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
 
 import vinefab as vf
 from vinefab.fabrication.package.prepare import prepare
@@ -16,8 +18,9 @@ from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
-from vinefab.pages.drawing import draw_deployment, draw_map
 from vinefab.pages.figure import house_style, png_bytes
+from vinefab.pages.page_png import page_png
+from vinefab.pages.plan import deployment_plan
 from vinefab.rig.part import Rig
 from vinefab.rig.plate import build_rig
 from vinefab.rig.rig_options import read_printer
@@ -50,8 +53,8 @@ def main(target: Path) -> None:
         grown, sheet = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 2)
         solid = figure.add_subplot(1, 3, 3, projection="3d")
         deployment = design.grow(world, body="inflated")
-        draw_map(grown, world)
-        draw_deployment(grown, deployment, design.build.widths_mm)
+        plan = page_png(deployment_plan(world, deployment, design.build.widths_mm))
+        grown.imshow(Image.open(io.BytesIO(plan)))
         job = prepare(design, read_profile(DEFAULT_RECIPE)).job
         for path in job.along(Operation.WELDCUT) + job.along(Operation.CUT):
             sheet.plot(*path.contour.flattened_mm().T, color=OPERATION_COLOURS[path.operation])

@@ -20,8 +20,8 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.pages.drawing import map_plan
-from vinefab.pages.figure import svg_bytes
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import map_plan
 from vinefab.search.front_files import write_front
 from vinefab.search.record.run_archive import RunArchive
 from vinefab.search.run import run_search, training_maps
@@ -152,8 +152,8 @@ def starts_where_it_is_told(settings, result, folder):
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)
     drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
-    assert drawn == marked(svg_bytes(map_plan(world, targets_mm=targets_mm(settings))))
-    assert drawn != marked(svg_bytes(map_plan(world)))
+    assert drawn == marked(page_svg(map_plan(world, targets_mm=targets_mm(settings))))
+    assert drawn != marked(page_svg(map_plan(world)))
 
 
 def is_cut_in_pieces(settings, result, _):

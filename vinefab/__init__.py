@@ -26,6 +26,8 @@ def __getattr__(name: str) -> object:
     if name == "rig":  # a room that is also a function, whatever was loaded before
         name_of_room = f"{__name__}.rig"
         return __import__(name_of_room, fromlist=["rig"])
+    if name not in _names:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return _load(name)
 
 

@@ -214,7 +214,7 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"
     origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
-    texts["report.html"] = demo.predicted.page(origin, more)
+    texts["report.html"] = replace(demo.predicted, origin=origin, more=more).page()
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}
     files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}

@@ -24,20 +24,14 @@ from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.inputs import MapLike, PoseLike, growth_of, map_of
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
-from vinefab.model.score import Score
 
 if TYPE_CHECKING:
     from vinefab.fabrication.rule_listing import RuleBook
     from vinefab.fabrication.rules.rule import Rule
-    from vinefab.prediction.aiming import AimResult
-    from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
-
-MOST_ROWS = 50
-"""Evaluations of a score that a notebook shows."""
 
 START_SIZE = 0.055
 """Length of the arrow of a start in a picture, as a share of its longer side."""
@@ -273,31 +267,6 @@ def _rules_html(book: RuleBook) -> str:
     return html_table(counted(len(rows), "rule"), ("rule", "what must hold", "limits"), rows)
 
 
-def _score_html(score: Score) -> str:
-    from vinefab.growth.options import GrowthOptions
-    from vinefab.prediction.scoring import parts_line
-
-    composite = ", ".join(f"{name} {value:.4g}" for name, value in score.composite.items())
-    rows = [
-        (one.map_name, *_pose_cells(one.pose), f"{one.score:.4f}")
-        for one in score.evaluations[:MOST_ROWS]
-    ]
-    if len(score.evaluations) > MOST_ROWS:
-        rows.append((f"and {len(score.evaluations) - MOST_ROWS} more", "", "", ""))
-    head = ("map", "start (mm)", "heading (deg)", "score")
-    title = f"{score.task}: {composite} (simulated)"
-    below = [*parts_line(score), *score.notes]
-    if score.growth:  # scores of a search do not say
-        grown = GrowthOptions.of(score.growth)
-        title += f"; {grown.body} body, head-on half-angle {grown.half_angle_text} "
-        title += f"({grown.half_angle_standing})"
-    return html_table(title, head, rows) + "".join(f"<p>{escape(line)}</p>" for line in below)
-
-
-def _pose_cells(pose: Pose) -> tuple[str, str]:
-    return f"{pose.x_mm:.2f}, {pose.y_mm:.2f}", f"{pose.heading_deg:.1f}"
-
-
 def _run_html(result: RunResult) -> str:
     from vinefab.prediction.run_winner import prediction_lines
 
@@ -330,43 +299,15 @@ def _picture_html(data: bytes, kind: str) -> str:
     return f'<img alt="" src="data:image/{kind};base64,{b64encode(data).decode()}">'
 
 
-def _info_html(info: MapInfo) -> str:
-    return lines_html(info.summary) + _picture_html(info.picture(".svg"), "svg+xml")
-
-
-def _comparison_html(found: DesignComparison) -> str:
-    from vinefab.prediction.comparison import (
-        paired_difference_table,
-        ranking_lines,
-        side_by_side_table,
-        told_differences,
-    )
-
-    tables = side_by_side_table(found.outcomes()), paired_difference_table(told_differences(found))
-    return lines_html(ranking_lines(found)) + "".join(
-        html_table(table.caption, table.headings, table.rows) for table in tables
-    )
-
-
-def _aim_html(found: AimResult) -> str:
-    robot = found.first
-    shown = replace(robot.shown[0], design=robot.design, world=found.world)
-    return lines_html(found.summary) + _deployment_document(shown)
-
-
 def _runs_html(listing: RunListing) -> str:
     return lines_html([counted(len(listing.rows), "run"), *listing.lines])
 
 
 _HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
-    "AimResult": _aim_html,
     "CheckReport": _report_html,
-    "DesignComparison": _comparison_html,
     "Finding": lambda found: _findings_html(found.rule, [found]),
-    "MapInfo": _info_html,
     "Rule": _rule_html,
     "RuleBook": _rules_html,
     "RunResult": _run_html,
     "RunListing": _runs_html,
-    "Score": _score_html,
 }

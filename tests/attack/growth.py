@@ -222,8 +222,8 @@ def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
         name="fuzz",
         trunk_length_mm=float(size_mm * rng.choice([0.3, 1.0, 10.0 ** rng.uniform(-1.0, 0.5)])),
         levels=levels,
-        build=replace(
-            build, widths_mm=widths_mm, pressure_kpa=min(float(limit_kpa / share), MOST_KPA)
+        build=build.changed(
+            widths_mm=widths_mm, pressure_kpa=min(float(limit_kpa / share), MOST_KPA)
         ),
     )
 
@@ -473,7 +473,7 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
     if move.mirrors:  # only fans of equal branches have a mirror image
         designs = [
-            replace(one, levels=tuple(replace(level, growth=1.0) for level in one.levels))
+            one.changed(levels=tuple(level.changed(growth=1.0) for level in one.levels))
             for one in designs
         ]
     scaled = [scaled_design(one, move.scale) for one in designs]
@@ -501,10 +501,9 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
 
 def scaled_design(design: Design, scale: float) -> Design:
     """Return a design whose lengths are multiplied."""
-    return replace(
-        design,
+    return design.changed(
         trunk_length_mm=design.trunk_length_mm * scale,
-        levels=tuple(replace(one, length_mm=one.length_mm * scale) for one in design.levels),
+        levels=tuple(one.changed(length_mm=one.length_mm * scale) for one in design.levels),
     )
 
 

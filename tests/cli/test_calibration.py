@@ -117,10 +117,10 @@ def test_peel_crotches_and_energies_are_kept_in_the_recipe(vinefab, tmp_path):
     table.write_text("measure,setting,value,unit,uncertainty\nfriction_incline,,20,deg,1\n")
     assert vinefab("calibrate", table, "--recipe", mine, "--out", again, "-q")[0] == 0
     recipe = read_profile(again).recipe
-    peel = recipe.coupons["peel_n_mm"]
+    peel = recipe.coupons.peel_n_mm
     assert (peel.value, peel.uncertainty, peel.standing) == (0.4, 0.02, Standing.MEASURED)
-    assert recipe.coupons["crotch_fillet_mm"].value == 8.0
-    (sealing,) = [w for w in recipe.windows if w.operation == "weldcut"]
+    assert recipe.coupons.crotch_fillet_mm.value == 8.0
+    (sealing,) = [w for w in recipe.coupons.windows if w.operation == "weldcut"]
     assert (sealing.least_mj_mm.value, sealing.most_mj_mm.value) == (46.8, 81.8)
     assert sealing.most_mj_mm.source.startswith("r.csv: energy matrix: 2 of 3 lines")
     code, words, _ = vinefab("profiles", again)

@@ -149,7 +149,11 @@ def test_bounds_leave_the_other_end_assumed(bounded):
         ("value = 4.5\n", "", "head_on_half_angle_deg.value is missing"),
         ("photos = 4", "photos = 0", "photos is 0"),
         ("high = 6.0", "high = nan", "high is nan"),
-        ("high = 6.0", "high = 120.0", "head_on_half_angle_deg.high is 120.0; allowed: 0 to 90"),
+        (
+            "high = 6.0",
+            "high = 120.0",
+            "head_on_half_angle_deg.high is 120.0; allowed: less than or equal to 90",
+        ),
         ("contacts-1", "contacts-2", "schema is 'vinefab/contacts-2'"),
         ("[head", "[haed", "no such key"),
     ],

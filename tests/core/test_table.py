@@ -1,10 +1,10 @@
 """Declared tables: made in Python, read from files, described to pages and sliders."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
-from annotated_types import Ge, Le, Unit
+from annotated_types import Ge, Interval, Le, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
@@ -16,7 +16,7 @@ class Branch(Table):
     length_mm: Annotated[
         float, Ge(1), Le(100), Unit("mm"), Slider(1, 50), Field(alias="length"), Doc("Its length.")
     ]
-    tip_mm: Annotated[float | None, Ge(0), Unit("mm"), Doc("Its tip.")] = None
+    tip_mm: Annotated[float | None, Interval(ge=0, le=9), Unit("mm"), Doc("Its tip.")] = None
 
     @model_validator(mode="after")
     def _tip_fits(self):
@@ -26,12 +26,16 @@ class Branch(Table):
 
 
 class Tree(Table):
+    schema_: Annotated[Literal["vinefab/tree-1"], Field(alias="schema")] = "vinefab/tree-1"
     name: Annotated[str, Doc("Its name.")]
     branch: Annotated[tuple[Branch, ...], Field(strict=False), Doc("Its branches.")] = ()
 
 
+SCHEMA = {"schema": "vinefab/tree-1"}
+
+
 def test_a_table_is_the_same_from_python_and_from_a_file():
-    read = validated(Tree, {"name": "a", "branch": [{"length": 3, "tip_mm": 1.0}]})
+    read = validated(Tree, SCHEMA | {"name": "a", "branch": [{"length": 3, "tip_mm": 1.0}]})
     made = Tree(name="a", branch=[Branch(length_mm=np.int64(3), tip_mm=np.float64(1.0))])
     assert read == made
     assert hash(read) == hash(made)
@@ -58,7 +62,7 @@ def test_a_table_is_the_same_from_python_and_from_a_file():
 )
 def test_what_a_file_may_not_hold_is_one_line_with_its_key(content, line):
     with pytest.raises(BadInputError) as error:
-        validated(Tree, content, "f.toml")
+        validated(Tree, SCHEMA | content, "f.toml")
     assert line in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -73,9 +77,38 @@ def test_what_python_may_not_give_is_the_same_line():
         tree.changed(name=3)
 
 
+def test_a_file_must_say_its_kind():
+    with pytest.raises(BadInputError, match=r"f: schema is missing; allowed: it must be given"):
+        validated(Tree, {"name": "a"}, "f")
+    assert next(declared_keys(Tree)).required
+
+
+class Amount(Table):
+    value: float
+
+    def __ge__(self, least):
+        return self.value >= least
+
+    def __le__(self, most):
+        return self.value <= most
+
+
+class Dose(Table):
+    salt: Annotated[Amount | None, Interval(ge=1, le=5)] = None
+
+
+def test_a_range_of_inline_tables_is_that_of_their_numbers():
+    assert validated(Dose, {"salt": {"value": 5.0}}).salt.value == 5.0
+    with pytest.raises(BadInputError, match=r"salt.value is 9.0; allowed: less than or equal to 5"):
+        validated(Dose, {"salt": {"value": 9.0}})
+    with pytest.raises(BadInputError, match=r"salt.value is 0.0; allowed: greater than or equal"):
+        Dose(salt=Amount(value=0.0))
+
+
 def test_keys_tell_what_is_declared():
     length, tip = declared_keys(Branch)
     assert (length.name, length.field, length.unit) == ("length", "length_mm", "mm")
     assert length.limits == (Ge(1), Le(100))
     assert (length.slider, length.required) == (Slider(1, 50), True)
+    assert tip.limits == (Ge(0), Le(9))
     assert (tip.meaning, tip.default, tip.required) == ("Its tip.", None, False)

@@ -547,9 +547,12 @@ def profile(settings: OperationSettings) -> LaserProfile:
     recipe = Recipe(
         name="tester__film",
         title="Test recipe",
+        machine="tester",
+        material="film",
         status=RecipeStatus.UNVERIFIED,
         source="a test",
-        operations=dict.fromkeys(("mark", "weld", "weldcut", "cut"), settings),
+        operations=dict.fromkeys(("mark", "weldcut", "cut"), settings)
+        | {"weld": settings.changed(kerf_mm=_quantity(0.0, Standing.ASSUMED))},
     )
     return LaserProfile(machine=machine, material=material, recipe=recipe)
 

@@ -37,7 +37,7 @@ def _tree(*fans: tuple[int, float, float], **build: object) -> Design:
     levels = tuple(
         Level(branches=n, length_mm=length, fan_rad=math.radians(deg)) for n, length, deg in fans
     )
-    return Design(name="case", trunk_length_mm=300.0, levels=levels, build=replace(plain, **build))
+    return Design(name="case", trunk_length_mm=300.0, levels=levels, build=plain.changed(**build))
 
 
 DESIGNS = {
@@ -149,7 +149,7 @@ def test_no_text_lies_on_another_or_beyond_the_page(
 ) -> None:
     design, report = DESIGNS["forty"], _scattered(count)
     if hostile:
-        design = replace(design, name="W" * 100)
+        design = design.changed(name="W" * 100)
         found = tuple(
             replace(f, message=HOSTILE, branches=(HOSTILE,) * 3, rule="MINE-" + "X" * 90)
             for f in report.findings

@@ -1,7 +1,6 @@
 """Which growth options a command takes, and how they are named beside a score."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -15,7 +14,7 @@ VINE = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
 
 def trained(table: object) -> Design:
     """A design whose origin says how it was grown."""
-    return replace(VINE, origin={"growth": table})
+    return VINE.changed(origin={"growth": table})
 
 
 def test_users_make_robots_not_threads() -> None:
@@ -89,7 +88,7 @@ def test_body_half_angle_and_pressure_stand_in_one_line() -> None:
         "inflated body, head-on half-angle 1 deg (assumed), "
         "stops at 20 kPa (film stored loosely, assumed)"
     )
-    soft = replace(VINE, build=replace(VINE.build, pressure_kpa=0.0))
+    soft = VINE.changed(build=VINE.build.changed(pressure_kpa=0.0))
     assert growth_text(GrowthOptions(), [soft]).endswith(", no pressure stops it")
     assert "stops at each design's pressure" in growth_text(GrowthOptions(), [VINE, soft])
     tight = GrowthOptions(storage_kpa=8.32, children_of_stuck="deploy")

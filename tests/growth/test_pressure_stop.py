@@ -28,7 +28,7 @@ ORIGIN = Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.3)
 def at_pressure(design, pressure_kpa, widths_mm=None):
     build = design.build
     widths_mm = build.widths_mm if widths_mm is None else widths_mm
-    return replace(design, build=replace(build, pressure_kpa=pressure_kpa, widths_mm=widths_mm))
+    return design.changed(build=build.changed(pressure_kpa=pressure_kpa, widths_mm=widths_mm))
 
 
 def fitted(pressure_kpa, width_mm):
@@ -88,7 +88,7 @@ def test_a_design_without_pressure_is_not_stopped(engine, vine):
 def test_a_child_pays_for_its_joint_and_for_what_rides_inside(engine, tree):
     robot = at_pressure(tree(400.0, (2, 300.0, 120.0, 1.0)), 6.5, (20.0, 15.0))
     grown = grow(robot, OPEN, ORIGIN, PRESSED, engine)
-    constants = replace(FITTED, storage_kpa=LOOSE.storage_kpa)
+    constants = FITTED.changed(storage_kpa=LOOSE.storage_kpa)
 
     def missing(length_mm):
         needed = growth_pressure_kpa([400.0, length_mm], [math.radians(60.0)], constants)
@@ -112,7 +112,7 @@ def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine
     room = Terrain.of(Map(name="room", bounds=box(-500.0, -500.0, 100.0, 3000.0)))
     robot = at_pressure(vine(2000.0), 6.28, (20.0,))
     grown = grow(robot, room, ORIGIN, replace(PRESSED, storage_kpa=1.0), engine)
-    constants = replace(FITTED, storage_kpa=replace(FITTED.storage_kpa, value=1.0))
+    constants = FITTED.changed(storage_kpa=FITTED.storage_kpa.changed(value=1.0))
 
     def missing(angle_rad):
         lengths, turns = [0.0, 100.0 / math.cos(angle_rad)], [angle_rad - 0.3]
@@ -141,8 +141,8 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         rng = np.random.default_rng([31, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        constants = replace(
-            FITTED, storage_kpa=replace(FITTED.storage_kpa, value=float(rng.choice([0.0, 0.5])))
+        constants = FITTED.changed(
+            storage_kpa=FITTED.storage_kpa.changed(value=float(rng.choice([0.0, 0.5])))
         )
         options = GrowthOptions.published(
             body=body,

@@ -2,7 +2,6 @@
 
 import cmath
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,8 +73,8 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
             body=str(rng.choice(["centerline", "inflated"])),
             pressure_stop=number % 2 == 0,
         )
-        build = replace(robot.build, pressure_kpa=float(rng.uniform(0.2, 2.0)))
-        robot = replace(robot, build=build)
+        build = robot.build.changed(pressure_kpa=float(rng.uniform(0.2, 2.0)))
+        robot = robot.changed(build=build)
         fast = grow(robot, terrain, pose, options, "kernel")
         plain = grow(robot, terrain, pose, options, "interpreted")
         for name in ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad"):
@@ -157,13 +156,13 @@ def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, ter
     """Turned along the wall or not, it sends its children to the wall at 90 degrees or along it."""
     ground = terrain(box(-2000.0, -2000.0, 2000.0, 2000.0))
     robot = tree(3000.0, (3, 2000.0, 60.0, 0.8), (1, 400.0, 90.0, 1.0), (3, 1000.0, 180.0, 1.0))
-    build = replace(robot.build, widths_mm=(40.0,) * 4, pressure_kpa=6.5574184435189595)
+    build = robot.build.changed(widths_mm=(40.0,) * 4, pressure_kpa=6.5574184435189595)
     options = GrowthOptions(
         head_on_half_angle_rad=0.0, body_width_ratio=1.3, children_of_stuck="deploy"
     )
     pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
     fast, plain = (
-        grow(replace(robot, build=build), ground, pose, options, engine)
+        grow(robot.changed(build=build), ground, pose, options, engine)
         for engine in ("kernel", "reference")
     )
     assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())

@@ -55,9 +55,9 @@ def test_a_tree_too_large_to_grow_is_refused_at_once():
 def test_a_pouch_has_just_the_sizes_of_its_shape():
     assert Pouch(shape="round", radius_mm=12.0).flat_width_mm == 24.0
     assert Pouch(shape="rectangle", length_mm=30.0, width_mm=20.0).flat_width_mm == 20.0
-    with pytest.raises(BadInputError, match=r"pouch\.radius_mm is missing"):
+    with pytest.raises(BadInputError, match=r"radius_mm is missing"):
         Pouch(shape="round")
-    with pytest.raises(BadInputError, match=r"pouch\.radius_mm is 3\.0"):
+    with pytest.raises(BadInputError, match=r"radius_mm is 3\.0"):
         Pouch(shape="rectangle", length_mm=30.0, width_mm=20.0, radius_mm=3.0)
 
 
@@ -65,3 +65,23 @@ def test_origin_cannot_be_changed_afterwards():
     design = Design(name="x", trunk_length_mm=1.0, build=Build.standard(1), origin={"run": "a"})
     with pytest.raises(TypeError):
         design.origin["run"] = "b"
+
+
+def test_a_level_takes_radians_and_shares_in_python_only():
+    level_ = Level(branches=3, length_mm=90.0, fan_rad=math.radians(60.0), growth=0.8)
+    assert level_ == Level(branches=3, length_mm=90.0, angle_deg=60.0, growth_percent=80.0)
+    assert level_.changed(fan_rad=1.0).fan_rad == 1.0
+    with pytest.raises(BadInputError, match="angle_deg is 'x'"):
+        level(fan_rad="x")
+
+
+def test_a_build_without_widths_follows_the_number_of_levels():
+    design = Design(
+        name="x",
+        trunk_length_mm=9.0,
+        levels=[level()],
+        build=Build(pressure_kpa=30, taper=(1, 0.5)),
+    )
+    assert design.build == Build.standard(2).changed(pressure_kpa=30.0, taper=(1.0, 0.5))
+    with pytest.raises(BadInputError, match=r"build\.taper is \[0\.5\]; allowed: 2 numbers"):
+        design.changed(build=Build(taper=(0.5,)))

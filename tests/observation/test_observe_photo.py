@@ -29,7 +29,7 @@ from vinefab.observation.observation_json import observation_text
 from vinefab.observation.observe_photo import observe_photo
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.photo import read_photo
-from vinefab.rig.corner_tiles import marker_gap_mm
+from vinefab.rig.fixtures import marker_gap_mm
 from vinefab.rig.rig_options import RigOptions
 
 POSE = Pose(x_mm=60.0, y_mm=12.0, heading_rad=np.pi / 2)
@@ -104,7 +104,7 @@ def test_widths_are_measured(seen):
 
 
 def test_another_design_is_seen(photo_file):
-    other = replace(DESIGN, levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
+    other = DESIGN.changed(levels=(Level.of(2, 70.0, 170.0), Level.of(2, 40.0, 30.0)))
     found = observe_photo(read_photo(photo_file), WORLD, other, POSE, SETUP)
     assert not found.fits
     assert found.verdict.startswith("no verdict")

@@ -4,7 +4,6 @@ import re
 import numpy as np
 import pytest
 import shapely
-from matplotlib.lines import Line2D
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
@@ -12,9 +11,10 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
-from vinefab.pages.drawing import RANGE_LABEL, deployment_plan, legend_entries, map_plan
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN_DETAIL, longer_mm, robot_view, rock_in
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Marks, Shape, Words, text_width
+from vinefab.pages.plan import RANGE_LABEL, deployment_plan, map_plan
 from vinefab.pages.plan_document import plan_css
 from vinefab.prediction.deploy import deploy
 
@@ -33,6 +33,10 @@ def deployed(world):
     return grow(design, Terrain.of(world), POSE, GrowthOptions.published())
 
 
+def written(panel):
+    return [one for one in panel.primitives if isinstance(one, Words)]
+
+
 def test_a_small_robot_on_a_large_map_is_drawn_with_its_surroundings_only():
     near, far = world_of(100), world_of(1000)
     assert robot_view(near, deployed(near)) == near.bounds.bounds
@@ -41,9 +45,9 @@ def test_a_small_robot_on_a_large_map_is_drawn_with_its_surroundings_only():
     assert 60.0 < longer_mm((x_min, y_min, x_max, y_max)) < 130.0
     assert ((x_min, y_min) <= deployment.points_mm.min(axis=0)).all()
     assert ((x_max, y_max) >= deployment.points_mm.max(axis=0)).all()
-    figure = deployment_plan(far, deployment, (4.0, 2.0))
-    assert "1000 x 1000 mm" in figure.axes[0].get_title()
-    assert len(svg_bytes(figure)) < 100_000
+    plan = deployment_plan(far, deployment, (4.0, 2.0))
+    assert "1000 x 1000 mm" in plan.panels[0].title
+    assert len(page_svg(plan)) < 100_000
 
 
 def test_walls_are_drawn_where_they_are():
@@ -58,18 +62,16 @@ def test_walls_are_drawn_where_they_are():
 
 def test_names_of_branches_are_written_once_each():
     world = world_of(100)
-    texts = [text.get_text() for text in deployment_plan(
-        world, deployed(world), (4.0, 2.0), named=True
-    ).axes[0].texts]  # fmt: skip
-    names = [name for text in texts for name in text.split(", ") if text]
+    plan = deployment_plan(world, deployed(world), (4.0, 2.0), named=True)
+    names = [name for words in written(plan.panels[0]) for name in words.text.split(", ")]
     assert sorted(names) == ["0", "0.0", "0.1"]
 
 
-def test_numbers_in_paths_are_short_but_letters_keep_their_size():
+def test_numbers_in_paths_are_short_and_text_stays_text():
     world = world_of(100)
-    picture = svg_bytes(deployment_plan(world, deployed(world), (4.0, 2.0)))
+    picture = page_svg(deployment_plan(world, deployed(world), (4.0, 2.0)))
     assert not re.search(rb' d="[^"]*\.\d\d\d', picture)
-    assert b"scale(0.015625)" in picture
+    assert b">grown in full (3)</text>" in picture
 
 
 # Machado, Oliveira and Fernandes 2009, severity 1: what colour-blind readers see (linear RGB).
@@ -148,23 +150,19 @@ def test_plans_show_the_range_of_starts_and_explain_it_once():
     world = world_of(400.0).with_start(
         "left side, heading +-30", "area 90,15 300,60, clear 2", "195,195,0"
     )
-    figure = map_plan(world)
-    (axes,) = figure.axes
-    assert {line.get_label() for line in axes.lines} >= {RANGE_LABEL, "start"}
-    lines = [line for line in axes.lines if line.get_label() == RANGE_LABEL]
-    assert tuple(lines[0].get_xdata()) == (15.0, 15.0)
-    grown = deployment_plan(world, deployed(world), (4.0, 4.0))
-    words = [text.get_text() for text in grown.axes[0].get_legend().get_texts()]
-    assert words.count(RANGE_LABEL) == 1
-    plain = map_plan(world_of(400.0).with_start("195,195,0"))
-    assert RANGE_LABEL not in {line.get_label() for line in plain.axes[0].lines}
+    (panel,) = map_plan(world).panels
+    assert list(panel.legend) == [RANGE_LABEL, "start"]
+    dashed = [one for one in panel.primitives if isinstance(one, Shape) and one.ink.dash_pt]
+    assert dashed[0].chains[0][:, 0].tolist() == [15.0, 15.0]
+    assert page_svg(map_plan(world)).count(RANGE_LABEL.encode()) == 1
+    (plain,) = map_plan(world_of(400.0).with_start("195,195,0")).panels
+    assert list(plain.legend) == ["start"]
 
 
 def test_a_range_beyond_what_is_shown_does_not_widen_the_picture():
-    one = map_plan(world_of(400.0).with_start("195,195,0")).axes[0]
-    two = map_plan(world_of(400.0).with_start("left side, heading +-180")).axes[0]
-    assert two.get_xlim() == one.get_xlim()
-    assert two.get_ylim() == one.get_ylim()
+    one = map_plan(world_of(400.0).with_start("195,195,0")).panels[0]
+    two = map_plan(world_of(400.0).with_start("left side, heading +-180")).panels[0]
+    assert two.box == one.box
 
 
 def test_every_entry_of_a_legend_has_a_symbol():
@@ -172,17 +170,12 @@ def test_every_entry_of_a_legend_has_a_symbol():
     world = world_of(300).with_start("left side, heading +-30")
     inside = design.grow(world, pose=(150, 1, 90), body="inflated")
     assert inside.stops["not_deployed"] == len(inside.tree)
-    (axes,) = deployment_plan(world, inside, design.build.widths_mm).axes
-    entries = dict(legend_entries(axes))
+    entries = deployment_plan(world, inside, design.build.widths_mm).panels[0].legend
     assert {RANGE_LABEL, "start", f"never emerged ({len(inside.tree)})"} <= entries.keys()
-    for words, symbol in entries.items():
-        if isinstance(symbol, Line2D):
-            is_seen = symbol.get_marker() not in {" ", "None"} or symbol.get_linestyle() == "-"
-            assert is_seen, words
-        else:
-            assert symbol.get_facecolor()[3] > 0.0, words
-    rings = next(line for line in axes.lines if str(line.get_label()).startswith("never"))
-    assert rings.get_xydata().tolist() == [[150.0, 1.0]]
+    assert all(symbol.ink.fill or symbol.ink.line for symbol in entries.values())
+    rings = entries[f"never emerged ({len(inside.tree)})"]
+    assert isinstance(rings, Marks)
+    assert rings.points.tolist() == [[150.0, 1.0]]
 
 
 def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
@@ -191,11 +184,14 @@ def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
     assert line == (0.0, 0.0, 0.0)
     assert GrowthOptions().drawn_widths_mm(design.build.widths_mm) == design.build.widths_mm
     thin = deploy(design, world, POSE, {"body": "centerline"})
-    assert thin.picture(".svg") == svg_bytes(deployment_plan(world, thin.deployment, line))
+    assert thin.picture(".svg") == page_svg(deployment_plan(world, thin.deployment, line))
     plans = [deployment_plan(world, thin.deployment, w) for w in (line, design.build.widths_mm)]
-    filled = [len(plan.axes[0].patches) for plan in plans]
+    filled = [
+        sum(isinstance(one, Shape) and one.closed for one in plan.panels[0].primitives)
+        for plan in plans
+    ]
     assert filled[1] - filled[0] == len({*thin.deployment.tree.level.tolist()})
-    words = [[text.get_text() for text in p.axes[0].get_legend().get_texts()] for p in plans]
+    words = [plan.panels[0].legend for plan in plans]
     assert ["body: a line without width" in some for some in words] == [True, False]
     moving = [deploy(design, world, POSE, {"body": body}).animation(".svg", 2) for body in
               ("centerline", "inflated")]  # fmt: skip
@@ -209,10 +205,11 @@ def test_a_body_that_is_a_line_is_drawn_as_one_and_the_picture_says_so():
 def test_ids_of_branches_lie_on_none_other():
     design = Design.read("grid_explorer")
     grown = design.grow(world_of(700), pose=(350, 350, 90), body="centerline")
-    (axes,) = deployment_plan(world_of(700), grown, (0.0,) * 4, named=True).axes
-    axes.figure.draw_without_rendering()
-    boxes = np.array([shapely.box(*t.get_window_extent().extents) for t in axes.texts])
-    boxes = boxes[[bool(text.get_text()) for text in axes.texts]]
+    (panel,) = deployment_plan(world_of(700), grown, (0.0,) * 4, named=True).panels
+    texts = written(panel)
+    middles = np.array([panel.placed([w.at])[0] + (w.shift_pt[0], -w.shift_pt[1]) for w in texts])
+    half = np.array([(text_width(w.text, w.size_pt) / 2.0, w.size_pt / 2.0) for w in texts])
+    boxes = shapely.box(*(middles - half).T, *(middles + half).T)
     assert len(boxes) > 20
     one, other = shapely.STRtree(boxes).query(boxes, "intersects")
     met = shapely.area(shapely.intersection(boxes[one], boxes[other]))[one < other]

@@ -10,9 +10,11 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.pages.charts import fitness_curve, panels_of_strips
-from vinefab.pages.drawing import deployment_plan, map_plan
-from vinefab.pages.figure import png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
+from vinefab.pages.page_png import page_png
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Shape
+from vinefab.pages.plan import deployment_plan, map_plan
 
 
 @pytest.fixture
@@ -63,7 +65,7 @@ def report(picture: Picture) -> Report:
 
 
 def test_page_is_whole_escapes_text_and_loads_nothing(world):
-    page = page_html(report(Picture(image=svg_bytes(map_plan(world)), caption='say "hi"')))
+    page = page_html(report(Picture(image=page_svg(map_plan(world)), caption='say "hi"')))
     links = Links()
     links.feed(page)
     assert links.open == []
@@ -77,32 +79,30 @@ def test_page_is_whole_escapes_text_and_loads_nothing(world):
 
 def test_pictures_are_the_same_bytes_every_time(world, deployment):
     def draw() -> bytes:
-        return svg_bytes(deployment_plan(world, deployment, (40.0, 24.0)))
+        return page_svg(deployment_plan(world, deployment, (40.0, 24.0)))
 
     assert draw() == draw()
 
 
 def test_plan_draws_obstacles_with_holes_branches_and_reasons(world, deployment):
-    figure = deployment_plan(world, deployment, (4.0, 2.0))
-    axes = figure.axes[0]
-    labels = {text.get_text() for text in axes.get_legend().get_texts()}
-    assert labels == {
+    panel = deployment_plan(world, deployment, (4.0, 2.0)).panels[0]
+    assert panel.legend.keys() == {
         "level 1 (1 of 1)", "level 2 (1 of 2)", "contact (1)", "start",
         "grown in full (1)", "stopped head-on (1)", "never emerged (1)",
     }  # fmt: skip
-    codes = [patch.get_path().codes for patch in axes.patches]
-    assert any(np.count_nonzero(code == 1) == 2 for code in codes if code is not None)
+    shapes = [one for one in panel.primitives if isinstance(one, Shape) and one.closed]
+    assert any(len(shape.chains) == 2 for shape in shapes)
 
 
 def test_figures_are_xml_and_png(world):
-    root = ET.fromstring(svg_bytes(map_plan(world)))  # noqa: S314  our own text
+    root = ET.fromstring(page_svg(map_plan(world)))  # noqa: S314  our own text
     assert root.tag.endswith("svg")
-    assert png_bytes(map_plan(world), dpi=40).startswith(b"\x89PNG")
-    assert b"written by vinefab" in png_bytes(map_plan(world), dpi=40)[:8192]
+    assert page_png(map_plan(world), dpi=40).startswith(b"\x89PNG")
+    assert b"written by vinefab" in page_png(map_plan(world), dpi=40)[:8192]
 
 
 def test_charts_show_every_generation_and_group():
-    curve = fitness_curve([0.1, 0.2], [0.0, 0.1], [0.1, 0.1]).axes[0]
-    assert [len(line.get_xdata()) for line in curve.get_lines()] == [2, 2]
-    strips = panels_of_strips({"p": {"a": [1.0, 2.0], "b": [3.0]}}, "score").axes[0]
-    assert [tick.get_text() for tick in strips.get_yticklabels()] == ["a", "b"]
+    (curve,) = fitness_curve([0.1, 0.2], [0.0, 0.1], [0.1, 0.1]).panels
+    assert [len(line.chains[0]) for line in curve.legend.values()] == [2, 2]
+    (strips,) = panels_of_strips({"p": {"a": [1.0, 2.0], "b": [3.0]}}, "score").panels
+    assert [words for _, words in strips.ticks(1)] == ["a", "b"]

@@ -140,7 +140,7 @@ def _free(tree) -> Deployment:
 
 
 def test_a_step_as_short_as_rounding_turns_nothing() -> None:
-    tree = branch_tree(replace(TREE, levels=(), build=Build.standard(1)))
+    tree = branch_tree(TREE.changed(levels=(), build=Build.standard(1)))
     free = _free(tree)
     for back in (1e-13, -1e-13):
         points = np.array([*free.points_mm, free.points_mm[-1] + (back, 0.0)])

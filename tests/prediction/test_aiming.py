@@ -15,25 +15,22 @@ import vinefab as vf
 from tests.prediction.test_pose_search import OPTIONS, ROOM, TREE
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
+from vinefab.core.view import Origin
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.files.contacts_toml import contacts_given
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.prediction.aim_page import aim_document, aim_page
 from vinefab.prediction.aiming import (
     FRESH_DRAWS,
     AimPlan,
     PoseEstimate,
     aim_growth,
-    aim_lines,
     aim_robots,
-    aim_text,
     held_against,
     paired_gain,
     plain_vine_of,
 )
-from vinefab.prediction.provenance import Origin
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.reach import Reach
 
@@ -51,7 +48,7 @@ def test_the_reported_score_is_that_of_growths_at_fresh_draws(found):
     """Grown one by one, at draws that the search never saw, from the pose as it is printed."""
     draws = PLAN.errors.drawn(FRESH_DRAWS, child(PLAN.seed, 2001))
     terrain, context = Terrain.of(ROOM), PreparedMap.of(ROOM).context
-    x, y, degrees = (float(part) for part in aim_lines(found)[0].split(": ")[1].split(","))
+    x, y, degrees = (float(part) for part in found.pose.text.split(","))
     room = terrain.free_space(OPTIONS.radius_mm(TREE.build.widths_mm[0]))
     checked = 0
     for index in range(40):
@@ -98,7 +95,7 @@ def test_the_plain_vine_has_the_same_length_film_and_rules():
     vine = plain_vine_of(TREE)
     assert branch_tree(vine).total_length_mm == pytest.approx(200.0)
     assert (vine.branch_count, vine.build.widths_mm) == (1, TREE.build.widths_mm[:1])
-    trained = replace(TREE, origin={"growth": {"pressure_stop": False}, "seed": 3})
+    trained = TREE.changed(origin={"growth": {"pressure_stop": False}, "seed": 3})
     assert not aim_growth(held_against(trained), None).options.pressure_stop
     assert held_against(vine) == [vine]
     assert held_against(TREE, vine) == [TREE, vine]
@@ -132,8 +129,8 @@ def test_measured_contacts_narrow_the_range_and_are_called_measured():
 
 
 def test_lines_are_labelled_and_give_a_pose_to_type(found):
-    lines = aim_lines(found)
-    assert re.search(r": -?[\d.]+,-?[\d.]+,-?[\d.]+$", lines[0])
+    lines = found.summary
+    assert re.search(r" at -?[\d.]+,-?[\d.]+,-?[\d.]+: ", lines[0])
     text = "\n".join(lines)
     for words in (
         "(simulated)",
@@ -141,8 +138,8 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
         "head-on half-angle 1 to 15 deg (assumed)",
         "the search's own estimate",
         "worst tenth",
-        "from the map's start 20.00,100.00,0.00",
-        "tree minus tree_as_plain_vine",
+        "from 20.00,100.00,0.00",
+        "over tree_as_plain_vine, each at its best pose",
         "1 - 1/e",
         "2 robots tree_as_plain_vine",
     ):
@@ -150,7 +147,7 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
 
 
 def test_json_holds_the_map_of_scores_and_no_nan(found):
-    content = json.loads(aim_text(found, ORIGIN))
+    content = json.loads(replace(found, origin=ORIGIN).json_text())
     assert content["schema"] == "vinefab/aim-1"
     assert content["standing"] == {
         "scores": "simulated",
@@ -170,10 +167,10 @@ def test_json_holds_the_map_of_scores_and_no_nan(found):
 
 
 def test_the_page_says_what_is_simulated_and_what_is_assumed(found):
-    page = aim_page(found, ORIGIN)
+    page = replace(found, origin=ORIGIN).page()
     assert "http" not in re.sub(r'"data:[^"]*"|http://www.w3.org/\S*', "", page)
     for words in (
-        "Where to put the base",
+        "Where to put tree",
         "Several robots",
         "How it was found",
         "fresh",
@@ -186,7 +183,7 @@ def test_the_page_says_what_is_simulated_and_what_is_assumed(found):
 
 @pytest.mark.thorough
 def test_a_picture_of_two_designs(found):
-    assert b"<svg" in aim_document(found, ORIGIN, ".SVG")
+    assert b"<svg" in found.picture(".SVG")
 
 
 def test_a_map_without_a_start_says_so():
@@ -252,4 +249,4 @@ def test_the_front_door_writes_a_page_and_returns_poses(tmp_path):
     assert (tmp_path / "aim.png").read_bytes().startswith(b"\x89PNG")
     assert result.poses == (result.pose,)
     assert seen.shares == sorted(seen.shares)
-    assert repr(result).startswith("<AimResult tree on room: ")
+    assert repr(result).startswith("<AimResult>\nPut the base of tree at ")

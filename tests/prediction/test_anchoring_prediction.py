@@ -42,7 +42,7 @@ def halls(*gaps_mm):
         bounds = shapely.box(0, 0, 200, 100)
         worlds.append(Map(name=f"{gap_mm}", bounds=bounds, obstacles=walls, starts=(start,)))
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0)
-    build = replace(Build.standard(1, trunk_width_mm=20.0), pouch=pouch, pressure_kpa=10.0)
+    build = Build.standard(1, trunk_width_mm=20.0).changed(pouch=pouch, pressure_kpa=10.0)
     design = Design(name="v", trunk_length_mm=60.0, build=build)
     plan = PredictionPlan(poses=1)
     family = MapFamily(label="halls", worlds=tuple(worlds))
@@ -57,7 +57,7 @@ def held_n(gap_mm, friction, pressure_kpa=10.0):
 def test_report_comparison_score_and_search_say_the_same(result, explorer):
     """One implementation: the same gaps, engaged leaves and limits, with pouches and without."""
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=60.0)
-    jammed = replace(explorer, build=replace(explorer.build, pouch=pouch, pressure_kpa=60.0))
+    jammed = explorer.changed(build=explorer.build.changed(pouch=pouch, pressure_kpa=60.0))
     assert Anchoring() == TASK
     for design in (explorer, jammed):
         deployed = deploy_family(design, result.prepared, PredictionPlan(poses=2, seed=3))
@@ -85,8 +85,8 @@ def test_a_pouch_holds_where_it_is_wider_than_its_gap():
         assert held.friction == friction
         assert held.force_n.median == pytest.approx(held_n(25.0, friction))
         assert held.engaged.median == held.ideal.median == 1.0
-    narrow = replace(design.build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=39.0))
-    loose = predict_anchoring(replace(design, build=narrow), result, TASK)
+    narrow = design.build.changed(pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=39.0))
+    loose = predict_anchoring(design.changed(build=narrow), result, TASK)
     assert (loose.engaged_percent, loose.nothing_percent) == (0.0, 100.0)
     assert loose.likely.force_n.high == loose.likely.engaged.high == 0.0
     # The formula does not notice.
@@ -127,7 +127,7 @@ def test_seams_limit_a_known_share_of_the_deployments():
     # A seam of the test tube, 70 kPa at 20 mm, around the trunk: 2 w P_b w_b / pi.
     limit_n = 2.0 * 20.0 * 70e-3 * 20.0 / np.pi
     pressure_kpa = 10.0 * limit_n / held_n(23.0, 0.8)
-    strong = replace(design, build=replace(design.build, pressure_kpa=pressure_kpa))
+    strong = design.changed(build=design.build.changed(pressure_kpa=pressure_kpa))
     found = predict_anchoring(strong, result, TASK)
     # Inflated, the pouch is 31.8 mm wide: four of five hold, of these two beyond the limit.
     assert (found.engaged_percent, found.limited_percent, found.nothing_percent) == (

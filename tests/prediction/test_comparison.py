@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,20 +6,18 @@ import pytest
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.files.design_toml import read_design
+from vinefab.pages.panel import Marks, Shape
 from vinefab.prediction.comparison import (
     DesignComparison,
     PairedDifference,
     compare_designs,
-    comparison_lines,
-    comparison_page,
-    comparison_text,
-    paired_difference_chart,
-    paired_difference_section,
+    paired_difference_table,
     paired_differences,
-    side_by_side_section,
+    side_by_side_table,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
+from vinefab.prediction.pictures import paired_difference_chart
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree
 
@@ -30,7 +27,7 @@ SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 @pytest.fixture(scope="module")
 def found():
     design = read_design("three_level_tree")
-    short = replace(scaled_tree(design, 0.5), name="short")
+    short = scaled_tree(design, 0.5).changed(name="short")
     family = unseen_maps("grid", 6, 0, SMALL)
     return compare_designs([design, short, design], [family], PredictionPlan(poses=2)), family
 
@@ -108,9 +105,8 @@ def test_words_json_and_page_say_the_same(found):
     default, family = found
     comparison = replace(default, measure=REACH, growth_notes=("one thing to know",))
     origin = origin_of("vinefab compare", comparison.designs, None, [family])
-    document = json.loads(comparison_text(comparison, origin))
-    page = comparison_page(comparison, origin)
-    lines = comparison_lines(comparison)
+    comparison = replace(comparison, origin=origin)
+    document, page, lines = comparison.numbers, comparison.page(), comparison.summary
     assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
     assert len(document["duels"]) == 3 * len(MEASURES)
@@ -124,8 +120,8 @@ def test_words_json_and_page_say_the_same(found):
     assert 'src="http' not in page
     assert document["growth"] == GrowthOptions().content
     assert comparison.growth in page
-    assert lines[0].endswith(comparison.growth)
-    assert "One thing to know." in page
+    assert f"growth: {comparison.growth}" in lines
+    assert "one thing to know" in page
 
 
 @pytest.mark.parametrize("count", [1, 13])
@@ -162,14 +158,13 @@ def test_ties_count_as_half_a_win():
 
 def test_rows_and_chart_show_a_known_difference():
     clear, open_ = known_difference(), known_difference(low=-1.5, p_adjusted=0.2)
-    section = paired_difference_section(SEEN, [clear, open_])
-    row, other = section.tables[0].rows
-    assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "a")
-    assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "not clear")
-    lines = paired_difference_chart(SEEN, [clear, open_]).axes[0].get_lines()
-    assert list(lines[0].get_xdata()) == [1.5, 6.0]
-    assert list(lines[1].get_xdata()) == [4.0]
-    assert list(lines[2].get_xdata()) == [-1.5, 6.0]
+    row, other = (tuple(map(str, r)) for r in paired_difference_table([clear, open_]).rows)
+    assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "8", "a")
+    assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "8", "not clear")
+    drawn = paired_difference_chart(SEEN, [clear, open_]).panels[0].primitives
+    lines = [one.chains[0][:, 0].tolist() for one in drawn if isinstance(one, Shape)]
+    assert lines[1:] == [[1.5, 6.0], [-1.5, 6.0]]
+    assert [one.points[0, 0] for one in drawn if isinstance(one, Marks)] == [4.0, 4.0]
     assert clear.words.startswith("free space seen by sensors: a is better; ")
     assert clear.words.endswith("4.0 [1.5, 6.0] %, p = 0.03000, 8 pairs")
 
@@ -188,11 +183,11 @@ def test_designs_side_by_side_have_means_over_maps():
         poses=(None,) * 4,
         values={**values, SEEN.key: np.array([1.0, 2.0, 3.0, 10.0])},
     )
-    section = side_by_side_section({"one": table, "two": table})
-    assert section.tables[0].rows == (
+    table = side_by_side_table({"one": table, "two": table})
+    assert [tuple(map(str, row)) for row in table.rows] == [
         ("free space seen by sensors (%)", "6.0 [2.0, 10.0]", "6.0 [2.0, 10.0]"),
-    )
-    assert "4 deployments of each design" in section.tables[0].caption
+    ]
+    assert "4 deployments of each design" in table.caption
 
 
 def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():

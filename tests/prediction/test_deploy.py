@@ -110,7 +110,7 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
 
 def test_rules_on_maps_see_growth_that_no_pressure_stops():
     world = replace(WORLD, starts=(Start(pose=Pose(x_mm=50.0, y_mm=50.0, heading_rad=0.0)),))
-    build = replace(Build.standard(1, trunk_width_mm=6.0), pressure_kpa=5.0)
+    build = Build.standard(1, trunk_width_mm=6.0).changed(pressure_kpa=5.0)
     weak = Design(name="weak", trunk_length_mm=100.0, build=build)
     assert deploy(weak, world).stops["pressure"] == 1
     ((_, deployment),) = deploy_from_starts(weak, [world])

@@ -9,8 +9,9 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
-from vinefab.prediction.deployment_sections import deployment_section, spread_chart, spread_section
+from vinefab.prediction.deployment_sections import deployment_section, spread_section
 from vinefab.prediction.measures import MEASURES, SEEN, MeasureTable
+from vinefab.prediction.pictures import spread_chart
 
 POSE = Pose(x_mm=12.345, y_mm=0.0, heading_rad=math.radians(30.0))
 
@@ -37,11 +38,12 @@ def test_the_spread_of_known_values_stands_in_the_table():
 
 
 def test_the_chart_draws_mean_and_percentiles():
-    (axes,) = spread_chart(SEEN, {"l": np.array([0.0, 10.0, 20.0, 30.0, 60.0])}).axes
-    dots, bar, mean = axes.get_lines()
-    assert list(dots.get_xdata()) == [0.0, 10.0, 20.0, 30.0, 60.0]
-    assert list(bar.get_xdata()) == pytest.approx([2.0, 54.0])
-    assert list(mean.get_xdata()) == [24.0, 24.0]
+    (panel,) = spread_chart(SEEN, {"l": np.array([0.0, 10.0, 20.0, 30.0, 60.0])}).panels
+    bar, mean, dots, name = panel.primitives
+    assert dots.points[:, 0].tolist() == [0.0, 10.0, 20.0, 30.0, 60.0]
+    assert bar.chains[0][:, 0].tolist() == pytest.approx([2.0, 54.0])
+    assert mean.chains[0][:, 0].tolist() == [24.0, 24.0]
+    assert name.text == "l"
 
 
 def test_endings_are_counted_level_by_level():

@@ -74,17 +74,16 @@ def measured_film(profile, storage_kpa):
     """The same film where a tube of 20 mm burst at 70 kPa, and with a fit of growth: measured."""
 
     def measured(value):
-        return Quantity(value=value, standing=Standing.MEASURED)
+        return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
-    material = replace(
-        profile.material, burst_kpa=measured(70.0), burst_width_mm=measured(20.0),
+    material = profile.material.changed(burst_kpa=measured(70.0), burst_width_mm=measured(20.0),
         survived_kpa=None, survived_width_mm=None,
     )  # fmt: skip
     growth = {
         "yield_kpa": measured(1.92), "drag_kpa_m": measured(0.771), "friction": measured(0.234),
         "storage_kpa": measured(storage_kpa), "width_mm": measured(25.0 * math.pi / 2.0),
     }  # fmt: skip
-    return replace(profile, material=material, recipe=replace(profile.recipe, growth=growth))
+    return replace(profile, material=material, recipe=profile.recipe.changed(growth=growth))
 
 
 def test_what_is_kept_and_what_of_it_is_in_the_way_is_told(profile):
@@ -106,7 +105,7 @@ def test_what_is_kept_and_what_of_it_is_in_the_way_is_told(profile):
 
 def test_a_score_has_an_interval_over_maps_or_poses():
     design = fork((40.0, 24.0), tail_mm=120.0)
-    longer = replace(design, levels=(replace(design.levels[0], length_mm=300.0),))
+    longer = design.changed(levels=(design.levels[0].changed(length_mm=300.0),))
     worlds = [grid_map(seed=8), grid_map(seed=9)]
     two, one = (score_change_lines(design, longer, maps)[1] for maps in (worlds, worlds[:1]))
     assert re.fullmatch(
@@ -149,14 +148,14 @@ def test_a_working_pressure_that_grows_no_leaf_is_raised(profile):
     assert {finding.rule for finding in found.before.blocking} == {"VF-P03"}
     (pressed,) = found.changes
     assert (pressed.what, pressed.before) == ("the pressure", 1.0)
-    assert replace(found.design.build, pressure_kpa=1.0) == weak.build
+    assert found.design.build.changed(pressure_kpa=1.0) == weak.build
 
 
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     world, limits = grid_map(seed=8), {}
     profile = measured_film(profile, 6.5)
     trained = {"growth": GrowthOptions(storage_kpa=0.0).content}
-    design = replace(fork((24.0, 12.0), pressure_kpa=35.0), origin=trained)
+    design = fork((24.0, 12.0), pressure_kpa=35.0).changed(origin=trained)
     free, grown = (
         check_design(design, profile, limits, deployed)
         for deployed in ((), deploy_from_starts(design, [world]))

@@ -1,4 +1,3 @@
-import json
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -10,7 +9,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map, Pose, Start
-from vinefab.prediction.map_info import info_lines, info_text, map_info
+from vinefab.prediction.map_info import map_info
 
 
 def start_at(x_mm, y_mm):
@@ -62,12 +61,12 @@ def test_a_notch_is_told_from_a_door():
     (left, *others) = world.obstacles
     notch = shapely.box(50, 10, 52, 12)  # 2 mm deep; behind its middle 2 mm2
     info = map_info(replace(world, obstacles=(left - notch, *others)))
-    lines = [line for line in info_lines(info) if " between " in line]
-    assert "2.00 mm at 51.0,11.0" in lines[0]
-    assert lines[0].endswith("only into a dead end as large as a circle of 1.6 mm")
-    assert "8.00 mm" in lines[1]
-    assert "dead end" not in lines[1]
-    notch, door = json.loads(info_text(info))["passages"][:2]
+    lines = [line.split() for line in info.summary if " and obstacle " in line]
+    assert lines[0][:4] == ["2.00", "mm", "51.0", "11.0"]
+    assert lines[0][-2:] == ["1.6", "mm"]
+    assert lines[1][:2] == ["8.00", "mm"]
+    assert lines[1][-1] == "-"
+    notch, door = info.numbers["passages"][:2]
     assert notch["dead_end_mm"] == pytest.approx(math.sqrt(8.0 / math.pi))
     assert door["dead_end_mm"] is None
 
@@ -97,8 +96,8 @@ def test_starts_without_room_and_maps_without_starts():
     assert info.widest_mm == {0.9: None, 0.5: None}
     assert info.body.share == 0.0
     bare = map_info(Map(name="b", bounds=shapely.box(0, 0, 10, 10)), width_mm=5.0)
-    assert "no start" in list(info_lines(bare))[-1]
-    assert json.loads(info_text(bare))["starts"] == []
+    assert any("no start" in line for line in bare.summary)
+    assert bare.numbers["starts"] == []
 
 
 def test_a_map_without_free_space_is_a_result_too():
@@ -107,12 +106,12 @@ def test_a_map_without_free_space_is_a_result_too():
         Map(name="f", bounds=full, obstacles=(full,), starts=(start_at(5.0, 5.0),)), width_mm=1.0
     )
     assert (info.passages, info.regions_mm2, info.body.share) == ((), (), 0.0)
-    assert json.loads(info_text(info))["free_share"] == 0.0
+    assert info.numbers["free_share"] == 0.0
 
 
 def test_json_says_what_was_computed():
     world = cave_map(1)
-    document = json.loads(info_text(map_info(world, width_mm=12.0, passages=3)))
+    document = map_info(world, width_mm=12.0, passages=3).numbers
     assert document["schema"] == "vinefab/map-info-1"
     assert document["standing"] == "computed"
     assert document["walls"] == world.wall_count
@@ -142,22 +141,23 @@ def test_numbers_out_of_range_are_named(wrong):
 def test_lines_and_json_show_the_numbers_of_a_corridor():
     world = Map(name="c", bounds=shapely.box(0, 0, 300, 12), starts=(start_at(20.0, 6.0),))
     info = map_info(world, width_mm=10.0)
-    lines = list(info_lines(info))
-    assert lines[0] == "c: 300 x 12 mm, 0 obstacles, 4 walls, 4 vertices"
-    assert lines[1] == "free area 0.0036 m2, 100.0 % of the bounds, in 1 region (computed)"
-    assert lines[3].startswith("  1: 12.00 mm at ")
-    assert lines[3].endswith("between bounds and bounds (body 18.85 mm)")
-    assert lines[4].startswith("start 1 at 20.00,6.00,0.00: 6.00 mm to the nearest wall")
-    assert "widest body that fits 18.85 mm" in lines[4]
-    assert "widest body with room in 90 % of the free area: about 18.7 mm (computed)" in lines
-    assert "widest body with room in 50 % of the free area: about 18.7 mm (computed)" in lines
+    lines = info.summary
+    assert lines[:2] == ("map: c", "size: 300 x 12 mm")
+    assert "free area: 0.0036 m2 (computed)" in lines
+    assert "of the bounds: 100.0 %" in lines
+    rows = [line.split() for line in lines]
+    assert ["12.00", "mm"] in [row[:2] for row in rows]
+    assert ["20.00,6.00,0.00", "6.00", "mm", "18.85", "mm"] in rows
+    assert ["90", "%", "18.7", "mm"] in rows
+    assert ["50", "%", "18.7", "mm"] in rows
     # The search for the widest body stops within 1 % of 18.85 mm.
     # All but the corners: (4 - pi) r^2 with r the inflated radius, 10 / pi.
     share = 1.0 - (4.0 - math.pi) * (10.0 / math.pi) ** 2 / 3600.0
-    assert f"a body of 10 mm has room in {100 * share:.1f} % of the free area; 0 of" in lines[-1]
-    narrow = list(info_lines(map_info(world, width_mm=19.0)))[-1]
-    assert "has room in 0.0 % of the free area; 1 of this 1 passage" in narrow
-    document = json.loads(info_text(info))
+    assert f"has room in: {100 * share:.1f} %" in lines
+    assert lines[-1] == "passages too narrow for it: 0 of 1 above"
+    narrow = map_info(world, width_mm=19.0).summary
+    assert narrow[-2:] == ("has room in: 0.0 %", "passages too narrow for it: 1 of 1 above")
+    document = info.numbers
     assert document["size_mm"] == [300.0, 12.0]
     assert (document["walls"], document["vertices"], document["obstacles"]) == (4, 4, 0)
     assert document["free_area_mm2"] == pytest.approx(3600.0)
@@ -172,9 +172,7 @@ def test_lines_and_json_show_the_numbers_of_a_corridor():
 
 def test_free_share_is_of_the_bounds():
     half = Map(name="h", bounds=shapely.box(0, 0, 100, 40), obstacles=(shapely.box(0, 0, 30, 40),))
-    assert list(info_lines(map_info(half)))[1].startswith(
-        "free area 0.0028 m2, 70.0 % of the bounds, in 1 region"
-    )
+    assert "of the bounds: 70.0 %" in map_info(half).summary
 
 
 def test_obstacles_that_reach_over_the_bounds_are_named_with_their_share():
@@ -182,6 +180,6 @@ def test_obstacles_that_reach_over_the_bounds_are_named_with_their_share():
     world = Map(name="room", bounds=shapely.box(0, 0, 100, 60), obstacles=tuple(obstacles))
     info = map_info(world, passages=0)
     assert info.outside == {2: pytest.approx(0.75)}
-    assert any("obstacle 2 (75 % of it)" in line for line in info_lines(info))
-    assert json.loads(info_text(info))["obstacles_outside"] == [{"obstacle": 2, "share": 0.75}]
+    assert ["2", "75", "%"] in [line.split() for line in info.summary]
+    assert info.numbers["obstacles_outside"] == [{"obstacle": 2, "share": 0.75}]
     assert map_info(two_rooms(8.0), passages=0).outside == {}

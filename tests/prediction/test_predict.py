@@ -2,7 +2,6 @@
 
 import base64
 import itertools
-import json
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -26,7 +25,6 @@ from vinefab.prediction.anchoring_prediction import (
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
 from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
-from vinefab.prediction.prediction_json import prediction_text
 from vinefab.prediction.prediction_width import CONTACT_MEASURES, ContactRange, ContactValue
 from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
 from vinefab.prediction.provenance import origin_of
@@ -93,8 +91,9 @@ def made():
     families = map_families(given, unseen_maps("grid", 4, 0, small))
     found = predict(design, profile, families, PredictionPlan(poses=2, seed=1))
     origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, families)
-    text = found.page(origin)
-    return text, Page(text), json.loads(prediction_text(found, origin))
+    found = replace(found, origin=origin)
+    text = found.page()
+    return text, Page(text), found.numbers
 
 
 def numbers_of(value, key=""):

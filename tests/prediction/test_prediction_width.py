@@ -52,10 +52,10 @@ def test_pressure_is_used_up_sooner_off_a_spool_and_by_a_wider_fitted_tube(
     assert tight.stopped_percent > loose.stopped_percent
     assert tight.grown_percent < loose.grown_percent
     # With what 95 % need, 95 % of the deployments grow to every tip.
-    enough = replace(explorer, build=replace(explorer.build, pressure_kpa=tight.needed_kpa))
+    enough = explorer.changed(build=explorer.build.changed(pressure_kpa=tight.needed_kpa))
     again = pressure_range(enough, prepared, few_poses.options, measured).reaches[4]
     assert again.full_percent == pytest.approx(95.0, abs=10.0)
-    none = replace(explorer, build=replace(explorer.build, pressure_kpa=0.0))
+    none = explorer.changed(build=explorer.build.changed(pressure_kpa=0.0))
     assert pressure_range(none, prepared, few_poses.options, measured) is None
 
 
@@ -77,7 +77,7 @@ def test_page_and_json_say_the_same(explorer, prepared, few_poses):
 
 def test_pressures_are_those_of_growth_to_every_tip(explorer, prepared, few_poses):
     """Where pressure stops tips, what they would need is still known."""
-    thin = replace(explorer, build=replace(explorer.build, pressure_kpa=8.0))
+    thin = explorer.changed(build=explorer.build.changed(pressure_kpa=8.0))
     pressed = replace(few_poses, options=replace(few_poses.options, pressure_stop=True))
     free = replace(few_poses, options=GrowthOptions(body="inflated", pressure_stop=False))
     stopped = deploy_family(thin, prepared, pressed).outcomes

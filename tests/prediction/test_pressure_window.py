@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -7,15 +5,17 @@ from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Standing
+from vinefab.pages.panel import Shape
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
+from vinefab.prediction.pictures import window_chart
 from vinefab.prediction.prediction_json import window_content
-from vinefab.prediction.pressure_window import window_chart, window_of, window_section
+from vinefab.prediction.pressure_window import window_of, window_section
 
 
 def test_a_robot_without_room_has_no_pressure(straight):
     design, family = straight
-    wide = replace(design, build=Build.standard(1, trunk_width_mm=2000.0))
+    wide = design.changed(build=Build.standard(1, trunk_width_mm=2000.0))
     result = deploy_family(
         wide, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
     )
@@ -40,7 +40,7 @@ def known_window(most_kpa=30.0):
     values = {LOOSE_PRESSURE.key: needs, TIGHT_PRESSURE.key: 2.0 * needs}
     table = MeasureTable(label="l", maps=("m",) * 102, poses=(None,) * 102, values=values)
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=40.0)
-    build = replace(Build.standard(1, trunk_width_mm=20.0), pouch=pouch, pressure_kpa=15.0)
+    build = Build.standard(1, trunk_width_mm=20.0).changed(pouch=pouch, pressure_kpa=15.0)
     design = Design(name="v", trunk_length_mm=100.0, build=build)
     return window_of(design, read_profile(DEFAULT_RECIPE), [table])
 
@@ -87,14 +87,17 @@ def test_tables_chart_and_json_show_the_window():
     assert needs.rows[1] == ("tightly", "2.0", "20.0", "38.0", "40.0", "58.4 %")
     assert limits.rows[0] == ("trunk", "20.00", "12.73", "70.0", "46.7", "8 %")
     assert limits.rows[1] == ("pouch", "40.00", "25.46", "35.0", "23.3", "17 %")
-    (axes,) = window_chart(window).axes
-    assert axes.get_title(loc="left") == "window 19.0 to 23.3 kPa"
-    bars = [(bar.get_x(), bar.get_width()) for bar in axes.patches if bar.get_height() == 0.5]
-    assert bars[0] == pytest.approx((1.0, 18.0))
-    assert bars[1] == pytest.approx((2.0, 36.0))
-    assert bars[2] == pytest.approx((0.0, 70.0 / 1.5))
-    (closed,) = window_chart(known_window(30.0)).axes
-    assert closed.get_title(loc="left") == "no window: 5.2 kPa missing"
+    (panel,) = window_chart(window).panels
+    assert panel.title == "window 19.0 to 23.3 kPa"
+    shapes = [one for one in panel.primitives if isinstance(one, Shape) and one.closed]
+    filled = [one.chains[0][:2, 0] for one in shapes]
+    room, *bars = [ends.tolist() for ends in filled[:4]]
+    assert room == pytest.approx([19.0, 23.3], abs=0.05)
+    assert bars[0] == pytest.approx([1.0, 19.0])
+    assert bars[1] == pytest.approx([2.0, 38.0])
+    assert bars[2] == pytest.approx([0.0, 70.0 / 1.5])
+    (closed,) = window_chart(known_window(30.0)).panels
+    assert closed.title == "no window: 5.2 kPa missing"
     content = window_content(window)
     assert (content["needed_kpa"], content["allowed_kpa"]) == (19.0, 23.3)
     assert content["needs"][1]["p95_kpa"] == 38.0

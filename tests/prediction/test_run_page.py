@@ -74,8 +74,8 @@ CHECKED = CheckReport(design="plain_vine", recipe="r", run=(), skipped=(), findi
 @pytest.mark.parametrize(("bed_mm", "said"), [(1000.0, True), (3000.0, False)])
 def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> None:
     profile = read_profile("co2_60w__stretchlon_200")
-    bed = replace(profile.machine.bed_width_mm, value=bed_mm)
-    machine = replace(profile.machine, bed_width_mm=bed)
+    bed = profile.machine.bed_width_mm.changed(value=bed_mm)
+    machine = profile.machine.changed(bed_width_mm=bed)
     run = SimpleNamespace(
         design=read_design("plain_vine"), profile=lambda: replace(profile, machine=machine)
     )

@@ -13,7 +13,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.map import Map, Pose, Start
-from vinefab.prediction.comparison import compare_designs, comparison_lines, comparison_text
+from vinefab.prediction.comparison import compare_designs
 from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
@@ -24,7 +24,7 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.measures import COVERAGE, REACH
 from vinefab.prediction.prediction_width import contact_range
 from vinefab.prediction.provenance import origin_of
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.loop import Search
 from vinefab.search.settings import EvaluationSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
@@ -97,10 +97,11 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
     assert score.notes[0].startswith(
         "this start has no spread: 1 deployment per map; give spread_heading_deg"
     )
-    (first, *_, note) = score_lines(score, TREE)
-    assert first == (
-        "task coverage, 1 evaluation (simulated); inflated body, head-on half-angle 1 deg "
-        "(assumed), stops at 20 kPa (film stored loosely, assumed)"
+    (first, grown, *_, note) = score.summary
+    assert (first, grown) == (
+        "task: coverage",
+        "growth: inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa (film stored "
+        "loosely, assumed)",
     )
     assert note == score.notes[0]
     assert score_design_on_task(TREE, [ROOM], ScorePlan(poses=1)).notes == ()
@@ -108,26 +109,26 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
 
 
 def test_one_sample_has_no_interval_and_no_p_value() -> None:
-    other = replace(TREE, name="other", trunk_length_mm=120.0)
+    other = TREE.changed(name="other", trunk_length_mm=120.0)
     family = MapFamily(label="the map given", worlds=(ROOM,))
     plan = PredictionPlan(poses=5)
     found = compare_designs([TREE, other], [family], plan, measure=REACH)
     assert not any(difference.is_clear for difference in found.differences)
-    lines = "\n".join(comparison_lines(found))
+    lines = "\n".join(found.summary)
     assert "1 deployment of each design" in lines
     assert "this start has no spread" in lines
     assert "tree minus other" in lines
-    assert "one pair: no interval, no p value" in lines
-    assert "p = " not in lines
-    text = comparison_text(found, origin_of("again", [TREE, other], None, [family]))
+    assert "(one sample: no interval)" in lines
+    found = replace(found, origin=origin_of("again", [TREE, other], None, [family]))
+    text = found.json_text()
     assert '"p": null' in text
     assert '"low": null' in text
 
 
 def test_the_bond_of_laps_went_into_reports_of_robots_in_pieces_only() -> None:
     profile = read_profile("co2_60w__stretchlon_200")
-    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
-    cut = replace(TREE, build=replace(TREE.build, pieces=PieceSettings()))
+    unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
+    cut = TREE.changed(build=TREE.build.changed(pieces=PieceSettings()))
     whole, other = (origin_of("again", [TREE], known, []).inputs for known in (profile, unbonded))
     assert whole == other
     bonded, open_ = (origin_of("again", [cut], known, []).inputs for known in (profile, unbonded))
@@ -185,12 +186,11 @@ def test_the_parts_of_a_score_add_up_to_it(task: str, parameters: Mapping[str, o
         assert sum(evaluation.parts.values()) == pytest.approx(evaluation.score, abs=1e-12)
     assert sum(score.parts.values()) == pytest.approx(score.composite["mean"], abs=1e-12)
     assert len(score.parts) == {"coverage": 4, "reach": 1, "anchoring": 2}[task]
-    lines = score_lines(score, TREE)
-    (line,) = [line for line in lines if line.startswith("mean: ")]
-    shown = [float(number) for number in line[6:].replace("+ ", "+").replace("- ", "-").split()
-             if number[0] in "+-"]  # fmt: skip
+    lines = score.summary
+    rows = {line.strip().rsplit("  ", 1)[0].strip(): line.split()[-1] for line in lines}
+    shown = [float(rows[name]) for name in score.parts]
     assert sum(shown) == pytest.approx(score.composite["mean"], abs=3e-4)
-    assert "(0.25 mean + 0.75 (1 - std / 0.5))" in lines[-1]
+    assert "0.25 mean + 0.75 (1 - std / 0.5);" in "".join(lines)
 
 
 def test_a_task_that_does_not_say_has_no_parts() -> None:
@@ -202,7 +202,7 @@ def test_a_task_that_does_not_say_has_no_parts() -> None:
 
     score = score_design_on_task(TREE, [WIDE], ScorePlan(task=Bare(), poses=2))
     assert score.parts == {}
-    assert not any(line.startswith("mean: ") for line in score_lines(score, TREE))
+    assert not any("made of" in line for line in score.summary)
 
 
 def test_a_prepared_map_of_two_fixed_starts_gives_each_once() -> None:

@@ -6,35 +6,30 @@ import shapely
 
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Score
-from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
+from vinefab.model.score import MOST_SHOWN, Evaluation, Score
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
 
-def test_lines_show_every_score_and_the_composites():
+def test_a_score_shows_every_evaluation_the_parts_and_the_composites():
     pose = Pose(x_mm=1.0, y_mm=2.0, heading_rad=math.radians(30.0))
     evaluations = tuple(
-        Evaluation(map_name="m", pose=pose, score=score, terms={}) for score in (0.25, 0.5, 0.75)
+        Evaluation(map_name="m", pose=pose, score=score, terms={})
+        for score in [0.25] * MOST_SHOWN + [0.75]
     )
-    growth = {"body": "centerline", "pressure_stop": False}
     result = Score(
         task="reach",
         evaluations=evaluations,
         composite={"mean": 0.5, "best": 0.75},
         parts={"area reached": 0.6, "film": -0.1},
-        growth=growth,
         notes=("one thing to know",),
+        grown="centerline body",
     )
-    vine = Design(name="v", trunk_length_mm=100.0, build=Build.standard(1))
-    assert score_lines(result, vine, most=2) == [
-        "task reach, 3 evaluations (simulated); centerline body, head-on half-angle 1 deg "
-        "(assumed), no pressure stops it",
-        "    0.2500  m  1.00,2.00,30.00",
-        "    0.5000  m  1.00,2.00,30.00",
-        "  ... and 1 more",
-        "mean: + 0.6000 area reached - 0.1000 film = 0.5000",
-        "composite: mean 0.5000, best 0.7500",
-        "one thing to know",
-    ]
+    lines = result.summary
+    assert lines[:2] == ("task: reach", "growth: centerline body")
+    assert [line.split() for line in lines].count(["0.2500", "m", "1.00,2.00,30.00"]) == MOST_SHOWN
+    assert "  ... and 1 more" in lines
+    assert ["area", "reached", "+0.6000"] in [line.split() for line in lines]
+    assert lines[-3:] == ("mean: 0.5000 (simulated)", "best: 0.7500 (simulated)", result.notes[0])
 
 
 def test_a_score_is_that_of_every_map_and_pose():

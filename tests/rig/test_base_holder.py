@@ -1,6 +1,5 @@
 """The base holder as made: bore, place and holes measured on the triangles of its STL files."""
 
-import dataclasses
 import json
 import math
 import shutil
@@ -18,9 +17,9 @@ from vinefab.model.map import Pose, Start
 from vinefab.rig import base_holder as module
 from vinefab.rig.base_holder import ASSUMED_COLLAR_MM, CLAMP_MM
 from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.part_files import read_stl
 from vinefab.rig.rig_options import RigOptions
 from vinefab.rig.solid import manifold_of, outlines_at
-from vinefab.rig.stl_format import read_stl
 
 WALLS = (box(40, 90, 80, 130), box(120, 90, 160, 130))
 
@@ -71,8 +70,8 @@ def test_the_bore_has_the_collars_diameter_at_the_trunks_height(
     make_map, make_printer, scale, heading_deg
 ):
     design = read_design("plain_vine")
-    build = dataclasses.replace(design.build, collar=Collar(clamp_diameter_mm=22.0))
-    design = dataclasses.replace(design, build=build)
+    build = design.build.changed(collar=Collar(clamp_diameter_mm=22.0))
+    design = design.changed(build=build)
     world = make_map(*WALLS, starts=(spread(0.0, heading_deg=heading_deg),))
     printer = make_printer()
     made = made_of(world, printer, design, scale=scale, entry_width_mm=60.0)
@@ -190,7 +189,7 @@ def test_where_no_holder_can_stand_it_is_said_or_refused(
     made = made_of(world, make_printer(), **sizes)
     assert json.loads(made.files["rig.json"])["base_holder"] is None
     assert any("no base holder" in note and reason in note for note in made.rig.notes)
-    with pytest.raises(BadInputError, match=rf"rig\.base_start is 1.*{reason}"):
+    with pytest.raises(BadInputError, match=rf"^base_start is 1.*{reason}"):
         made_of(world, make_printer(), base_start=1, **sizes)
 
 
@@ -204,9 +203,9 @@ def test_a_holder_that_is_no_closed_solid_never_forbids_the_rig(
 
 
 def test_a_start_that_is_not_there_is_refused(make_map, make_printer):
-    with pytest.raises(BadInputError, match=r"rig\.base_start is 2; allowed: 0 to 1"):
+    with pytest.raises(BadInputError, match=r"^base_start is 2; allowed: 0 to 1"):
         made_of(make_map(*WALLS), make_printer(), base_start=2)
-    with pytest.raises(BadInputError, match=r"rig\.collar_mm is 1"):
+    with pytest.raises(BadInputError, match=r"^collar_mm is 1"):
         RigOptions(collar_mm=1.0)
 
 

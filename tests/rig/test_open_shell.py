@@ -30,14 +30,13 @@ from vinefab.rig.open_shell import (
     shell_wall_mm,
     shell_walls,
 )
-from vinefab.rig.part import Mesh, PartItem
-from vinefab.rig.part_files import read_back_problems
+from vinefab.rig.part import Mesh
+from vinefab.rig.part_files import STL, PartItem, read_back_problems
 from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import JERK_MM_S, print_estimate, printing_of
 from vinefab.rig.rig_options import Printer, RigOptions, read_printer
 from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import Course, built_of, manifold_of, outlines_at, plan_volume_mm3
-from vinefab.rig.stl_format import STL
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 BOARD = RigOptions(style="board", most_parts=200)
@@ -65,7 +64,7 @@ def _is_wall(shape, wall_mm):
 )
 def test_shells_are_closed_solids_within_the_obstacle(seed, scale, wall_mm, top_mm):
     world = grid_map(seed, GridOptions(columns=2, rows=2, size_mm=180.0))
-    options = replace(BOARD, scale=scale, wall_mm=wall_mm, top_mm=top_mm)
+    options = BOARD.changed(scale=scale, wall_mm=wall_mm, top_mm=top_mm)
     rig, pieces = build_board(world, PRINTER, options)
     comparison = compare_with_map(rig, world)
     assert comparison.share < 1e-3
@@ -173,8 +172,8 @@ def test_narrow_obstacles_stay_solid():
     ("wall_mm", "printer", "used_mm"),
     [
         (None, PRINTER, 0.8),
-        (None, replace(PRINTER, least_wall_mm=0.9), 1.2),
-        (None, replace(PRINTER, nozzle_mm=0.6, least_wall_mm=1.2), 1.2),
+        (None, PRINTER.changed(least_wall_mm=0.9), 1.2),
+        (None, PRINTER.changed(nozzle_mm=0.6, least_wall_mm=1.2), 1.2),
         (1.2, PRINTER, 1.2),
         (0.0, PRINTER, 0.0),
     ],
@@ -185,14 +184,14 @@ def test_walls_are_whole_lines(wall_mm, printer, used_mm):
 
 @pytest.mark.parametrize("wall_mm", [0.4, 0.9, 1.0])
 def test_other_walls_are_refused_with_what_is_allowed(wall_mm):
-    words = r"rig.wall_mm is 0.4|rig.wall_mm is 0.9|rig.wall_mm is 1"
+    words = r"wall_mm is 0.4|wall_mm is 0.9|wall_mm is 1"
     with pytest.raises(BadInputError, match=rf"({words}).*0 \(solid\).*0.8, 1.2, 1.6"):
         make_rig(grid_map(1, GridOptions()), PRINTER, RigOptions(wall_mm=wall_mm))
 
 
 def test_a_top_closes_loose_shells_and_plates_stay_filled_under_it():
     world = grid_map(3, GridOptions(columns=2, rows=2, size_mm=180.0))
-    rig, pieces = build_board(world, PRINTER, replace(BOARD, top_mm=0.8))
+    rig, pieces = build_board(world, PRINTER, BOARD.changed(top_mm=0.8))
     for part, piece in zip(rig.parts, pieces, strict=True):
         body = manifold_of(part.vertices_mm, part.faces)
         # 0.6 mm from the bed the top is whole; at 0.9 mm it is over.
@@ -213,7 +212,7 @@ def test_the_quicker_style_is_taken_and_the_other_told():
     assert printing_of(plate).total.words() in made.why_style
     few = make_rig(world, PRINTER, RigOptions(most_parts=4), RigRequest(pictures=False))
     assert few.rig.style == "plate"
-    assert "style board was refused: rig.parts is" in few.why_style
+    assert "style board was refused: parts is" in few.why_style
 
 
 def test_the_demo_rig_prints_in_a_day_and_with_half_a_spool():
@@ -287,7 +286,7 @@ def _parts_to_slice():
     kinds = {"shell": {}, "solid": {"wall_mm": 0.0}, "closed": {"top_mm": 0.8}}
     found = {}
     for kind, sizes in kinds.items():
-        rig, _ = build_board(world, printer, replace(BOARD, **sizes))
+        rig, _ = build_board(world, printer, BOARD.changed(**sizes))
         found[kind] = max(rig.parts, key=lambda part: min(part.size_mm[:2]) < 100)
     found["plate"] = build_rig(world, printer).parts[0]
     found["solid plate"] = build_rig(world, printer, RigOptions(wall_mm=0.0)).parts[0]

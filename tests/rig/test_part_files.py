@@ -16,9 +16,9 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.part import PartItem
 from vinefab.rig.part_files import (
     PART_FORMATS,
+    PartItem,
     part_files,
     part_problems,
     read_back_problems,

@@ -48,10 +48,10 @@ def test_a_copy_of_ones_own(edited):
     [
         ("bed_width_mm", "bed_width_cm", r"bed_width_cm .* did you mean 'bed_width_mm'"),
         ("value = 0.4, ", "", r"nozzle_mm.value is missing"),
-        ("value = 220.0", "value = -220.0", r"printer.bed_width_mm is -220"),
+        ("value = 220.0", "value = -220.0", r"bed_width_mm is -220"),
         ("value = 220.0", "value = nan", r"bed_width_mm.value"),
         ("value = 220.0", "value = inf", r"bed_width_mm.value"),
-        ("value = 220.0", "value = 2e5", r"printer.bed_width_mm is 200000"),
+        ("value = 220.0", "value = 2e5", r"bed_width_mm is 200000"),
         ("value = 220.0", 'value = "220"', r"bed_width_mm.value is '220'; allowed: .*number"),
         ("value = 220.0", "value = true", r"bed_width_mm.value is True"),
         ('"assumed"', '"guessed"', r"bed_width_mm.standing is 'guessed'; allowed: 'measured'"),

@@ -4,11 +4,10 @@ import trimesh
 from shapely import Polygon, box
 
 from vinefab.core.atomic import is_ours
-from vinefab.rig.part import PartItem, RigPart
-from vinefab.rig.part_files import read_back_problems
+from vinefab.rig.part import RigPart
+from vinefab.rig.part_files import STL, PartItem, read_back_problems, stl_bytes
 from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
-from vinefab.rig.stl_format import STL, stl_bytes
 
 
 def check_stl(data, part):

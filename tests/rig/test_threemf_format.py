@@ -8,10 +8,10 @@ from lib3mf import get_wrapper
 from shapely import Polygon, box
 
 from vinefab.core.errors import UnreadableFileError
-from vinefab.rig.part import PartItem, RigPart
+from vinefab.rig.part import RigPart
+from vinefab.rig.part_files import PartItem, read_threemf, threemf_bytes
 from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
-from vinefab.rig.threemf_format import read_threemf, threemf_bytes
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,8 @@ from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
-from vinefab.pages.figure import svg_bytes
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Words
 from vinefab.search.front_files import front_json, front_lines, front_of, front_picture
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
@@ -70,7 +71,7 @@ def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
     for entry, member in zip(content["designs"], members, strict=True):
         assert entry["reach"] == member.score.composite["reach"] == member.further[0]
     assert f"  {members[0].further[0]:8.4f}" in front_lines(members, settings)[1]
-    assert b"reach score (simulated)" in svg_bytes(front_picture(members, run, settings, WORLD))
+    assert b"reach score (simulated)" in page_svg(front_picture(members, run, settings, WORLD))
 
 
 def test_json_and_text_describe_the_front(result: RunResult) -> None:
@@ -117,33 +118,27 @@ def test_a_knee_is_named_where_there_is_one(
         assert not any(member.is_knee for member in members)
         assert why in front_lines(members, settings)[-1]
         assert json.loads(front_json(members, flat, settings))["knee"] is None
-        assert svg_bytes(front_picture(members, flat, settings, WORLD))
+        assert page_svg(front_picture(members, flat, settings, WORLD))
 
 
 def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
-    pictures = [svg_bytes(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
+    pictures = [page_svg(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
     assert pictures[0] == pictures[1]
     alone = (replace(members[0], is_knee=True),)
-    assert svg_bytes(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]
+    assert page_svg(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]
 
 
 def test_scores_of_the_search_and_fresh_ones_have_their_own_marker_and_words(
     result: RunResult,
 ) -> None:
-    figure = front_picture(front_of(result, SETTINGS), result, SETTINGS, WORLD)
-    chart = figure.axes[0]
-    looks = {str(line.get_label()): line.get_marker() for line in chart.lines}
-    assert looks == {
+    page = front_picture(front_of(result, SETTINGS), result, SETTINGS, WORLD)
+    chart = page.panels[0]
+    assert {words: signs.sign for words, signs in chart.legend.items()} == {
         "in the search, on training poses": "x",
         "the front, scored again on fresh poses": "o",
     }
-    legend = chart.get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == list(looks)
-    assert "of one kind" in legend.get_title().get_text()
-    figure.draw_without_rendering()
-    assert legend.get_window_extent().y0 >= chart.get_window_extent().y1 - 1.0  # hides no point
-    (symbols,) = figure.legends
-    words = [text.get_text() for text in symbols.get_texts()]
+    assert "of one kind" in chart.title
+    words = [one.text for one in page.layers[-1].primitives if isinstance(one, Words)]
     assert {"level 1", "body: a line without width"} <= set(words)
     assert "target" not in words

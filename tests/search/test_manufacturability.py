@@ -63,17 +63,17 @@ def test_a_waived_finding_does_not_count_against_a_design(
         for finding in check_design(narrow, penalty.profile).blocking
     )
     assert waivers
-    assert penalty.passes(replace(narrow, waivers=waivers))
+    assert penalty.passes(narrow.changed(waivers=waivers))
 
 
 def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     penalty: ManufacturabilityPenalty,
 ) -> None:
     build = Build(widths_mm=(60.0, 24.0), fillet_mm=(6.0,), pressure_kpa=10.0)
-    wide = replace(fork(1.2, 200.0), build=build)
+    wide = fork(1.2, 200.0).changed(build=build)
     assert penalty.passes(wide)
     build = Build(widths_mm=(80.0, 6.0), fillet_mm=(3.0,), pressure_kpa=10.0)
-    narrow = replace(fork(1.2, 300.0), build=build)
+    narrow = fork(1.2, 300.0).changed(build=build)
     assert penalty(narrow) > 0.0
     # The check forbids what was measured; a search keeps to limits that are only assumed, too.
     assert penalty.passes(narrow)
@@ -86,7 +86,7 @@ def measured_film(profile: LaserProfile) -> LaserProfile:
     """The same film where a tube of 20 mm burst at 70 kPa, and the published growth: measured."""
 
     def measured(value: float) -> Quantity:
-        return Quantity(value=value, standing=Standing.MEASURED)
+        return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
     seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
     none = {"survived_kpa": None, "survived_width_mm": None}
@@ -99,8 +99,8 @@ def measured_film(profile: LaserProfile) -> LaserProfile:
     }
     return replace(
         profile,
-        material=replace(profile.material, **seam, **none),
-        recipe=replace(profile.recipe, growth=growth),
+        material=profile.material.changed(**seam, **none),
+        recipe=profile.recipe.changed(growth=growth),
     )
 
 
@@ -230,9 +230,9 @@ def test_a_level_of_its_own_is_named() -> None:
 def test_the_limits_of_the_recipe_count() -> None:
     settings = run(build=BuildSettings(trunk_width_mm=14.0))
     assert refused(settings) == ""
-    recipe = replace(PROFILE.recipe, limits={"VF-W01": {"error": 6.0}})
+    recipe = PROFILE.recipe.changed(limits={"VF-W01": {"error": 6.0}})
     assert "(VF-W01)" in refused(settings, replace(PROFILE, recipe=recipe))
-    film = replace(PROFILE.material, weldable=False)
+    film = PROFILE.material.changed(weldable=False)
     message = refused(settings, replace(PROFILE, material=film))
     assert "evaluation.recipe is" in message
     assert "does not weld" in message

@@ -178,7 +178,7 @@ def test_a_design_survives_being_plain():
     design = read_design("grid_explorer")
     again = design_from(json.loads(json.dumps(plain_design(design))))
     assert (again.levels, again.build) == (design.levels, design.build)
-    cut = replace(design, build=replace(design.build, pieces=PieceSettings(most=3, lap_mm=12.0)))
+    cut = design.changed(build=design.build.changed(pieces=PieceSettings(most=3, lap_mm=12.0)))
     assert design_from(json.loads(json.dumps(plain_design(cut)))).build == cut.build
     assert total_length_mm(again) == pytest.approx(branch_tree(design).total_length_mm)
 

@@ -5,7 +5,6 @@ import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.jsontext import GENERATOR
-from vinefab.maps.make_map import generate
+from vinefab.maps import generate
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.run_recipe import RunRecipe, recipe_digest
@@ -542,7 +541,7 @@ def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
     ):
         origin = {"recipe": {"name": "mine", "file": file, "digest": given}}
         path = tmp_path / "best.toml"
-        path.write_text(design_text(replace(read_design("plain_vine"), origin=origin)))
+        path.write_text(design_text(read_design("plain_vine").changed(origin=origin)))
         answer = Desk(tmp_path).open_design({"design": "best.toml"})
         assert answer["recipe"] == opened
         assert note in answer["recipe_note"]

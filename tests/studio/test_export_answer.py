@@ -3,6 +3,7 @@
 import math
 import shlex
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -92,22 +93,28 @@ def test_the_command_shown_writes_the_same_bytes(what, out, options, more):
     assert run_again(answer) == first
 
 
+@dataclass(frozen=True)
 class FoundInNoTime:
     """Stands in for a prediction, which takes seconds: its page says what went in."""
 
-    def __init__(self, design, profile, families, plan, _progress):
-        self.given = (design_text(design), profile.recipe.name, plan)
-        self.worlds = [map_text(world) for family in families for world in family.worlds]
+    given: tuple
+    origin: object = None
+    summary = ("found",)
 
-    def page(self, origin, _sections, _progress):
-        return f"{GENERATOR} {self.given} {self.worlds} {origin.command} {origin.inputs}"
+    @classmethod
+    def of(cls, design, profile, families, plan, _progress):
+        worlds = [map_text(world) for family in families for world in family.worlds]
+        return cls((design_text(design), profile.recipe.name, plan, worlds))
+
+    def json_text(self):
+        return ""
+
+    def page(self, _progress):
+        return f"{GENERATOR} {self.given} {self.origin.command} {self.origin.inputs}"
 
 
 def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
-    monkeypatch.setattr("vinefab.prediction.predict.predict", FoundInNoTime)
-    written = "vinefab.prediction.prediction_json"
-    monkeypatch.setattr(f"{written}.summary_lines", lambda _: ["found"])
-    monkeypatch.setattr(f"{written}.prediction_text", lambda *_: '{"schema": "x"}')
+    monkeypatch.setattr("vinefab.prediction.predict.predict", FoundInNoTime.of)
     content = edited(opened(**MOVED, growth={"storage_kpa": 1.25}))
     options = {"poses": 2, "environment": "pegs", "count": 3}
     answer = export(content, "report", "page.html", options=options)

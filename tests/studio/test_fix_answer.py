@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -78,7 +77,7 @@ def test_without_errors_there_is_nothing_to_fix():
 
 
 def test_a_fix_that_fails_says_so():
-    design = replace(fork(), limits={"VF-L04": {"error": 0.01}})
+    design = fork().changed(limits={"VF-L04": {"error": 0.01}})
     answer = answered(design, map=GRID)
     assert answer["failed"]
     assert (answer["design"], answer["changes"], answer["scores"]) == (None, [], [])

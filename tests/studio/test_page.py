@@ -230,7 +230,7 @@ def test_an_exact_number_and_a_lock(tab, grid):
     number.fill("-3")
     number.press("Enter")
     assert tab.design().levels[0].length_mm == 83.25
-    assert "0.1 to 10000 mm" in tab.page.inner_text("#status")
+    assert "0.000001 to 10000000 mm" in tab.page.inner_text("#status")
     tab.page.get_by_label("Lock Level 2 Length").click()
     assert number.is_disabled()
     assert tab.state()["locks"] == [LENGTH]

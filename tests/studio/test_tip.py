@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ POSE = {"x_mm": 250.0, "y_mm": 100.0, "heading_deg": 90.0}
 
 def design(branches=3, growth=0.7):
     level = Level(branches=branches, length_mm=60.0, fan_rad=math.radians(100.0), growth=growth)
-    build = replace(Build.standard(2, trunk_width_mm=10.0), pressure_kpa=0.0)
+    build = Build.standard(2, trunk_width_mm=10.0).changed(pressure_kpa=0.0)
     return Design(name="fork", trunk_length_mm=80.0, levels=(level,), build=build)
 
 

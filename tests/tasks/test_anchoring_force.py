@@ -217,7 +217,7 @@ def by_polygons(end: Deployment, leaf: int, context: MapContext) -> float:
 
 def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None:
     pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=40.0)
-    build = replace(Build.standard(1, 20.0), pouch=pouch, pressure_kpa=30.0)
+    build = Build.standard(1, 20.0).changed(pouch=pouch, pressure_kpa=30.0)
     vine = Design(name="vine", trunk_length_mm=300.0, build=build)
     site = PreparedMap.of(Map(name="corridor", bounds=box(0, 0, 1000, 20)))
     poses = ((Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0),),)
@@ -235,10 +235,10 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     assert limited["force_n"] == pytest.approx(0.4)
     assert limited["score"] == pytest.approx(0.4 / force_n)
     assert limited["capped"] == 1.0
-    small = replace(pouch, width_mm=30.0)
-    narrow = replace(vine, build=replace(build, pouch=small))
+    small = pouch.changed(width_mm=30.0)
+    narrow = vine.changed(build=build.changed(pouch=small))
     assert terms(Anchoring(), narrow)["engaged"] == 0.0
-    bare = replace(vine, build=replace(build, pouch=None))
+    bare = vine.changed(build=build.changed(pouch=None))
     assert terms(Anchoring(), bare)["engaged"] == 1.0
     assert terms(Anchoring(), bare)["force_n"] == 0.0
 
@@ -367,10 +367,8 @@ def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
     fan = Level(branches=3, length_mm=90.0, fan_rad=2.0, growth=0.7)
     deep, flat, bare = Build.standard(3, 24.0), Build.standard(2, 20.0), Build.standard(1, 20.0)
     designs = [
-        Design(
-            name="a", trunk_length_mm=120.0, levels=(fan, fan), build=replace(deep, pouch=pouch)
-        ),
-        Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=replace(flat, pouch=pouch)),
+        Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=deep.changed(pouch=pouch)),
+        Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=flat.changed(pouch=pouch)),
         Design(name="c", trunk_length_mm=300.0, build=bare),
     ]
     options = GrowthOptions.published(body=body, children_of_stuck="deploy")

@@ -597,9 +597,7 @@ def rig(
     >>> from vinefab import maps
     >>> made = rig(maps.pegs(seed=4), "generic_220", out="rig", fit_mm=300)  # doctest: +SKIP
     """
-    from vinefab.core.errors import nearest
     from vinefab.core.limits import number
-    from vinefab.core.verbs import field_options
     from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
     from vinefab.rig.rig_options import Printer, RigOptions, read_printer
     from vinefab.rig.rig_plan import refuse_fine
@@ -611,12 +609,6 @@ def rig(
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(all_names('printer'))}"
         machine = read_printer(name_or_path("printer", machine, allowed))
-    known = [one.name for one in field_options(RigOptions)]
-    for name, value in sizes.items():
-        if name not in known:
-            raise BadInputError(
-                f"rig.{name}", value, f"one of {', '.join(known)}{nearest(name, known)}"
-            )
     if sheet_mm is not None:
         sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
     options = RigOptions(**sizes)

@@ -252,9 +252,7 @@ def score(
     >>> found.scores.shape
     (2,)
     """
-    from dataclasses import replace
-
-    from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
+    from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
     worlds = maps_of(maps, start)
     if not worlds:
@@ -269,8 +267,7 @@ def score(
         head_on_half_angle_deg=head_on_half_angle_deg,
         contacts=contacts,
     )
-    found = score_design_on_task(robot, worlds, plan, choice.options)
-    return replace(found, summary=tuple(score_lines(found, robot)))
+    return score_design_on_task(robot, worlds, plan, choice.options)
 
 
 @verb
@@ -373,7 +370,6 @@ def aim(
     """
     from dataclasses import replace
 
-    from vinefab.prediction.aim_page import aim_document
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.provenance import origin_of
@@ -406,10 +402,12 @@ def aim(
         found = aim_robots(compared, place, scored_on, plan, tell, workers)
     family = MapFamily(label=place.name, worlds=(place,))
     origin = origin_of(this_call().text(), compared, None, [family])
+    found = replace(found, origin=origin, growth_notes=choice.notes)
     if page is not None:
-        suffix = ".html" if page.suffix.lower() == ".htm" else page.suffix
-        write_page(page, aim_document(found, origin, suffix, choice.notes), force=force)
-    return replace(found, notes=(*choice.notes, *found.notes), origin=origin)
+        is_page = page.suffix.lower() in (".html", ".htm")
+        content = found.page() if is_page else found.picture(page.suffix)
+        write_page(page, content, force=force)
+    return found
 
 
 @verb
@@ -495,7 +493,7 @@ def compare(
     """
     from dataclasses import replace
 
-    from vinefab.prediction.comparison import compare_designs, comparison_page, measure_named
+    from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.provenance import origin_of
 
@@ -518,10 +516,11 @@ def compare(
             robots, families, plan, tell, measure=main, growth_notes=choice.notes
         )
         origin = origin_of(this_call().text(), robots, None, families)
-        content = "" if page is None else comparison_page(found, origin)
+        found = replace(found, origin=origin)
+        content = "" if page is None else found.page()
     if page is not None:
         write_page(page, content, force=force)
-    return replace(found, origin=origin)
+    return found
 
 
 @verb
@@ -604,11 +603,10 @@ def report(
     >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
     >>> print(page.summary[0])  # doctest: +SKIP
     """
-    import json
+    from dataclasses import replace
 
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.predict import part_of, predict
-    from vinefab.prediction.prediction_json import prediction_text, summary_lines
     from vinefab.prediction.provenance import origin_of
 
     path = page_path("out", out, force=force)
@@ -629,7 +627,7 @@ def report(
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
         origin = origin_of(this_call().text(), [robot], profile, families)
-        content = found.page(origin, (), part_of(tell, 0.6, 1.0))
+        found = replace(found, origin=origin)
+        content = found.page(part_of(tell, 0.6, 1.0))
     write_page(path, content, force=force)
-    numbers = json.loads(prediction_text(found, origin))
-    return WrittenReport(path=path, summary=tuple(summary_lines(found)), numbers=numbers)
+    return WrittenReport(path=path, summary=found.summary, numbers=found.numbers)

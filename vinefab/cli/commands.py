@@ -130,7 +130,7 @@ class Command:
         if result is None:
             return 0
         terminal.give_json(result.json_text())
-        terminal.say_all(getattr(result, "details", result.summary) if verbose else result.summary)
+        terminal.say_all(getattr(result, "all_lines", result.summary) if verbose else result.summary)
         return int(getattr(result, "exit_code", 0))
 
     def understood(self, typed: Sequence[str]) -> dict[str, Any]:

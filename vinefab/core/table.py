@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-from annotated_types import Ge, Gt, Le, Lt, Unit
+from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
@@ -41,6 +41,11 @@ class Slider:
     step: float = 1.0
 
 
+LATER = "later"
+"""Marks a field that a table did not always have: records leave it out where it says nothing, so
+that the ids of runs stay as they were."""
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
@@ -60,6 +65,7 @@ class Table(BaseModel, metaclass=_TableType):
     with the key inside the table: the names of the tables around it are put before it.
     A field whose key in files is another name has ``Field(alias=...)`` in its annotation; a list
     that is kept as a tuple has ``Field(strict=False)``, and so has an enumeration.
+    A field ``schema_`` has the kind of the file as its default: only files must give it.
     """
 
     model_config = ConfigDict(
@@ -71,9 +77,13 @@ class Table(BaseModel, metaclass=_TableType):
         validate_by_alias=True,
     )
 
+    def __str__(self) -> str:
+        return repr(self)
+
     def changed(self, **changes: Any) -> Self:  # noqa: ANN401  values of any field
         """Return a copy with other values of some fields, checked as a new one is."""
-        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        # Fields that were not given may follow from the others: they are found anew.
+        fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**fields | changes)
 
 
@@ -85,6 +95,8 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None
     BadInputError
         If a value is not allowed; its key is dotted, ``level[2].branches``.
     """
+    if "schema_" in model.model_fields and "schema" not in data:
+        raise BadInputError("schema", None, "it must be given", source)
     try:
         return model.model_validate(data, by_alias=True, by_name=False)
     except ValidationError as error:
@@ -101,6 +113,7 @@ class DeclaredKey:
     name: str  # in files
     field: str  # in Python
     annotation: Any  # type of its values
+    title: str  # for people; empty: as its name
     limits: tuple[Ge | Gt | Le | Lt, ...]  # of a number
     unit: str  # empty: none
     meaning: str
@@ -110,20 +123,38 @@ class DeclaredKey:
 
 
 def declared_keys(table: type[BaseModel]) -> Iterator[DeclaredKey]:
-    """Yield what a table declares of its keys, in their order."""
+    """Yield what a table declares of its keys, in their order.
+
+    Of an optional number or a list of numbers these are the limits and the unit of the numbers. A
+    field with ``Field(exclude=True)`` is no key of files.
+    """
     for name, field in table.model_fields.items():
-        marks = field.metadata
+        if field.exclude:
+            continue
+        marks = [
+            part
+            for mark in (*field.metadata, *_inner_marks(field.annotation))
+            for part in (mark if isinstance(mark, Interval) else (mark,))
+        ]
+        required = field.is_required() or name == "schema_"
         yield DeclaredKey(
             name=field.alias or name,
             field=name,
             annotation=field.annotation,
+            title=field.title or "",
             limits=tuple(mark for mark in marks if isinstance(mark, Ge | Gt | Le | Lt)),
             unit=next((str(mark.unit) for mark in marks if isinstance(mark, Unit)), ""),
             meaning=next((mark.documentation for mark in marks if isinstance(mark, Doc)), ""),
             slider=next((mark for mark in marks if isinstance(mark, Slider)), None),
-            required=field.is_required(),
-            default=None if field.is_required() else field.get_default(call_default_factory=True),
+            required=required,
+            default=None if required else field.get_default(call_default_factory=True),
         )
+
+
+def _inner_marks(annotation: Any) -> Iterator[Any]:  # noqa: ANN401  any annotation
+    yield from getattr(annotation, "__metadata__", ())
+    for part in getattr(annotation, "__args__", ()):
+        yield from _inner_marks(part)
 
 
 # --- Errors --------------------------------------------------------------------------------------
@@ -151,7 +182,21 @@ def bad_input_of(
         inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
         return BadInputError(f"{key}{inner}", cause.value, cause.allowed, source)
     text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return BadInputError(key, detail["input"], text[:1].lower() + text[1:], source)
+    inside, given = _beyond(detail)
+    return BadInputError(f"{key}{inside}", given, text[:1].lower() + text[1:], source)
+
+
+def _beyond(detail: ErrorDetails) -> tuple[str, object]:
+    """Return the key, and the number, by which an inline table breaks the range of its field."""
+    given, limits = detail["input"], detail.get("ctx", {})
+    if isinstance(given, Mapping | BaseModel) and ("ge" in limits or "le" in limits):
+        for name in ("value", "low", "high"):
+            number = dict(given).get(name)
+            if isinstance(number, int | float) and not (
+                limits.get("ge", number) <= number <= limits.get("le", number)
+            ):
+                return f".{name}", number
+    return "", given
 
 
 def _rank(detail: ErrorDetails) -> int:
@@ -183,7 +228,7 @@ def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list
             match = [f for name, f in fields.items() if part in (name, f.alias)]
             current = inner_table(match[0].annotation) if match else None
     known: dict[str, FieldInfo] = getattr(current, "model_fields", {})
-    return [field.alias or name for name, field in known.items()]
+    return [field.alias or name for name, field in known.items() if not field.exclude]
 
 
 def inner_table(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401  any annotation

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Callable, Iterator
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
@@ -27,3 +28,35 @@ def warn_of_radians(key: str, degrees: float) -> None:
     if is_exact or abs(degrees) in _TURNS_AS_TYPED:
         said = f"{key} is {degrees:.4g}: degrees are meant"
         warnings.warn(f"{said}; {degrees:.4g} rad are {deg(degrees):.4g} deg", stacklevel=3)
+
+
+def file_number(wanted: float, guess: float, read: Callable[[float], float]) -> float:
+    """Return the shortest number that is read as the one wanted.
+
+    Parameters
+    ----------
+    guess
+        Near what is looked for; it is returned where nothing near it is read exactly so.
+    read
+        What becomes of a number of a file.
+
+    Examples
+    --------
+    >>> file_number(12.500000000000002 / 100.0, 12.500000000000002, lambda n: n / 100.0)
+    12.500000000000002
+    >>> file_number(0.3, 0.1 + 0.2, float)
+    0.3
+    """
+    short = (float(f"{guess:.{digits}g}") for digits in range(1, 18))
+    for number in (*short, *_neighbours(guess)):
+        if read(number) == wanted:
+            return number
+    return guess
+
+
+def _neighbours(number: float, most: int = 8) -> Iterator[float]:
+    above = below = number
+    for _ in range(most):
+        above, below = math.nextafter(above, math.inf), math.nextafter(below, -math.inf)
+        yield above
+        yield below

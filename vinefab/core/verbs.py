@@ -196,7 +196,7 @@ class Option:
         """Return a plain value of the allowed kind and range, or raise BadInputError."""
         if value is None and self.optional:
             return None
-        if self.kind.ends and value is not None:
+        if self.kind.ends:
             return self._file(value)
         if self.base is bool and not isinstance(value, bool):
             raise BadInputError(self.name, value, "True or False")
@@ -330,6 +330,8 @@ def _option(name: str, hint: Any, default: Any, words: str) -> Option:  # noqa: 
     kind = next((mark for mark in marks if isinstance(mark, Kind)), None)
     if kind is None:
         kind = numbers_kind(hint) if get_origin(inner) is tuple else Kind()
+    words = words or next((mark.documentation for mark in marks if hasattr(mark, "documentation")),
+                          "")  # fmt: skip
     plain = f"--{name.replace('_', '-')}"
     older = [flag for mark in marks if isinstance(mark, Also) for flag in mark.flags]
     return Option(

@@ -1,11 +1,10 @@
 """The known machines, materials and recipes, and their numbers."""
 
-from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.jsontext import json_text
+from vinefab.core.table import Table
 from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
@@ -14,14 +13,7 @@ from vinefab.fabrication.package.job_json import (
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import (
-    LapBond,
-    LaserProfile,
-    Machine,
-    Material,
-    OperationSettings,
-    Quantity,
-)
+from vinefab.model.laser import LaserProfile, Quantity, SealerSettings, quantities
 
 _SCHEMA = "vinefab/profiles-1"
 PROFILE_KINDS = ("machine", "material", "recipe")
@@ -99,38 +91,28 @@ def profile_json(name: str | None) -> str:
     )
 
 
-def quantities(noun: Machine | Material | OperationSettings | LapBond) -> dict[str, Quantity]:
-    """Return the numbers of a noun by field name."""
-    found = ((field.name, getattr(noun, field.name)) for field in fields(noun))
-    return {name: value for name, value in found if isinstance(value, Quantity)}
-
-
 def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
-    numbers: dict[str, Quantity] = {}
-    for operation, settings in profile.recipe.operations.items():
-        shown = quantities(settings)
-        if not settings.by_laser:
-            shown = {key: shown[key] for key in ("temperature_c", "dwell_s", "seam_width_mm")}
-        numbers |= _prefixed(operation, shown)
-        if settings.by_laser:
-            numbers[f"{operation}.line_energy_mj_mm"] = operation_energy_mj_mm(
-                profile.machine, settings
-            )
-            numbers[f"{operation}.fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings)
     recipe = profile.recipe
+    numbers: dict[str, Quantity] = {}
+    for operation, settings in recipe.by_operation.items():
+        if isinstance(settings, SealerSettings):
+            numbers |= _prefixed(operation, recipe.sealer)
+            continue
+        numbers |= _prefixed(operation, settings)
+        numbers[f"{operation}.line_energy_mj_mm"] = operation_energy_mj_mm(
+            profile.machine, settings
+        )
+        numbers[f"{operation}.fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings)
     numbers |= _prefixed("growth", recipe.growth) | _prefixed("coupons", recipe.coupons)
-    for window in recipe.windows:
-        place = f"{window.operation}.focus_{window.focus_mm:g}_mm"
-        for name in ("least_mj_mm", "most_mj_mm"):
-            energy: Quantity | None = getattr(window, name)
-            if energy is not None:
-                numbers[f"{place}.{name}"] = energy
+    for window in recipe.coupons.windows:
+        numbers |= _prefixed(f"{window.operation}.focus_{window.focus_mm:g}_mm", window)
     lap = recipe.lap
-    return numbers | (_prefixed(f"lap.{lap.method}", quantities(lap)) if lap else {})
+    return numbers | (_prefixed(f"lap.{lap.method}", lap) if lap else {})
 
 
-def _prefixed(prefix: str, numbers: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    return {f"{prefix}.{key}": number for key, number in numbers.items()}
+def _prefixed(prefix: str, table: Table | None) -> dict[str, Quantity]:
+    found = {} if table is None else quantities(table)
+    return {f"{prefix}.{key}": number for key, number in found.items()}
 
 
 def _summary(kind: str, name: str) -> str:

@@ -334,7 +334,11 @@ class Batch:
             scratch = self._idle.pop()
         except IndexError:
             scratch = Workspace()
-        result = work(self._block(first, size, scratch))
+        launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
+        room_each = POINTS_PER_BRANCH
+        while (block := self._grown(plan, launch, room_each, scratch)) is None:
+            room_each *= 2
+        result = work(block)
         self._idle.append(scratch)
         return result
 
@@ -347,17 +351,24 @@ class Batch:
         """Return every growth, grown again whenever it is asked for: for more than memory holds."""
         return Regrown(self)
 
-    def _block(self, first: int, size: int, scratch: Workspace) -> Block:
-        """Grow the growths ``first .. first + size - 1``, as far as they exist."""
-        launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
-        room_each = POINTS_PER_BRANCH
-        while (block := self._grown(plan, launch, room_each, scratch)) is None:
-            room_each *= 2
-        return block
-
     def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace) -> Block | None:
         """Return some growths, or None if they need more chain points per branch."""
-        jobs, grow_jobs = self._jobs(plan, launch, room_each), grow_jobs_of(self._engine)
+        branches = np.diff(self.plans.trees.first)[plan]
+        branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
+        np.cumsum(branches, out=branch[1:])
+        np.cumsum(room_each * branches + SPARE_POINTS, out=room[1:])
+        jobs = JobArrays(
+            tree=plan,
+            page=np.zeros(len(plan), dtype=np.int64),
+            start=self.launches.start[launch],
+            half_angle=self._half_angle[launch],
+            fits=np.ones(branch[-1], dtype=np.bool_),
+            branch=branch,
+            room=room,
+            done=np.zeros(len(plan), dtype=np.int64),
+            until=np.zeros(len(plan), dtype=np.int64),
+        )
+        grow_jobs = grow_jobs_of(self._engine)
         growth = scratch.growth(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
         terrain = self.launches.terrain[launch]
         spans, trees = self.plans.spans, self.plans.trees
@@ -381,23 +392,6 @@ class Batch:
             branch=jobs.branch,
             room=jobs.room,
             growth=growth,
-        )
-
-    def _jobs(self, plan: Ints, launch: Ints, room_each: int) -> JobArrays:
-        branches = np.diff(self.plans.trees.first)[plan]
-        branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
-        np.cumsum(branches, out=branch[1:])
-        np.cumsum(room_each * branches + SPARE_POINTS, out=room[1:])
-        return JobArrays(
-            tree=plan,
-            page=np.zeros(len(plan), dtype=np.int64),
-            start=self.launches.start[launch],
-            half_angle=self._half_angle[launch],
-            fits=np.ones(branch[-1], dtype=np.bool_),
-            branch=branch,
-            room=room,
-            done=np.zeros(len(plan), dtype=np.int64),
-            until=np.zeros(len(plan), dtype=np.int64),
         )
 
     def _mark_trunks(self, which: Ints, launch: Ints, jobs: JobArrays) -> None:

@@ -107,7 +107,16 @@ def _without(bounds: BaseGeometry, obstacles: Shapes, grid_mm: float) -> BaseGeo
     # Only obstacles that meet are merged one with another: much faster on scattered ones.
     solid = shapely.disjoint_subset_union_all(obstacles[~alone])
     free = shapely.difference(bounds, solid, grid_size=grid_mm)
-    return _with_holes(free, _rounded(obstacles[alone], grid_mm))
+    holes = _rounded(obstacles[alone], grid_mm)
+    if len(holes) == 0:
+        return free
+    parts = shapely.get_parts(free)
+    inside, part = shapely.STRtree(parts).query(shapely.get_point(holes, 0), "intersects")
+    for index in np.unique(part):
+        shell = shapely.get_exterior_ring(parts[index])
+        old = shapely.get_rings(parts[index])[1:]
+        parts[index] = shapely.polygons(shell, np.append(old, holes[inside[part == index]]))
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(list(parts))
 
 
 def _stand_alone(bounds: BaseGeometry, obstacles: Shapes, apart_mm: float) -> NDArray[np.bool_]:
@@ -152,19 +161,6 @@ def _rounded(obstacles: Shapes, grid_mm: float) -> Shapes:
     return outlines
 
 
-def _with_holes(free: BaseGeometry, holes: Shapes) -> BaseGeometry:
-    """Return polygons with more holes, each cut into the polygon that it lies in."""
-    if len(holes) == 0:
-        return free
-    parts = shapely.get_parts(free)
-    inside, part = shapely.STRtree(parts).query(shapely.get_point(holes, 0), "intersects")
-    for index in np.unique(part):
-        shell = shapely.get_exterior_ring(parts[index])
-        old = shapely.get_rings(parts[index])[1:]
-        parts[index] = shapely.polygons(shell, np.append(old, holes[inside[part == index]]))
-    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(list(parts))
-
-
 class FreeSpaceWalls(NamedTuple):
     """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns.
 
@@ -189,7 +185,10 @@ def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
     if straight.any():
         rings = linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)
-    wall = _wall_rows(rings)
+    start, end = rings.corner, rings.corner[rings.after]
+    span = end - start
+    length = np.hypot(span[:, 0], span[:, 1])
+    wall = np.column_stack([start, span / length[:, None], length, end])
     follower = _followers(wall, place, rings.after, count)
     ahead = np.empty_like(follower)
     ahead[follower] = np.arange(len(follower))
@@ -215,13 +214,6 @@ def _bulge(rings: Rings) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         out = np.abs(back[:, 0] * on[:, 1] - back[:, 1] * on[:, 0]) / chord
     return np.where(turns_back, np.inf, out)
-
-
-def _wall_rows(rings: Rings) -> Floats:
-    start, end = rings.corner, rings.corner[rings.after]
-    span = end - start
-    length = np.hypot(span[:, 0], span[:, 1])
-    return np.column_stack([start, span / length[:, None], length, end])
 
 
 def _followers(wall: Floats, place: Ints, after: Ints, count: Ints) -> Ints:
@@ -288,7 +280,8 @@ def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     crowded = np.zeros(len(walls.wall), dtype=np.int64)
     for owner, place in _lists_at_starts(grid, walls.wall, wall_first):
         crowded[_crowded(walls, owner, wall_item[place].astype(np.int64), near_mm)] = 1
-    vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
+    cell = _row(grid, walls.vertex[:, 1]) * grid.columns + _column(grid, walls.vertex[:, 0])
+    vertex_first, order = _listed(grid, np.arange(len(walls.vertex)), cell)
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall[:, :5]),
         link=np.column_stack([walls.link, crowded]).astype(np.int32),
@@ -395,11 +388,6 @@ def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:
     index = np.repeat(np.arange(len(first)), count)
     within = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
     return index, first[index] + within
-
-
-def _cells_of_vertices(grid: _Grid, vertex: Floats) -> tuple[Ints, Ints]:
-    cell = _row(grid, vertex[:, 1]) * grid.columns + _column(grid, vertex[:, 0])
-    return np.arange(len(vertex)), cell
 
 
 def _listed(grid: _Grid, item: Ints, cell: Ints) -> tuple[Ints32, Ints32]:

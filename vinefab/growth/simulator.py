@@ -9,7 +9,6 @@ import numpy as np
 
 from vinefab.core.compiling import interpreted
 from vinefab.core.errors import UnknownNameError
-from vinefab.core.validation import Floats
 from vinefab.growth.arrays import (
     Growth,
     JobArrays,
@@ -104,7 +103,22 @@ def grow(
     rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
     if engine == "auto":
         engine = quickest_engine(len(plan), terrain.corners)
-    growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
+    # Span by span, with enough room for the chain points.
+    arrays, grow_branches = plan.arrays(), grow_branches_of(engine)
+    growth = Growth.empty(len(plan), POINTS_PER_BRANCH * len(plan) + SPARE_POINTS)
+    reached_mm = 0.0
+    for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
+        # Only a body wider than the one that reached the place can lack room there.
+        if radius_mm > reached_mm:
+            bases_mm = np.array([[start.x, start.y]])
+            if first > 0:
+                parent = arrays.parent[first:last]
+                bases_mm = growth.points[growth.first_point[parent + 1] - 1]
+            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
+        reached_mm = radius_mm
+        walls, done = terrain.walls(radius_mm), first
+        while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
+            growth = growth.with_room(2 * len(growth.points))
     used = growth.first_point[-1]
     return Deployment(
         tree=plan.tree,
@@ -208,30 +222,3 @@ def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
         friction=FITTED.friction.value,
         drag_kpa_mm=FITTED.drag_kpa_m.value / 1000.0,
     )
-
-
-def _grown(
-    plan: Plan, terrain: Terrain, start: Launch, rules: Rules, grow_branches: GrowBranches
-) -> Growth:
-    """Return the growth of a tree, span by span, with enough room for its chain points."""
-    arrays = plan.arrays()
-    growth = Growth.empty(len(plan), POINTS_PER_BRANCH * len(plan) + SPARE_POINTS)
-    reached_mm = 0.0
-    for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
-        # Only a body wider than the one that reached the place can lack room there.
-        if radius_mm > reached_mm:
-            bases_mm = _bases_mm(arrays, growth, start, first, last)
-            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
-        reached_mm = radius_mm
-        walls, done = terrain.walls(radius_mm), first
-        while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
-            growth = growth.with_room(2 * len(growth.points))
-    return growth
-
-
-def _bases_mm(arrays: TreeArrays, growth: Growth, start: Launch, first: int, last: int) -> Floats:
-    """Return the bases of some branches of one level, shape (last - first, 2)."""
-    parent = arrays.parent[first:last]
-    if first == 0:
-        return np.array([[start.x, start.y]])
-    return growth.points[growth.first_point[parent + 1] - 1]

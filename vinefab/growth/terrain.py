@@ -58,7 +58,9 @@ class Terrain:
     def __init__(self, world: Map) -> None:
         self.world = world
         self.corners = world.wall_count
-        self.grid_mm = _grid_mm(world)
+        # A power of two, for exact scaling.
+        largest = max(abs(value) for value in world.bounds.bounds)
+        self.grid_mm = float(GRID * 2.0 ** math.ceil(math.log2(largest)))
         self._free: dict[float, BaseGeometry] = {0.0: _prepared(free_space(world, self.grid_mm))}
         self._walls: dict[float, WallArrays] = {}
 
@@ -166,12 +168,6 @@ class Terrain:
             return None
         nearest_x_mm, nearest_y_mm = line.coords[0]
         return float(nearest_x_mm), float(nearest_y_mm)
-
-
-def _grid_mm(world: Map) -> float:
-    """Return the step that coordinates are rounded to: a power of two, for exact scaling."""
-    largest = max(abs(value) for value in world.bounds.bounds)
-    return float(GRID * 2.0 ** math.ceil(math.log2(largest)))
 
 
 def _make_room(kept: dict[float, T]) -> None:

@@ -114,8 +114,15 @@ def narrow_passages(
     seen = walls
     while count < most and least_mm < walls.widest_mm:
         if seen.pair_count(most_mm) > _MANY_PAIRS:
-            seen = _Walls(_coarser(free, least_mm))
-            _refuse_crowded(walls, seen.pair_count(most_mm))
+            # Without what hardly changes passages wider than the least.
+            filled = without_notches(free, _COARSE_NOTCH * least_mm)
+            seen = _Walls(shapely.simplify(filled, _COARSE_SHARE * least_mm))
+            if seen.pair_count(most_mm) > _MOST_PAIRS:
+                raise BadInputError(
+                    "map: number of corners",
+                    len(walls.start),
+                    "fewer or smoother ones: vinefab map import --simplify-mm leaves corners out",
+                )
         found_ends = seen.gaps(least_mm, most_mm)
         for ends in found_ends if seen is walls else map(walls.nearest, found_ends):
             room_mm = walls.dead_ends_mm(ends, places)
@@ -126,18 +133,6 @@ def narrow_passages(
         count = sum(passage.dead_end_mm >= wide_mm for passage in found)
         least_mm, most_mm = most_mm, 2.0 * most_mm
     return found
-
-
-def _coarser(free: BaseGeometry, least_mm: float) -> BaseGeometry:
-    """Return a free space without what hardly changes passages wider than some width."""
-    filled = without_notches(free, _COARSE_NOTCH * least_mm)
-    return shapely.simplify(filled, _COARSE_SHARE * least_mm)
-
-
-def _refuse_crowded(walls: "_Walls", pairs: float) -> None:
-    if pairs > _MOST_PAIRS:
-        allowed = "fewer or smoother ones: vinefab map import --simplify-mm leaves corners out"
-        raise BadInputError("map: number of corners", len(walls.start), allowed)
 
 
 class _Gaps:
@@ -163,7 +158,10 @@ class _Walls:
         real = (ring[1:] == ring[:-1]) & (points[1:] != points[:-1]).any(axis=1)
         self.start, self.end = points[:-1][real], points[1:][real]
         self.ring = ring[:-1][real]
-        self.before = _before(self.ring)
+        before = np.arange(len(self.ring)) - 1
+        begins = np.flatnonzero(np.diff(self.ring, prepend=-1))
+        before[begins] = np.append(begins[1:], len(self.ring))[: len(begins)] - 1
+        self.before = before
         # Of loops along walls: twice the areas of the triangles that walls make with a point.
         self.middle = points.mean(axis=0) if len(points) else np.zeros(2)
         self.swept = np.append(0.0, np.cumsum(_doubled(self.start, self.end, self.middle)))
@@ -174,13 +172,16 @@ class _Walls:
         self.tree, self.inside = STRtree(self.lines), STRtree(self.parts)
         self.size_mm = float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 0.0
         # No passage is wider than the largest inscribed circle, known to within a tolerance.
-        self.widest_mm = max(
-            (_widest_mm(part, 0.01 * self.size_mm) for part in self.parts), default=0
-        )
+        near_mm = 0.01 * self.size_mm
+        radii = (shapely.maximum_inscribed_circle(part, near_mm).length for part in self.parts)
+        self.widest_mm = max((2.0 * (radius + near_mm) for radius in radii), default=0.0)
         # The search begins here: a circle of this diameter meets about one wall, also where
         # walls of short pieces are far apart.
         spread_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
-        self.typical_mm = min(spread_mm, _FEW_PIECES * _median(shapely.length(self.lines)))
+        self.typical_mm = spread_mm
+        if len(self.lines):
+            typical_mm = _FEW_PIECES * float(np.median(shapely.length(self.lines)))
+            self.typical_mm = min(spread_mm, typical_mm)
 
     def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
         """Return all passages within a range of widths, each shape (n, 2, 2), some twice.
@@ -368,27 +369,10 @@ def _doubled(start: Floats, end: Floats, middle: Floats) -> Floats:
     return np.asarray(one[0] * two[1] - one[1] * two[0])
 
 
-def _median(values: Floats) -> float:
-    return float(np.median(values)) if len(values) else math.inf
-
-
-def _before(ring: Ints) -> Ints:
-    """Return the wall before each wall; ``ring`` is the ring of each, increasing, shape (n,)."""
-    before = np.arange(len(ring)) - 1
-    begins = np.flatnonzero(np.append(True, ring[1:] != ring[:-1])[: len(ring)])
-    before[begins] = np.append(begins[1:], len(ring))[: len(begins)] - 1
-    return before
-
-
 def _unit(vectors: Floats) -> Floats:
     """Return vectors of length 1; zero vectors stay zero."""
     length = np.hypot(*vectors.T)[:, None]
     return np.asarray(np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0))
-
-
-def _widest_mm(part: Polygon, tolerance_mm: float) -> float:
-    """Return an upper bound of the diameter of the largest circle in a polygon."""
-    return 2.0 * (shapely.maximum_inscribed_circle(part, tolerance_mm).length + tolerance_mm)
 
 
 def _apart(walls: _Walls, gaps: _Gaps, most: int, wide_mm: float) -> tuple[Passage, ...]:
@@ -405,7 +389,17 @@ def _apart(walls: _Walls, gaps: _Gaps, most: int, wide_mm: float) -> tuple[Passa
         if not others or not _belongs(walls, gaps, number, others):
             kept.append(number)
             count += use[number] >= wide_mm
-    return tuple(_passage(gaps.ends[number], float(gaps.dead_end_mm[number])) for number in kept)
+    found = []
+    for number in kept:
+        (x_1, y_1), (x_2, y_2) = gaps.ends[number].tolist()
+        found.append(
+            Passage(
+                width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)),
+                ends_mm=((x_1, y_1), (x_2, y_2)),
+                dead_end_mm=float(gaps.dead_end_mm[number]),
+            )
+        )
+    return tuple(found)
 
 
 def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
@@ -430,12 +424,3 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
         bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (_WIDENING - 1.0) * width
     )
     return bool((is_open & keeps_narrow).any())
-
-
-def _passage(ends: Floats, dead_end_mm: float) -> Passage:
-    (x_1, y_1), (x_2, y_2) = ends.tolist()
-    return Passage(
-        width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)),
-        ends_mm=((x_1, y_1), (x_2, y_2)),
-        dead_end_mm=dead_end_mm,
-    )

@@ -107,22 +107,18 @@ def _draw(
     if isinstance(free, _FreeArea):
         return free.pose(start, rng)
     for _ in range(_TRIES):
-        pose = _pose_within(start, rng)
+        x, y, turn = rng.uniform(-1.0, 1.0, 3)
+        pose = Pose(
+            x_mm=start.pose.x_mm + float(x) * start.spread_x_mm,
+            y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
+            heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
+        )
         if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
             return pose
     raise BadInputError(
         f"map {world.name!r}: starts[{place + 1}]",
         f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm",
         f"a start with free space in its range (none found in {_TRIES} draws)",
-    )
-
-
-def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
-    x, y, turn = rng.uniform(-1.0, 1.0, 3)
-    return Pose(
-        x_mm=start.pose.x_mm + float(x) * start.spread_x_mm,
-        y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
-        heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
     )
 
 

@@ -1,48 +1,60 @@
 """What photos of grown robots measured of contacts: numbers with intervals, read by predictions."""
 
-from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Interval, Le, Unit
+from pydantic import Field, model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import number, whole
+from vinefab.core.table import LATER, Table
+from vinefab.core.validation import number
 
 Side = Literal["both", "upper", "lower"]
 """Whether an interval has both ends, or the photos gave only an upper or only a lower bound."""
 
-MOST_COUNTED = 10**6
+_MOST = 1e6
+_ANY = Interval(ge=-_MOST, le=_MOST)
+_COUNT = Interval(ge=1, le=10**6)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredNumber:
+class MeasuredNumber(Table):
     """A number with its 95 % interval and what it was measured from; its unit is in its name."""
 
-    low: float  # least value that the photos allow
-    high: float  # greatest value that they allow
-    value: float | None = None  # the estimate; None where there is only a bound
-    side: Side = "both"
-    count: int  # what it comes from: contacts, or photos where it is a number of whole photos
-    photos: int
-    source: str  # photos and counts, in words
+    low: Annotated[float, _ANY, Doc("of the 95 % interval")]
+    high: Annotated[float, _ANY, Doc("of the 95 % interval")]
+    value: Annotated[
+        float | None, Doc("the most likely one; left out where only a bound is known")
+    ] = None
+    side: Annotated[Side, Doc("both: an interval; lower or upper: only that bound is known")] = (
+        "both"
+    )
+    count: Annotated[int, _COUNT, Doc("of contacts or places that it rests on")]
+    photos: Annotated[int, _COUNT, Doc("that they were seen on")]
+    source: Annotated[str, Field(min_length=1), Doc("which photos, and how")]
+    standing: Annotated[Literal["measured"], Doc("always that"), LATER] = "measured"
 
-    def __post_init__(self) -> None:
-        number("low", self.low, -1e6, 1e6)
-        number("high", self.high, self.low, 1e6)
-        whole("count", self.count, 1, MOST_COUNTED)
-        whole("photos", self.photos, 1, MOST_COUNTED)
-        if self.side not in ("both", "upper", "lower"):
-            raise BadInputError("side", self.side, "'both', 'upper' or 'lower'")
+    @model_validator(mode="after")
+    def _is_an_interval(self) -> "MeasuredNumber":
+        number("high", self.high, self.low, _MOST)
         if (self.value is None) != (self.side != "both"):
             allowed = "given with side = 'both', and left out with a bound"
             raise BadInputError("value", self.value, allowed)
         if self.value is not None:
             number("value", self.value, self.low, self.high)
+        return self
+
+    def __ge__(self, least: float) -> bool:  # fields declare ranges as of plain numbers
+        return self.low >= least
+
+    def __le__(self, most: float) -> bool:
+        return self.high <= most
 
     @property
     def content(self) -> dict[str, object]:
         """The number as files have it."""
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {**{n: v for n, v in given.items() if v is not None}, "standing": "measured"}
+        return {name: value for name, value in self if value is not None}
 
     def text(self, unit: str = "") -> str:
         """Return where it comes from: ``12 contacts on 4 photos, 95 % interval 3 to 7 deg``."""
@@ -60,40 +72,60 @@ class MeasuredNumber:
         return f"{counted(self.count, 'contact')} on {photos}"
 
 
-_RANGES = {
-    "head_on_half_angle_deg": (0.0, 90.0),
-    "tip_friction": (0.0, 1e6),
-    "body_width_ratio": (0.5, 2.0),
-    "film_breadth_ratio": (0.1, 10.0),
-}
-"""Least and greatest value of each number."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredContacts:
+class MeasuredContacts(Table):
     """What several photos together say of contacts; a number that they do not give is None."""
 
-    # a tip that meets a wall with its heading within this angle of the wall's normal stops
-    head_on_half_angle_deg: MeasuredNumber | None = None
-    # tangent of the half-angle: the friction of an everting tip on a wall, not of a body that is
-    # pulled around an obstacle (the friction of anchoring)
-    tip_friction: MeasuredNumber | None = None
-    # how far centre lines stay from walls where bodies touch them, against lay-flat width / pi
-    body_width_ratio: MeasuredNumber | None = None
-    # breadth of the film as seen from above, against 2 lay-flat width / pi
-    film_breadth_ratio: MeasuredNumber | None = None
+    head_on_half_angle_deg: Annotated[
+        MeasuredNumber | None,
+        Ge(0),
+        Le(90),
+        Unit("deg"),
+        Doc("within it of a wall's normal, head-on, a tip stops"),
+    ] = None
+    # Not the friction of a body that is pulled around an obstacle (that of anchoring).
+    tip_friction: Annotated[
+        MeasuredNumber | None,
+        Ge(0),
+        Le(1e6),
+        Doc("of the everting tip on the wall: tangent of the half-angle"),
+    ] = None
+    body_width_ratio: Annotated[
+        MeasuredNumber | None,
+        Ge(0.5),
+        Le(2),
+        Doc("how far centre lines keep from walls that bodies touch, over lay-flat width / pi"),
+    ] = None
+    film_breadth_ratio: Annotated[
+        MeasuredNumber | None,
+        Ge(0.1),
+        Le(10),
+        Doc("breadth of the film as seen from above, over 2 lay-flat width / pi"),
+    ] = None
 
-    def __post_init__(self) -> None:
-        for name, (least, most) in _RANGES.items():
-            found: MeasuredNumber | None = getattr(self, name)
-            if found is not None:
-                number(f"{name}.low", found.low, least, most)
-                number(f"{name}.high", found.high, least, most)
+    @model_validator(mode="after")
+    def _has_a_number(self) -> "MeasuredContacts":
         if not self.content:
-            raise BadInputError("contacts", "no number", f"one of {', '.join(_RANGES)}")
+            raise BadInputError(
+                "contacts", "no number", f"one of {', '.join(MeasuredContacts.model_fields)}"
+            )
+        return self
 
     @property
     def content(self) -> dict[str, object]:
         """The numbers by name, as files and records have them."""
-        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        found = {name: getattr(self, name) for name in MeasuredContacts.model_fields}
         return {name: one.content for name, one in found.items() if one is not None}
+
+
+CONTACTS_SCHEMA = "vinefab/contacts-1"
+
+
+class ContactsFile(MeasuredContacts):
+    """A file of measured contacts."""
+
+    schema_: Annotated[
+        Literal["vinefab/contacts-1"], Field(alias="schema"), Doc("kind of file and its version")
+    ] = CONTACTS_SCHEMA
+    method: Annotated[
+        dict[str, str | float | int | bool | list[str]], Doc("how the numbers were fitted")
+    ] = Field(default_factory=dict)

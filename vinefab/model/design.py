@@ -1,20 +1,29 @@
-"""Designs of branching vine robots: a tree of levels and how it is built."""
+"""Designs of branching vine robots: a tree of levels and how it is built.
+
+Each table of a design file is one class: noun, file form and the studio's form at once.
+"""
 
 import math
+import re
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args
+
+from annotated_types import Ge, Le, Unit
+from pydantic import Field, model_validator
+from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.units import rad
-from vinefab.core.validation import LARGEST_MM, number, plain_number, positive, whole
+from vinefab.core.table import Slider, Table
+from vinefab.core.units import file_number, rad
+from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -22,6 +31,10 @@ if TYPE_CHECKING:
 
 MOST_LEVELS = 10
 MOST_BRANCHES = 100_000
+MOST_PIECES = 676
+"""Labels of pieces have at most two letters."""
+WIDEST_BODY_MM = 1e4
+"""Wider ones are a mixed-up unit, and their outlines would take gigabytes."""
 
 DEFAULT_TRUNK_WIDTH_MM = 40.0
 DEFAULT_WIDTH_RATIO = 0.6
@@ -36,50 +49,115 @@ ORIGIN_GROWTH = "growth"
 ORIGIN_RECIPE = "recipe"
 """Key under which the recipe of the design's run stands."""
 
+Mounting = Literal["tail_inverted", "turned"]
+"""How a robot as cut is put on its base: as it is, its tail inverted over the base, which turns
+every face when it grows; or first turned inside out as a whole."""
 
-def _make_plain(noun: object, *names: str) -> None:
-    """Turn the numbers of numpy in some fields into Python's, which every file form takes."""
-    for name in names:
-        given = getattr(noun, name)
-        plain = plain_number(given)
-        if plain is not given:
-            object.__setattr__(noun, name, plain)
+DEFAULT_MOUNTING: Mounting = "tail_inverted"
 
 
-def _number_row(key: str, given: object) -> tuple[float, ...]:
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise BadInputError(key, given, "numbers, one for each level")
-    return tuple(plain_number(value) for value in given)
+def check_mounting(given: object) -> None:
+    """Refuse what is no `Mounting`."""
+    if given not in get_args(Mounting):
+        raise BadInputError("build.mounting", given, " or ".join(map(repr, get_args(Mounting))))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
-    """One level of branches; every branch of the level before sprouts the same fan.
+@dataclass(frozen=True, slots=True)
+class PerLevel:
+    """Marks a list of the build that has an entry for each level, from level ``first`` on.
 
-    Parameters
-    ----------
-    branches
-        Children per parent (SPL of the paper's Table 1).
-    length_mm
-        Length of the first child (BL), clockwise-most in the fan.
-    fan_rad
-        Angle of the whole fan (theta), 0 to 2 pi.
-    growth
-        Length of the last child over that of the first (LGF / 100). The paper does not define
-        LGF; this reading is vinefab's.
+    An empty list stands for ``absent`` at every level, or for values that follow from others.
     """
 
-    branches: int
-    length_mm: float
-    fan_rad: float
-    growth: float = 1.0
+    first: int = 1
+    absent: float | None = None
 
-    def __post_init__(self) -> None:
-        _make_plain(self, "branches", "length_mm", "fan_rad", "growth")
-        whole("branches", self.branches, 1, 1000)
-        positive("length", self.length_mm)
-        number("angle_deg", math.degrees(self.fan_rad), 0.0, 360.0, "deg")
-        number("growth_percent", 100.0 * self.growth, 0.1, 10_000.0, "%")
+
+LengthMm = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
+WidthMm = Annotated[float, Ge(SMALLEST), Le(WIDEST_BODY_MM), Unit("mm")]
+RadiusMm = Annotated[float, Ge(0), Le(LARGEST_MM), Unit("mm")]
+Taper = Annotated[float, Ge(0.01), Le(1), Unit("×")]  # noqa: RUF001  the sign of multiplication
+
+
+def _share(percent: float) -> float:
+    return percent / 100.0
+
+
+_OTHER_UNITS = (
+    ("fan_rad", "angle_deg", 180.0 / math.pi, rad),
+    ("growth", "growth_percent", 100.0, _share),
+)
+"""Values of a level that Python may give in other units than a file: factor, and the way back."""
+
+
+class Trunk(Table):
+    """Level 1."""
+
+    length_mm: Annotated[
+        LengthMm,
+        Field(alias="length", title="Length"),
+        Slider(10, 500),
+        Doc("of the trunk, times scale_mm_per_unit"),
+    ]
+
+
+class Level(Table):
+    """One level of branches; every branch of the level before sprouts the same fan.
+
+    In Python ``fan_rad`` and ``growth`` may be given in place of ``angle_deg`` and
+    ``growth_percent``. The paper does not define LGF; this reading is vinefab's.
+    """
+
+    branches: Annotated[
+        int, Ge(1), Le(1000), Slider(1, 8), Doc("children per parent (SPL of the paper)")
+    ]
+    length_mm: Annotated[
+        LengthMm,
+        Field(alias="length", title="Length"),
+        Slider(10, 400),
+        Doc("of the first child (BL), clockwise-most, times scale_mm_per_unit"),
+    ]
+    angle_deg: Annotated[
+        float,
+        Ge(0),
+        Le(360),
+        Unit("deg"),
+        Field(title="Fan"),
+        Slider(0, 360),
+        Doc("the whole fan (theta), first child to last"),
+    ] = 0.0
+    growth_percent: Annotated[
+        float,
+        Ge(0.1),
+        Le(10_000),
+        Unit("%"),
+        Slider(20, 300),
+        Doc("last child's length over the first's (LGF)"),
+    ] = 100.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_python(cls, given: Any) -> Any:  # noqa: ANN401  of any caller
+        # A file has names of its own: there ``length_mm`` is refused, and these with it.
+        if not isinstance(given, dict) or "length_mm" not in given:
+            return given
+        for name, key, factor, read in _OTHER_UNITS:
+            if name in given:
+                given = dict(given)
+                value = given.pop(name)
+                is_number = isinstance(value, float | int)
+                given[key] = file_number(value, factor * value, read) if is_number else value
+        return given
+
+    @property
+    def fan_rad(self) -> float:
+        """Angle of the whole fan, 0 to 2 pi."""
+        return rad(self.angle_deg)
+
+    @property
+    def growth(self) -> float:
+        """Length of the last child over that of the first."""
+        return _share(self.growth_percent)
 
     @classmethod
     def of(
@@ -88,8 +166,8 @@ class Level:
         length_mm: float,
         angle_deg: float = 0.0,
         growth_percent: float = 100.0,
-    ) -> "Level":
-        """Return a level in the units of design files.
+    ) -> Self:
+        """Return a level.
 
         Parameters
         ----------
@@ -112,44 +190,38 @@ class Level:
         >>> Level.of(branches=3, length_mm=120, angle_deg=180).growth
         1.0
         """
-        fan_rad = rad(number("angle_deg", angle_deg, 0.0, 360.0, "deg"))
-        growth = number("growth_percent", growth_percent, 0.1, 10_000.0, "%") / 100.0
-        return cls(branches=branches, length_mm=length_mm, fan_rad=fan_rad, growth=growth)
+        return cls(
+            branches=branches,
+            length_mm=length_mm,
+            angle_deg=angle_deg,
+            growth_percent=growth_percent,
+        )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pouch:
-    """The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation).
+class Pouch(Table):
+    """The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation)."""
 
-    Parameters
-    ----------
-    shape
-        ``round`` or ``rectangle``.
-    radius_mm
-        Flat radius of a round pouch.
-    length_mm, width_mm
-        Flat size of a rectangular pouch, along and across the branch.
-    """
+    shape: Annotated[
+        Literal["round", "rectangle"], Doc("round: a disc; rectangle: along the branch")
+    ]
+    radius_mm: Annotated[LengthMm | None, Slider(2, 60, 0.5), Doc("of a round one")] = None
+    length_mm: Annotated[
+        LengthMm | None, Slider(2, 120, 0.5), Doc("of a rectangle, along the branch")
+    ] = None
+    width_mm: Annotated[LengthMm | None, Slider(2, 120, 0.5), Doc("of a rectangle, across it")] = (
+        None
+    )
 
-    shape: Literal["round", "rectangle"]
-    radius_mm: float | None = None
-    length_mm: float | None = None
-    width_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.shape not in ("round", "rectangle"):
-            raise BadInputError("pouch.shape", self.shape, "'round' or 'rectangle'")
+    @model_validator(mode="after")
+    def _has_the_sizes_of_its_shape(self) -> Self:
         needed = ("radius_mm",) if self.shape == "round" else ("length_mm", "width_mm")
         for name in ("radius_mm", "length_mm", "width_mm"):
             value = getattr(self, name)
             if name in needed and value is None:
-                raise BadInputError(f"pouch.{name}", None, f"a length for a {self.shape} pouch")
+                raise BadInputError(name, None, f"a length for a {self.shape} pouch")
             if name not in needed and value is not None:
-                raise BadInputError(
-                    f"pouch.{name}", value, f"only {', '.join(needed)} for a {self.shape} pouch"
-                )
-            if value is not None:
-                positive(f"pouch.{name}", value)
+                raise BadInputError(name, value, f"only {', '.join(needed)} for a {self.shape} one")
+        return self
 
     @property
     def flat_width_mm(self) -> float:
@@ -159,31 +231,27 @@ class Pouch:
         return self.width_mm or 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Collar:
+class Collar(Table):
     """The end of the tail, as wide as the clamp of a base needs.
 
     From the mouth on, the tail is straight and as wide as the clamp for ``length_mm``; then it
     changes to the trunk's width within ``flare_mm``, by two arcs of one radius.
-
-    Parameters
-    ----------
-    clamp_diameter_mm
-        Outer diameter of the tube that the tail is slipped over.
-    length_mm
-        Straight length from the mouth on; 0 for a flare that ends at the mouth.
-    flare_mm
-        Length of the transition, along the tail.
     """
 
-    clamp_diameter_mm: float
-    length_mm: float = 30.0
-    flare_mm: float = 40.0
-
-    def __post_init__(self) -> None:
-        positive("build.collar.clamp_diameter_mm", self.clamp_diameter_mm)
-        number("build.collar.length_mm", self.length_mm, 0.0, LARGEST_MM, "mm")
-        positive("build.collar.flare_mm", self.flare_mm)
+    clamp_diameter_mm: Annotated[
+        WidthMm, Slider(5, 100, 0.5), Doc("of the pipe that the mouth is pulled over")
+    ]
+    length_mm: Annotated[
+        float,
+        Ge(0),
+        Le(WIDEST_BODY_MM),
+        Unit("mm"),
+        Slider(0, 100),
+        Doc("of the straight part at the mouth; 0: the flare ends there"),
+    ] = 30.0
+    flare_mm: Annotated[
+        WidthMm, Slider(5, 100), Doc("over which the width changes to that of the tail")
+    ] = 40.0
 
     @property
     def flat_width_mm(self) -> float:
@@ -196,107 +264,157 @@ class Collar:
         return self.length_mm + self.flare_mm
 
 
-Mounting = Literal["tail_inverted", "turned"]
-"""How a robot as cut is put on its base: as it is, its tail inverted over the base, which turns
-every face when it grows; or first turned inside out as a whole."""
+class PieceSettings(Table):
+    """How a robot may be cut in flat pieces, which sleeves join."""
 
-DEFAULT_MOUNTING: Mounting = "tail_inverted"
+    most: Annotated[
+        int,
+        Ge(1),
+        Le(MOST_PIECES),
+        Unit("pieces"),
+        Field(title="At most"),
+        Slider(1, 12),
+        Doc("pieces that may be cut; the fewest that the tree needs are"),
+    ] = 6
+    lap_mm: Annotated[
+        float,
+        Ge(1),
+        Le(1000),
+        Unit("mm"),
+        Slider(5, 40, 0.5),
+        Doc("that socket and plug lie on each other, along the branch (assumed)"),
+    ] = 15.0
+    ease_mm: Annotated[
+        float,
+        Ge(0),
+        Le(100),
+        Unit("mm"),
+        Slider(0, 5, 0.1),
+        Doc("added to the flat width of a socket (assumed)"),
+    ] = 1.0
 
 
-def check_mounting(given: object) -> None:
-    """Refuse what is no `Mounting`."""
-    if given not in get_args(Mounting):
-        raise BadInputError("build.mounting", given, " or ".join(map(repr, get_args(Mounting))))
+class Build(Table):
+    """How a tree of lines becomes a flat tube.
 
-
-MOST_PIECES = 676
-"""Labels of pieces have at most two letters."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PieceSettings:
-    """How a robot may be cut in flat pieces, which sleeves join.
-
-    Parameters
-    ----------
-    most
-        Most pieces; the fewest that the tree needs are cut.
-    lap_mm
-        Length along which socket and plug of two pieces lie on each other [assumed].
-    ease_mm
-        How much wider than the plug's outside a socket is, flat [assumed].
+    Widths and fillets that are left out follow from the number of levels: in a `Design`, or with
+    `for_levels`.
     """
 
-    most: int = 6
-    lap_mm: float = 15.0
-    ease_mm: float = 1.0
+    widths_mm: Annotated[
+        tuple[WidthMm, ...],
+        Field(strict=False, title="Width"),
+        PerLevel(),
+        Slider(3, 80, 0.1),
+        Doc("lay-flat lumen width where a level's branches begin, trunk first; inflates to 2 w/pi"),
+    ] = ()
+    trunk_width_mm: Annotated[
+        WidthMm | None, Doc("in place of widths_mm, with width_ratio; 40 if left out")
+    ] = None
+    width_ratio: Annotated[
+        float | None,
+        Ge(SMALLEST),
+        Le(1),
+        Doc("in place of widths_mm: of a level over the one before; 0.6 if left out"),
+    ] = None
+    taper: Annotated[
+        tuple[Taper, ...],
+        Field(strict=False),
+        PerLevel(absent=1.0),
+        Slider(0.3, 1, 0.01),
+        Doc("width at the end of each level's branches over that at their beginning"),
+    ] = ()
+    fillet_mm: Annotated[
+        tuple[RadiusMm, ...],
+        Field(strict=False),
+        PerLevel(first=2),
+        Slider(0, 20, 0.1),
+        Doc("radius in each level's joints, level 2 first"),
+    ] = ()
+    fillet_ratio: Annotated[
+        float | None,
+        Ge(0),
+        Le(10),
+        Doc("in place of fillet_mm: radius over the child's width; 0.25 if left out"),
+    ] = None
+    tail_mm: Annotated[
+        float,
+        Ge(0),
+        Le(LARGEST_MM),
+        Unit("mm"),
+        Slider(0, 400),
+        Doc("below the trunk, inverted over the base and clamped"),
+    ] = DEFAULT_TAIL_MM
+    pressure_kpa: Annotated[
+        float,
+        Ge(0),
+        Le(10_000),
+        Unit("kPa"),
+        Slider(0, 60, 0.5),
+        Doc("working gauge pressure; 0: not known"),
+    ] = DEFAULT_PRESSURE_KPA
+    pouch: Annotated[
+        Pouch | None, Field(title="Pouch"), Doc("at the tip of every leaf; left out: rounded tips")
+    ] = None
+    collar: Annotated[Collar | None, Doc("fits the tail to a clamp")] = None
+    pieces: Annotated[
+        PieceSettings | None,
+        Doc("may be cut in flat pieces, joined by sleeves; left out: one outline"),
+    ] = None
+    mounting: Annotated[
+        Mounting,
+        Doc(
+            "tail_inverted: mounted as cut, faces inside end outside; turned: first turned inside "
+            "out"
+        ),
+    ] = DEFAULT_MOUNTING
 
-    def __post_init__(self) -> None:
-        whole("build.pieces.most", self.most, 1, MOST_PIECES)
-        number("build.pieces.lap_mm", self.lap_mm, 1.0, 1000.0, "mm")
-        number("build.pieces.ease_mm", self.ease_mm, 0.0, 100.0, "mm")
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        given = self.model_fields_set
+        if "fillet_mm" in given and self.fillet_ratio is not None:
+            raise BadInputError("fillet_ratio", self.fillet_ratio, "not beside build.fillet_mm")
+        if "widths_mm" not in given:
+            return self
+        for name in ("trunk_width_mm", "width_ratio"):
+            if getattr(self, name) is not None:
+                raise BadInputError(name, getattr(self, name), "not beside build.widths_mm")
+        if "fillet_mm" not in given:
+            ratio = DEFAULT_FILLET_RATIO if self.fillet_ratio is None else self.fillet_ratio
+            self._settle(fillet_mm=default_fillets_mm(self.widths_mm, ratio), fillet_ratio=None)
+        levels = len(self.widths_mm)
+        if not levels:
+            raise BadInputError("widths_mm", [], "at least the trunk's width")
+        for name, mark in PER_LEVEL.items():
+            entries, wanted = getattr(self, name), levels - mark.first + 1
+            if len(entries) != wanted and (entries or mark.absent is None):
+                words = f"{counted(wanted, 'number')}, one per level from level {mark.first} on"
+                allowed = f"{words}, as widths_mm has {levels}"
+                raise BadInputError(name, list(entries), allowed)
+        return self
 
+    def _settle(self, **values: object) -> None:
+        """Give fields the values that follow from others, while the table is made."""
+        self.__dict__.update(values)
+        self.__pydantic_fields_set__.update(values)
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Build:
-    """How a tree of lines becomes a flat tube; one entry per level, trunk first.
+    def for_levels(self, levels: int) -> Self:
+        """Return the build with the widths and fillets of so many levels, trunk included.
 
-    Parameters
-    ----------
-    widths_mm
-        Lay-flat lumen width of each level, where its branches begin.
-    taper
-        Width at the end of each level's branches over that at their beginning, at most 1; empty
-        for branches of even width. A tapered branch is the hull of a disc at each of its ends.
-    fillet_mm
-        Fillet radius at the joints of each level after the trunk; one entry fewer than
-        ``widths_mm``.
-    tail_mm
-        Straight length below the trunk's base that is inverted over the base and clamped.
-    pressure_kpa
-        Working gauge pressure.
-    pouch
-        Pouch at every leaf tip, or None for rounded tips.
-    collar
-        Transition from the tail to the clamp of a base, or None for a tail of the trunk's width.
-    pieces
-        How the robot may be cut in pieces, or None for one flat outline.
-    mounting
-        ``tail_inverted``: the faces that lie inside as cut end outside, and the outer part of a
-        sleeve goes into the stub; ``turned``: as cut, and over the stub.
-    """
-
-    widths_mm: tuple[float, ...]
-    fillet_mm: tuple[float, ...]
-    taper: tuple[float, ...] = ()
-    tail_mm: float = DEFAULT_TAIL_MM
-    pressure_kpa: float = DEFAULT_PRESSURE_KPA
-    pouch: Pouch | None = None
-    collar: Collar | None = None
-    pieces: PieceSettings | None = None
-    mounting: Mounting = DEFAULT_MOUNTING
-
-    def __post_init__(self) -> None:
-        for name in ("widths_mm", "fillet_mm", "taper"):
-            object.__setattr__(self, name, _number_row(f"build.{name}", getattr(self, name)))
-        _make_plain(self, "tail_mm", "pressure_kpa")
-        for ratio in self.taper:
-            number("build.taper", ratio, 0.01, 1.0)
-        if len(self.taper) not in (0, len(self.widths_mm)):
-            raise BadInputError(
-                "build.taper", list(self.taper), counted(len(self.widths_mm), "ratio")
-            )
-        for width in self.widths_mm:
-            positive("build.widths_mm", width)
-        for radius in self.fillet_mm:
-            number("build.fillet_mm", radius, 0.0, LARGEST_MM, "mm")
-        if len(self.fillet_mm) != len(self.widths_mm) - 1:
-            raise BadInputError(
-                "build.fillet_mm", list(self.fillet_mm), f"{len(self.widths_mm) - 1} radii"
-            )
-        number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
-        number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
-        check_mounting(self.mounting)
+        Raises
+        ------
+        BadInputError
+            If it has widths of another number of levels.
+        """
+        if "widths_mm" not in self.model_fields_set:
+            first = DEFAULT_TRUNK_WIDTH_MM if self.trunk_width_mm is None else self.trunk_width_mm
+            ratio = DEFAULT_WIDTH_RATIO if self.width_ratio is None else self.width_ratio
+            widths_mm = tuple(first * ratio**level for level in range(levels))
+            return self.changed(widths_mm=widths_mm, trunk_width_mm=None, width_ratio=None)
+        if len(self.widths_mm) != levels:
+            allowed = f"{counted(levels, 'width')}, one per level, trunk first"
+            raise BadInputError("widths_mm", list(self.widths_mm), allowed)
+        return self
 
     @property
     def end_widths_mm(self) -> tuple[float, ...]:
@@ -320,7 +438,7 @@ class Build:
         levels: int,
         trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM,
         width_ratio: float = DEFAULT_WIDTH_RATIO,
-    ) -> "Build":
+    ) -> Self:
         """Return vinefab's default build: each level 0.6 times as wide as the one before.
 
         The ratio keeps parent over child above the 1.5 that rule VF-W02 asks for; fillets are a
@@ -335,8 +453,16 @@ class Build:
         width_ratio
             Width of a level over that of the level before.
         """
-        widths = tuple(trunk_width_mm * width_ratio**level for level in range(levels))
-        return cls(widths_mm=widths, fillet_mm=default_fillets_mm(widths))
+        return cls(trunk_width_mm=trunk_width_mm, width_ratio=width_ratio).for_levels(levels)
+
+
+PER_LEVEL = {
+    name: mark
+    for name, field in Build.model_fields.items()
+    for mark in field.metadata
+    if isinstance(mark, PerLevel)
+}
+"""The lists of a build with an entry for each level."""
 
 
 def default_fillets_mm(
@@ -346,99 +472,106 @@ def default_fillets_mm(
     return tuple(max(DEFAULT_LEAST_FILLET_MM, ratio * width) for width in widths_mm[1:])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Waiver:
-    """A finding that the designer accepts.
+class Waiver(Table):
+    """A finding that the designer accepts."""
 
-    Parameters
-    ----------
-    fingerprint
-        The finding's stable id, as ``check`` prints it.
-    reason
-        Why it is accepted.
-    """
+    fingerprint: Annotated[str, Doc("of the finding, as `vinefab check` shows it")]
+    reason: Annotated[str, Doc("why it is accepted; stands in every report")]
 
-    fingerprint: str
-    reason: str
-
-    def __post_init__(self) -> None:
-        if not self.fingerprint.strip():
-            raise BadInputError("waive.fingerprint", self.fingerprint, "a finding's fingerprint")
-        if not self.reason.strip():
-            raise BadInputError("waive.reason", self.reason, "a reason, in words")
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        for name in ("fingerprint", "reason"):
+            if not getattr(self, name).strip():
+                raise BadInputError(name, getattr(self, name), "a text that is not blank")
+        return self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
+_NAME = re.compile(r"[\w.-]+")
+
+
+class Design(Table):
     """A branching vine robot, lengths in millimetres.
 
-    Parameters
-    ----------
-    name
-        Letters, digits, ``_``, ``-`` and ``.``; it becomes part of file names.
-    trunk_length_mm
-        Length of the trunk, level 1.
-    levels
-        Levels 2, 3, ...; empty for a plain vine.
-    build
-        Widths, fillets, tail, pressure and pouch; one width per level, the trunk included.
-    waivers
-        Findings that the designer accepts.
-    origin
-        How the design was made: run id, seed, scores; free-form plain values. Under ``growth`` are
-        the growth options that it was trained with: commands grow it with them. Under ``recipe``
-        is the recipe of its run: commands check and make it with that one.
-    limits
-        Limits of design rules that differ for this design: rule id to name to value. They override
-        the recipe's.
-    folder
-        Folder of the file that it was read from, in which its origin names files; None for none.
+    In Python ``trunk_length_mm`` is given in place of ``trunk``. Lengths in a file are multiplied
+    by its ``scale_mm_per_unit``; a design that was read has scale 1.
     """
 
-    name: str
-    trunk_length_mm: float
-    levels: tuple[Level, ...] = ()
-    build: Build
-    waivers: tuple[Waiver, ...] = ()
-    origin: Mapping[str, object] = field(default_factory=dict)
-    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    folder: Path | None = field(default=None, compare=False)
+    schema_: Annotated[
+        Literal["vinefab/design-1"], Field(alias="schema"), Doc("kind of file and its version")
+    ] = "vinefab/design-1"
+    name: Annotated[str, Doc("in reports, on the sheet and of files: letters, digits, `_-.`")]
+    scale_mm_per_unit: Annotated[
+        float, Ge(SMALLEST), Le(LARGEST_MM), Doc("multiplies lengths of trunk and levels")
+    ] = 1.0
+    trunk: Annotated[Trunk, Doc("level 1")]
+    levels: Annotated[
+        tuple[Level, ...],
+        Field(alias="level", strict=False),
+        Doc("one per level after the trunk; none: a plain vine"),
+    ] = ()
+    build: Annotated[Build, Doc("how it is made")] = Build()
+    waivers: Annotated[
+        tuple[Waiver, ...],
+        Field(alias="waive", strict=False),
+        Doc("findings that are accepted"),
+    ] = ()
+    limits: Annotated[
+        Mapping[str, Mapping[str, float]],
+        Doc(
+            "limits of rules for this design, in place of the recipe's: "
+            "`[limits.VF-C01] warning = 6.0`"
+        ),
+    ] = Field(default_factory=dict)
+    # Under ``growth`` are the growth options that it was trained with: commands grow it with them.
+    # Under ``recipe`` is the recipe of its run: commands check and make it with that one.
+    origin: Annotated[
+        Mapping[str, Any],
+        Doc("how the design was made, free-form; written by `vinefab optimize`"),
+    ] = Field(default_factory=dict)
+    # Of the file that it was read from, in which its origin names files; it makes no difference.
+    folder: Annotated[Path | None, Field(exclude=True)] = None
 
-    def __post_init__(self) -> None:
-        if (
-            not isinstance(self.name, str)
-            or not self.name
-            or not all(c.isalnum() or c in "_-." for c in self.name)
-        ):
+    @model_validator(mode="before")
+    @classmethod
+    def _of_python(cls, given: Any) -> Any:  # noqa: ANN401  of any caller
+        if not isinstance(given, dict) or "trunk_length_mm" not in given or "schema" in given:
+            return given
+        trunk = {"length_mm": given["trunk_length_mm"]}
+        return {key: given[key] for key in given if key != "trunk_length_mm"} | {"trunk": trunk}
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if not _NAME.fullmatch(self.name):
             raise BadInputError("name", self.name, "letters, digits, '_', '-' and '.'")
         if self.name.startswith(".") or len(self.name) > 100:
             raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
-        _make_plain(self, "trunk_length_mm")
-        positive("trunk.length", self.trunk_length_mm)
-        if not isinstance(self.levels, Sequence) or not all(
-            isinstance(level, Level) for level in self.levels
-        ):
-            raise BadInputError("levels", self.levels, "a Level for each level beyond the trunk")
-        if not isinstance(self.build, Build):
-            raise BadInputError("build", self.build, "a Build, such as Build.standard(levels=3)")
-        object.__setattr__(self, "levels", tuple(self.levels))
         if self.depth > MOST_LEVELS:
-            raise BadInputError(
-                "level", counted(len(self.levels), "level"), f"at most {MOST_LEVELS - 1}"
-            )
-        if self.branch_count > MOST_BRANCHES:
-            raise BadInputError(
-                "level", counted(self.branch_count, "branch"), f"at most {MOST_BRANCHES} in all"
-            )
-        if len(self.build.widths_mm) != self.depth:
-            raise BadInputError(
-                "build.widths_mm",
-                list(self.build.widths_mm),
-                f"{counted(self.depth, 'width')}, one per level with the trunk first",
-            )
-        object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
+            given = counted(len(self.levels), "level")
+            raise BadInputError("level", given, f"at most {MOST_LEVELS - 1}")
+        if (branches := self.branch_count) > MOST_BRANCHES:
+            given = counted(branches, "branch")
+            raise BadInputError("level", given, f"at most {MOST_BRANCHES} in all")
+        settled = self.__dict__
+        if (scale := self.scale_mm_per_unit) != 1.0:
+            settled["trunk"] = _scaled(self.trunk, scale, "trunk")
+            numbered = enumerate(self.levels, start=1)
+            settled["levels"] = tuple(_scaled(one, scale, f"level[{n}]") for n, one in numbered)
+            settled["scale_mm_per_unit"] = 1.0
+        try:
+            settled["build"] = self.build.for_levels(self.depth)
+        except BadInputError as error:
+            raise BadInputError(f"build.{error.key}", error.value, error.allowed) from error
+        settled["origin"] = MappingProxyType(dict(self.origin))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
-        object.__setattr__(self, "limits", MappingProxyType(frozen))
+        settled["limits"] = MappingProxyType(frozen)
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Design):
+            return NotImplemented
+        return {**self.__dict__, "folder": None} == {**other.__dict__, "folder": None}
+
+    __hash__ = None  # type: ignore[assignment]  its origin may hold anything
 
     def __repr__(self) -> str:
         lengths_mm = " + ".join(
@@ -453,6 +586,11 @@ class Design:
             f"{lengths_mm}{more} mm, "
             f"{counted(self.branch_count, 'branch')}, trunk {self.build.widths_mm[0]:.5g} mm wide>"
         )
+
+    @property
+    def trunk_length_mm(self) -> float:
+        """Length of the trunk, level 1."""
+        return self.trunk.length_mm
 
     @property
     def depth(self) -> int:
@@ -536,27 +674,24 @@ class Design:
         ('narrow', (40.0, 24.0, 7.0))
         """
         place = whole("level", level, 1, self.depth) - 1
-        for key, length in (("length_mm", length_mm), ("width_mm", width_mm)):
-            if length is not None:
-                positive(key, length)
         fan = {"branches": branches, "angle_deg": angle_deg, "growth_percent": growth_percent}
-        levels, trunk_length_mm = list(self.levels), self.trunk_length_mm
-        if place:
-            levels[place - 1] = _changed_level(levels[place - 1], {"length_mm": length_mm, **fan})
-        else:
+        if not place:
             for key, value in {**fan, "fillet_mm": fillet_mm}.items():
                 if value is not None:
                     raise BadInputError(key, value, "nothing at level 1: a trunk has none")
-            trunk_length_mm = trunk_length_mm if length_mm is None else length_mm
+        given = {"length_mm": length_mm, **fan}
+        given = {key: value for key, value in given.items() if value is not None}
+        levels = list(self.levels)
+        if place:
+            levels[place - 1] = levels[place - 1].changed(**given)
+        trunk = self.trunk.changed(**given) if not place else self.trunk
         build = self.build
         tapers = build.taper or (() if taper is None else (1.0,) * self.depth)
-        return replace(
-            self,
+        return self.changed(
             name=self.name if name is None else name,
-            trunk_length_mm=trunk_length_mm,
+            trunk=trunk,
             levels=tuple(levels),
-            build=replace(
-                build,
+            build=build.changed(
                 widths_mm=_with_one(build.widths_mm, place, width_mm),
                 taper=_with_one(tapers, place, taper),
                 fillet_mm=_with_one(build.fillet_mm, place - 1, fillet_mm),
@@ -674,18 +809,12 @@ class Design:
         return drawn
 
 
-def _changed_level(old: Level, given: Mapping[str, float | None]) -> Level:
-    """Return a level with the values given that are not None, each as in `Level.of`."""
-    new = Level.of(
-        branches=old.branches if given["branches"] is None else given["branches"],  # type: ignore[arg-type]
-        length_mm=old.length_mm if given["length_mm"] is None else given["length_mm"],
-        angle_deg=given["angle_deg"] or 0.0,
-        growth_percent=100.0 if given["growth_percent"] is None else given["growth_percent"],
-    )
-    # What is not given stays to the last bit.
-    fan_rad = old.fan_rad if given["angle_deg"] is None else new.fan_rad
-    growth = old.growth if given["growth_percent"] is None else new.growth
-    return replace(new, fan_rad=fan_rad, growth=growth)
+T = TypeVar("T", Trunk, Level)
+
+
+def _scaled(part: T, scale: float, key: str) -> T:
+    length_mm = number(f"{key}.length", part.length_mm * scale, SMALLEST, LARGEST_MM, "mm")
+    return part.changed(length_mm=length_mm)
 
 
 def _with_one(values: tuple[float, ...], place: int, value: float | None) -> tuple[float, ...]:

@@ -182,7 +182,7 @@ class CheckReport:
         return lines
 
     @property
-    def details(self) -> tuple[str, ...]:
+    def all_lines(self) -> tuple[str, ...]:
         """The same with every rule that was applied."""
         lines: tuple[str, ...] = front_door().check_summary(self, verbose=True)
         return lines

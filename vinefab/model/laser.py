@@ -1,11 +1,21 @@
-"""Laser profiles: machines, materials and recipes, every number with its standing."""
+"""Laser profiles: machines, materials and recipes, every number with its standing.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+Each is declared once: as the table of a file (TOML) and as the noun that rooms share.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Interval, Le, Unit
+from pydantic import Field, model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import number
+from vinefab.core.table import Table
+from vinefab.core.validation import SMALLEST
 
 LARGEST_QUANTITY = 1e12
 """Limit of every number with a standing, in its unit."""
@@ -21,47 +31,53 @@ class Standing(StrEnum):
     ASSUMED = "assumed"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quantity:
+class Quantity(Table):
     """A number with its standing and source; its unit is in the name of the field that holds it.
 
-    Parameters
-    ----------
-    value
-        The number.
-    standing
-        How far it may be trusted.
-    source
-        Where it comes from, in words.
-    uncertainty
-        Standard uncertainty in the number's own unit, or None if unknown.
-    uncertainty_95
-        Half of its 95 % interval, wider than two standard uncertainties where readings were few;
-        None if unknown.
+    In files: the inline table ``{ value, standing, source }``.
     """
 
-    value: float
-    standing: Standing
-    source: str = ""
-    uncertainty: float | None = None
-    # Like the other one it changes nothing that is predicted: no part of a recipe's fingerprint.
-    uncertainty_95: float | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        number("value", self.value, -LARGEST_QUANTITY, LARGEST_QUANTITY)
-        for name in ("uncertainty", "uncertainty_95"):
-            if (given := getattr(self, name)) is not None:
-                number(name, given, 0.0, LARGEST_QUANTITY)
+    value: Annotated[
+        float,
+        Interval(ge=-LARGEST_QUANTITY, le=LARGEST_QUANTITY),
+        Doc("in the unit that ends the key"),
+    ]
+    standing: Annotated[
+        Standing, Field(strict=False), Doc("measured, paper, published, computed or assumed")
+    ]
+    source: Annotated[str, Field(min_length=1), Doc("who says so, or how it was found")]
+    uncertainty: Annotated[
+        float | None,
+        Interval(ge=0, le=LARGEST_QUANTITY),
+        Doc("one standard deviation, in the same unit"),
+    ] = None
+    # It changes nothing that is predicted: no part of a recipe's fingerprint.
+    uncertainty_95: Annotated[
+        float | None,
+        Interval(ge=0, le=LARGEST_QUANTITY),
+        Field(repr=False),
+        Doc(
+            "half of the 95 % interval, in the same unit; wider than two standard deviations where"
+            " readings were few"
+        ),
+    ] = None
 
     def __float__(self) -> float:
         return self.value
 
+    def __ge__(self, least: float) -> bool:  # fields declare ranges of quantities as of numbers
+        return self.value >= least
+
+    def __le__(self, most: float) -> bool:
+        return self.value <= most
+
     def words(self) -> str:
         """Return the number and, if known, its 95 % interval or else its standard uncertainty.
 
-        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).words()
+        >>> friction = Quantity(value=0.26, standing=Standing.MEASURED, source="my incline")
+        >>> friction.changed(uncertainty=0.013).words()
         '0.26 +- 0.013'
-        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty_95=0.056).words()
+        >>> friction.changed(uncertainty_95=0.056).words()
         '0.26 +- 0.056 (95 %)'
         """
         if self.uncertainty_95 is not None:
@@ -70,61 +86,54 @@ class Quantity:
         return f"{self.value:g}{spread}"
 
 
-class RecipeStatus(StrEnum):
-    """How far a recipe is verified on the user's machine."""
+_POSITIVE = Interval(ge=SMALLEST, le=1e9)
+_NOT_NEGATIVE = Interval(ge=0, le=1e9)
+_LENGTH = Interval(ge=SMALLEST, le=1e5)
+_BREADTH = Interval(ge=0, le=1e3)
+_FRICTION = Interval(ge=0, le=10)
 
-    UNVERIFIED = "unverified"
-    COUPON_OK = "coupon_ok"
-    BURST_TESTED = "burst_tested"
-
-
-class Tool(StrEnum):
-    """What runs an operation."""
-
-    LASER = "laser"
-    IMPULSE_SEALER = "impulse_sealer"
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
+_Name = Annotated[FileName, Doc("as the file, without its suffix")]
+_Title = Annotated[str, Doc("for people")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
-    """A laser cutter.
+def quantities(table: Table) -> dict[str, Quantity]:
+    """Return the numbers with a standing that a table holds, by key."""
+    return {name: value for name, value in table if isinstance(value, Quantity)}
 
-    Parameters
-    ----------
-    name, title
-        File name and full name.
-    bed_width_mm, bed_height_mm, margin_mm
-        Size of the bed, and the unused rim of it.
-    power_w
-        Rated power.
-    spot_mm, rayleigh_mm
-        Beam diameter at focus and Rayleigh length.
-    speed_max_mm_s, acceleration_mm_s2
-        Limits of motion.
-    colours
-        Name of its software's colour preset.
-    hairline_mm
-        Stroke width that its software reads as a vector path.
-    """
 
-    name: str
-    title: str
-    bed_width_mm: Quantity
-    bed_height_mm: Quantity
-    margin_mm: Quantity
-    power_w: Quantity
-    spot_mm: Quantity
-    rayleigh_mm: Quantity
-    speed_max_mm_s: Quantity
-    acceleration_mm_s2: Quantity
-    colours: str = "default"
-    hairline_mm: float = 0.01
+class Machine(Table):
+    """A laser cutter: a file in ``laser_profiles/machines``."""
 
-    def __post_init__(self) -> None:
+    schema_: Annotated[
+        Literal["vinefab/machine-1"],
+        Field(alias="schema", repr=False),
+        Doc("kind of file and its version"),
+    ] = "vinefab/machine-1"
+    name: _Name
+    title: _Title
+    bed_width_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("along x")]
+    bed_height_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("along y")]
+    margin_mm: Annotated[Quantity, _BREADTH, Unit("mm"), Doc("rim of the bed that stays free")]
+    power_w: Annotated[Quantity, _POSITIVE, Unit("W"), Doc("of the laser")]
+    spot_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("diameter in focus")]
+    rayleigh_mm: Annotated[
+        Quantity, _POSITIVE, Unit("mm"), Doc("depth over which the spot grows by the root of 2")
+    ]
+    speed_max_mm_s: Annotated[Quantity, _POSITIVE, Unit("mm/s"), Doc("of the head")]
+    acceleration_mm_s2: Annotated[Quantity, _POSITIVE, Unit("mm/s2"), Doc("of the head")]
+    colours: Annotated[str, Doc("preset of its software")] = "default"
+    hairline_mm: Annotated[
+        float, Ge(SMALLEST), Le(10), Unit("mm"), Doc("line width that its driver takes for a cut")
+    ] = 0.01
+
+    @model_validator(mode="after")
+    def _has_room(self) -> "Machine":
         least_mm = min(self.bed_width_mm.value, self.bed_height_mm.value)
         if 2.0 * self.margin_mm.value >= least_mm:
             allowed = f"less than half of the bed ({least_mm:g} mm)"
             raise BadInputError("margin_mm", self.margin_mm.value, allowed)
+        return self
 
     @property
     def usable_mm(self) -> tuple[float, float]:
@@ -146,19 +155,11 @@ SEAM_KEYS = ("burst_kpa", "burst_width_mm", "survived_kpa", "survived_width_mm")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeamTest:
-    """What is known of the pressure that a welded tube stands.
+    """What is known of the pressure that a welded tube stands."""
 
-    Parameters
-    ----------
-    pressure_kpa, width_mm
-        Gauge pressure in a tube, and its lay-flat width.
-    burst
-        Whether the tube burst there. One that survived stands more, nobody knows how much.
-    """
-
-    pressure_kpa: Quantity
-    width_mm: Quantity
-    burst: bool
+    pressure_kpa: Quantity  # gauge pressure in a tube
+    width_mm: Quantity  # its lay-flat width
+    burst: bool  # there; one that survived stands more, nobody knows how much
 
     @property
     def is_measured_limit(self) -> bool:
@@ -169,7 +170,7 @@ class SeamTest:
     def words(self) -> str:
         """Return the test in words.
 
-        >>> assumed = {"standing": Standing.ASSUMED}
+        >>> assumed = {"standing": Standing.ASSUMED, "source": "a guess"}
         >>> pressure, width = Quantity(value=70.0, **assumed), Quantity(value=20.0, **assumed)
         >>> SeamTest(pressure_kpa=pressure, width_mm=width, burst=False).words()
         'a tube of 20 mm (assumed) survived 70 kPa (assumed)'
@@ -181,62 +182,61 @@ class SeamTest:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
-    """A film and its seam.
+_BurstPressure = Annotated[
+    Quantity | None, _POSITIVE, Unit("kPa"), Doc("at which a welded tube burst")
+]
+_SurvivedPressure = Annotated[
+    Quantity | None, _POSITIVE, Unit("kPa"), Doc("that a welded tube bore: a lower bound")
+]
+_TubeWidth = Annotated[Quantity | None, _POSITIVE, Unit("mm"), Doc("lay-flat width of that tube")]
+_SHRINKAGE = Interval(ge=SHRINKAGE_PERCENT[0], le=SHRINKAGE_PERCENT[1])
 
-    Parameters
-    ----------
-    name, title
-        File name and full name.
-    ply_mm, plies
-        Thickness of one ply, number of welded plies.
-    roll_width_mm
-        Width of the film roll.
-    density_kg_m3, modulus_mpa, strength_mpa
-        Density, Young's modulus and tensile strength of the film.
-    friction
-        Coefficient of friction against the environment.
-    burst_kpa, burst_width_mm
-        Pressure at which a welded tube of that lay-flat width burst; None if none was burst.
-    survived_kpa, survived_width_mm
-        Pressure that a welded tube of that lay-flat width stood: a lower bound, which counts where
-        none was burst.
-    weldable
-        Whether a laser can weld it.
-    shrinkage_percent
-        By how much welded film comes out shorter than drawn. Predictions do not use it, so that it
-        is no part of the recipe's fingerprint in their reports.
-    """
 
-    name: str
-    title: str
-    ply_mm: Quantity
-    plies: int
-    roll_width_mm: Quantity
-    density_kg_m3: Quantity
-    modulus_mpa: Quantity
-    strength_mpa: Quantity
-    friction: Quantity
-    burst_kpa: Quantity | None = None
-    burst_width_mm: Quantity | None = None
-    survived_kpa: Quantity | None = None
-    survived_width_mm: Quantity | None = None
-    weldable: bool
-    shrinkage_percent: Quantity = field(default=NO_SHRINKAGE, repr=False)
+class Material(Table):
+    """A film and its seam: a file in ``laser_profiles/materials``."""
 
-    @property
-    def film_mm(self) -> float:
-        """Thickness of all plies."""
-        return self.ply_mm.value * self.plies
+    schema_: Annotated[
+        Literal["vinefab/material-1"],
+        Field(alias="schema", repr=False),
+        Doc("kind of file and its version"),
+    ] = "vinefab/material-1"
+    name: _Name
+    title: _Title
+    ply_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("thickness of one layer")]
+    plies: Annotated[int, Ge(1), Le(10), Doc("layers that are welded at once")]
+    roll_width_mm: Annotated[Quantity, _LENGTH, Unit("mm"), Doc("of the film as it is bought")]
+    density_kg_m3: Annotated[Quantity, _POSITIVE, Unit("kg/m3"), Doc("of the film")]
+    modulus_mpa: Annotated[Quantity, _POSITIVE, Unit("MPa"), Doc("of elasticity")]
+    strength_mpa: Annotated[Quantity, _POSITIVE, Unit("MPa"), Doc("in tension")]
+    friction: Annotated[Quantity, _FRICTION, Doc("against the environment")]
+    burst_kpa: _BurstPressure = None
+    burst_width_mm: _TubeWidth = None
+    survived_kpa: _SurvivedPressure = None
+    survived_width_mm: _TubeWidth = None
+    weldable: Annotated[bool, Doc("whether a laser can weld it")]
+    # Predictions do not use it: no part of the recipe's fingerprint in their reports.
+    shrinkage_percent: Annotated[
+        Quantity,
+        _SHRINKAGE,
+        Field(repr=False),
+        Unit("%"),
+        Doc("by how much welded film comes out shorter than drawn; none: taken as 0 (assumed)"),
+    ] = NO_SHRINKAGE
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _seam_is_known(self) -> "Material":
         burst = self.burst_kpa is not None, self.burst_width_mm is not None
         survived = self.survived_kpa is not None, self.survived_width_mm is not None
         if burst[0] != burst[1] or survived[0] != survived[1] or not (burst[0] or survived[0]):
             given = [name for name in SEAM_KEYS if getattr(self, name) is not None]
             allowed = "burst_kpa with burst_width_mm, survived_kpa with survived_width_mm, or both"
             raise BadInputError("seam", ", ".join(given) or "no test", allowed)
+        return self
+
+    @property
+    def film_mm(self) -> float:
+        """Thickness of all plies."""
+        return self.ply_mm.value * self.plies
 
     @property
     def seam(self) -> SeamTest:
@@ -250,70 +250,232 @@ class Material:
         raise AssertionError
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OperationSettings:
-    """How the laser runs one operation.
+class Measured(Table):
+    """The table ``[measured]`` of a recipe: measured values that replace the material's."""
 
-    Parameters
-    ----------
-    power_percent, min_power_percent
-        Share of the machine's rated power; the lower one in corners.
-    speed_mm_s, passes, focus_offset_mm, frequency_hz, air_assist
-        The rest of the machine's settings.
-    spot_mm, kerf_mm, seam_width_mm, overcut_mm
-        Beam diameter on the film, width removed, width fused inward of the kerf, and overlap where
-        a closed path meets its start.
-    tool
-        Tool of the operation. Unless it is the laser, power and speed are 0 and its paths are
-        lines to seal along by hand.
-    temperature_c, dwell_s
-        Settings of an impulse sealer: jaw temperature and time under heat.
-    """
+    burst_kpa: _BurstPressure = None
+    burst_width_mm: _TubeWidth = None
+    survived_kpa: _SurvivedPressure = None
+    survived_width_mm: _TubeWidth = None
+    friction: Annotated[Quantity | None, _FRICTION, Doc("of your film on your obstacles")] = None
+    shrinkage_percent: Annotated[
+        Quantity | None, _SHRINKAGE, Unit("%"), Doc("of your film where it is welded")
+    ] = None
 
-    power_percent: Quantity
-    min_power_percent: Quantity
-    speed_mm_s: Quantity
-    passes: int
-    focus_offset_mm: Quantity
-    frequency_hz: Quantity
-    air_assist: bool
-    spot_mm: Quantity
-    kerf_mm: Quantity
-    seam_width_mm: Quantity
-    overcut_mm: Quantity
-    tool: Tool = Tool.LASER
-    temperature_c: Quantity | None = None
-    dwell_s: Quantity | None = None
+    def replaced_in(self, material: Material) -> Material:
+        """Return a material with these values in place of its own."""
+        found: dict[str, Quantity | None] = {**quantities(self)}
+        seam = {name: found.pop(name) for name in SEAM_KEYS if name in found}
+        if seam:
+            known = material.seam
+            burst = "burst_kpa" in seam or ("survived_kpa" not in seam and known.burst)
+            kind = "burst" if burst else "survived"
+            # A width alone is that of the tube whose pressure is known, whether it burst or not.
+            alone = next((seam[key] for key in seam if key.endswith("_width_mm")), known.width_mm)
+            found |= dict.fromkeys(SEAM_KEYS)
+            found[f"{kind}_kpa"] = seam.get(f"{kind}_kpa", known.pressure_kpa)
+            found[f"{kind}_width_mm"] = seam.get(f"{kind}_width_mm", alone)
+        return material.changed(**found)
+
+
+class RecipeStatus(StrEnum):
+    """How far a recipe is verified on the user's machine."""
+
+    UNVERIFIED = "unverified"
+    COUPON_OK = "coupon_ok"
+    BURST_TESTED = "burst_tested"
+
+
+class Tool(StrEnum):
+    """What runs an operation."""
+
+    LASER = "laser"
+    IMPULSE_SEALER = "impulse_sealer"
+
+
+class OperationSettings(Table):
+    """How the laser runs one operation: a table ``[operations.NAME]`` of a recipe."""
+
+    power_percent: Annotated[Quantity, Interval(ge=1e-6, le=100), Unit("%"), Doc("of the laser")]
+    min_power_percent: Annotated[Quantity, Interval(ge=0, le=100), Unit("%"), Doc("in corners")]
+    speed_mm_s: Annotated[Quantity, _POSITIVE, Unit("mm/s"), Doc("of the head")]
+    passes: Annotated[int, Ge(1), Le(100), Doc("over the same path")]
+    focus_offset_mm: Annotated[
+        Quantity,
+        Interval(ge=-1000, le=1000),
+        Unit("mm"),
+        Doc("above the focus; widens the spot"),
+    ]
+    frequency_hz: Annotated[Quantity, _NOT_NEGATIVE, Unit("Hz"), Doc("of pulses")]
+    air_assist: Annotated[bool, Doc("whether air blows on the cut")]
+    spot_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("diameter at this offset")]
+    kerf_mm: Annotated[Quantity, _BREADTH, Unit("mm"), Doc("width that is removed")]
+    seam_width_mm: Annotated[
+        Quantity, _BREADTH, Unit("mm"), Doc("width that is fused inward of the kerf")
+    ]
+    overcut_mm: Annotated[
+        Quantity, _BREADTH, Unit("mm"), Doc("that a closed path runs past its start")
+    ]
+
+    @model_validator(mode="after")
+    def _corners_have_less(self) -> "OperationSettings":
+        power, least = self.power_percent.value, self.min_power_percent.value
+        if least > power:
+            raise BadInputError("min_power_percent", least, f"at most power_percent, {power:g}")
+        return self
 
     @property
     def by_laser(self) -> bool:
         """Whether the laser runs it."""
-        return self.tool is Tool.LASER
+        return not isinstance(self, SealerSettings)
 
     def line_energy_mj_mm(self, machine: Machine) -> float:
         """Return the energy per length of path, all passes: power over speed."""
         power_w = machine.power_w.value * self.power_percent.value / 100.0
         return 1000.0 * self.passes * power_w / self.speed_mm_s.value
 
+    def __repr_name__(self) -> str:
+        return "OperationSettings"
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnergyWindow:
-    """The range of line energies at which coupons passed.
+    def __repr_args__(self) -> Iterable[tuple[str, Any]]:
+        return self.record().items()
 
-    Parameters
-    ----------
-    operation
-        The operation tested: ``weld`` sealed, ``weldcut`` sealed and cut.
-    focus_mm
-        Focus offset of the coupons.
-    least_mj_mm, most_mj_mm
-        The range, or None if no coupon passed.
+    def record(self) -> dict[str, object]:
+        """Return the settings and their tool as reports have them (and fingerprint them)."""
+        values = dict(self)
+        sealing = {name: values.pop(name, None) for name in ("temperature_c", "dwell_s")}
+        tool = Tool.LASER if self.by_laser else Tool.IMPULSE_SEALER
+        return {**values, "tool": tool, **sealing}
+
+
+class Operations(Table):
+    """The tables ``[operations.NAME]`` of a recipe."""
+
+    mark: Annotated[OperationSettings | None, Doc("labels beside the body")] = None
+    weld: Annotated[OperationSettings | None, Doc("seam only")] = None
+    weldcut: Annotated[OperationSettings | None, Doc("seam and cut in one pass")] = None
+    cut: Annotated[OperationSettings, Doc("mouth and sheet")]
+
+    @model_validator(mode="after")
+    def _seams_seal(self) -> "Operations":
+        for name, settings in (("weld", self.weld), ("weldcut", self.weldcut)):
+            if settings is not None and settings.seam_width_mm.value == 0.0:
+                raise BadInputError(f"{name}.seam_width_mm", 0.0, "more than 0: it seals")
+        if self.weld is not None and self.weld.kerf_mm.value > 0.0:
+            allowed = "0: a weld removes nothing; what seals and cuts is a weldcut"
+            raise BadInputError("weld.kerf_mm", self.weld.kerf_mm.value, allowed)
+        return self
+
+
+class Sealer(Table):
+    """The table ``[sealer]`` of a recipe whose seams an impulse sealer makes."""
+
+    temperature_c: Annotated[Quantity, _POSITIVE, Unit("C"), Doc("of the bar")]
+    dwell_s: Annotated[Quantity, _POSITIVE, Unit("s"), Doc("for which it stays shut")]
+    seam_width_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("of the bar")]
+
+
+_BY_SEALER = Quantity(
+    value=0.0, standing=Standing.COMPUTED, source="an impulse sealer makes the seam"
+)
+
+
+class SealerSettings(Sealer, OperationSettings):
+    """Settings of lines to seal along by hand: power and speed of the laser are 0."""
+
+    power_percent: Quantity = _BY_SEALER
+    min_power_percent: Quantity = _BY_SEALER
+    speed_mm_s: Quantity = _BY_SEALER
+    passes: int = 1
+    focus_offset_mm: Quantity = _BY_SEALER
+    frequency_hz: Quantity = _BY_SEALER
+    air_assist: bool = False
+    spot_mm: Quantity = _BY_SEALER
+    kerf_mm: Quantity = _BY_SEALER
+    overcut_mm: Quantity = _BY_SEALER
+
+
+class GrowthConstants(Table):
+    """The four constants of the growth-pressure model, each with its standing."""
+
+    yield_kpa: Annotated[
+        Quantity, _NOT_NEGATIVE, Unit("kPa"), Doc("below which film does not evert")
+    ]
+    drag_kpa_m: Annotated[Quantity, _NOT_NEGATIVE, Unit("kPa/m"), Doc("per metre of path")]
+    # The published value is for a spool; crumpled storage is unknown, 0 to 8 kPa.
+    storage_kpa: Annotated[
+        Quantity, _NOT_NEGATIVE, Unit("kPa"), Doc("tension of the film in its store")
+    ]
+    friction: Annotated[Quantity, _FRICTION, Doc("film on film, per radian of turn")]
+
+    def at_diameter(self, diameter_mm: float, fitted_diameter_mm: float) -> "GrowthConstants":
+        """Return the constants for another tube of the same film.
+
+        Y, f and T are taken as inverse to the diameter (assumed: a 3 mm tube burst before it
+        grew, 4 to 7 mm worked); mu stays.
+
+        Parameters
+        ----------
+        diameter_mm
+            Inflated diameter of the other tube.
+        fitted_diameter_mm
+            Inflated diameter of the tube that these constants were fitted to.
+        """
+        factor = fitted_diameter_mm / diameter_mm
+        scaled = {
+            name: Quantity(
+                value=quantity.value * factor,
+                standing=Standing.ASSUMED,
+                source=f"{quantity.source}; times {factor:.4g}, inverse to the diameter",
+            )
+            for name, quantity in (
+                ("yield_kpa", self.yield_kpa),
+                ("drag_kpa_m", self.drag_kpa_m),
+                ("storage_kpa", self.storage_kpa),
+            )
+        }
+        # Computed, not given: in a tube as thin as can be they leave the ranges of files.
+        return GrowthConstants.model_construct(**scaled, friction=self.friction)
+
+    @property
+    def standing(self) -> Standing:
+        """Standing of a pressure computed from these constants: that of the weakest one."""
+        numbers = (self.yield_kpa, self.drag_kpa_m, self.storage_kpa, self.friction)
+        assumed = any(number.standing is Standing.ASSUMED for number in numbers)
+        return Standing.ASSUMED if assumed else Standing.COMPUTED
+
+
+class GrowthFit(GrowthConstants):
+    """The table ``[growth]`` of a recipe: growth-pressure constants of the user's own tube."""
+
+    width_mm: Annotated[
+        Quantity, _POSITIVE, Unit("mm"), Doc("lay-flat width of the tube that was grown")
+    ]
+
+
+class EnergyWindow(Table):
+    """The range of line energies at which coupons passed: a table ``[[coupons.windows]]``.
+
+    Both ends are None where no coupon passed.
     """
 
-    operation: str
-    focus_mm: float
-    least_mj_mm: Quantity | None
-    most_mj_mm: Quantity | None
+    operation: Annotated[
+        Literal["weld", "weldcut"], Doc("whose energies these are: weld sealed, weldcut also cut")
+    ]
+    focus_mm: Annotated[
+        float, Ge(-1000), Le(1000), Unit("mm"), Doc("offset at which they were cut")
+    ]
+    least_mj_mm: Annotated[Quantity | None, _POSITIVE, Unit("mJ/mm"), Doc("that welded")] = None
+    most_mj_mm: Annotated[
+        Quantity | None, _POSITIVE, Unit("mJ/mm"), Doc("that did not cut through")
+    ] = None
+
+    @model_validator(mode="after")
+    def _least_is_less(self) -> "EnergyWindow":
+        least, most = self.least_mj_mm, self.most_mj_mm
+        if least is not None and most is not None and least.value > most.value:
+            raise BadInputError("least_mj_mm", least.value, f"at most most_mj_mm, {most.value:g}")
+        return self
 
     def holds(self, energy_mj_mm: float) -> bool:
         """Return whether a line energy lies within the range, give or take 1 %."""
@@ -331,6 +493,24 @@ class EnergyWindow:
         return f"{where}: {did} from {low:.1f} to {high:.1f} mJ/mm"
 
 
+class Coupons(Table):
+    """The table ``[coupons]`` of a recipe: results that no other table holds, nor a prediction."""
+
+    peel_n_mm: Annotated[
+        Quantity | None,
+        _NOT_NEGATIVE,
+        Unit("N/mm"),
+        Doc("force per width at which a strip peeled"),
+    ] = None
+    crotch_burst_kpa: Annotated[
+        Quantity | None, _POSITIVE, Unit("kPa"), Doc("of the crotch coupon")
+    ] = None
+    crotch_fillet_mm: Annotated[Quantity | None, _POSITIVE, Unit("mm"), Doc("its radius")] = None
+    windows: Annotated[
+        tuple[EnergyWindow, ...], Field(strict=False), Doc("line energies that passed")
+    ] = ()
+
+
 class LapMethod(StrEnum):
     """How a socket is bonded to the plug inside it."""
 
@@ -338,20 +518,32 @@ class LapMethod(StrEnum):
     ADHESIVE_FILM = "adhesive_film"  # a band of adhesive film between plug and socket
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LapBond:
-    """The bond of a sleeve joint: a band around the lap of socket and plug, loaded in shear."""
+class LapBond(Table):
+    """The bond of a sleeve joint, the table ``[lap]`` of a recipe.
 
-    method: LapMethod
-    band_mm: Quantity  # width of the band, along the branch
-    # Load per millimetre of the plug's rim at which laps failed; None if none did.
-    strength_n_per_mm: Quantity | None = None
-    # Load that laps bore without failing: a lower bound, which counts where none failed.
-    survived_n_per_mm: Quantity | None = None
+    It is a band around the lap of socket and plug, loaded in shear.
+    """
 
-    def __post_init__(self) -> None:
+    method: Annotated[LapMethod, Field(strict=False), Doc("impulse_seal or adhesive_film")]
+    band_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("width of the bond, along the branch")]
+    strength_n_per_mm: Annotated[
+        Quantity | None,
+        _POSITIVE,
+        Unit("N/mm"),
+        Doc("per millimetre of the plug's rim, at which laps failed"),
+    ] = None
+    survived_n_per_mm: Annotated[
+        Quantity | None,
+        _POSITIVE,
+        Unit("N/mm"),
+        Doc("per millimetre of rim, that laps bore: a lower bound, which counts where none failed"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_a_load(self) -> "LapBond":
         if self.strength_n_per_mm is None and self.survived_n_per_mm is None:
-            raise BadInputError("lap", "no load", "strength_n_per_mm, survived_n_per_mm, or both")
+            raise BadInputError("strength_n_per_mm", None, "it, survived_n_per_mm, or both")
+        return self
 
     @property
     def load_n_per_mm(self) -> Quantity:
@@ -370,7 +562,7 @@ class LapBond:
     def words(self) -> str:
         """Return the bond in words.
 
-        >>> assumed = {"standing": Standing.ASSUMED}
+        >>> assumed = {"standing": Standing.ASSUMED, "source": "a guess"}
         >>> band, load = Quantity(value=5.0, **assumed), Quantity(value=0.4, **assumed)
         >>> LapBond(method=LapMethod.IMPULSE_SEAL, band_mm=band, survived_n_per_mm=load).words()
         'an impulse-sealed band of 5 mm (assumed) bore 0.4 N/mm (assumed)'
@@ -385,45 +577,60 @@ class LapBond:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe:
-    """Settings for one material on one machine.
+class Recipe(Table):
+    """Settings for one material on one machine: a file in ``laser_profiles/recipes``."""
 
-    Parameters
-    ----------
-    name, title
-        File name (``machine__material``) and full name.
-    status
-        How far it is verified.
-    source
-        Where it comes from.
-    operations
-        Settings by operation (``weldcut``, ``weld``, ``cut``, ``mark``).
-    growth
-        Growth-pressure constants fitted to the user's own tube (``yield_kpa``, ``drag_kpa_m``,
-        ``storage_kpa``, ``friction``, ``width_mm``); empty if not measured.
-    limits
-        Limits of design rules that differ for this recipe: rule id to name to value.
-    coupons
-        Other coupon results (``peel_n_mm``, ``crotch_burst_kpa``, ``crotch_fillet_mm``); no
-        prediction uses them.
-    windows
-        Ranges of line energies at which coupons passed.
-    lap
-        The bond of sleeve joints; None if nothing is known of it. Robots in one piece have none, so
-        that it is no part of the recipe's fingerprint in their reports.
-    """
+    schema_: Annotated[
+        Literal["vinefab/recipe-1"], Field(alias="schema"), Doc("kind of file and its version")
+    ] = "vinefab/recipe-1"
+    name: _Name
+    title: _Title
+    machine: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
+    material: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
+    status: Annotated[
+        RecipeStatus, Field(strict=False), Doc("unverified, coupon_ok or burst_tested")
+    ]
+    source: Annotated[str, Field(min_length=1), Doc("where the settings come from")]
+    operations: Annotated[Operations, Doc("settings of each operation")]
+    sealer: Annotated[Sealer | None, Doc("in place of laser welds")] = None
+    measured: Annotated[Measured | None, Doc("values of your film, in place of the material's")] = (
+        None
+    )
+    growth: Annotated[
+        GrowthFit | None, Doc("constants of growth pressure, if you measured them")
+    ] = None
+    coupons: Annotated[Coupons, Doc("what else the coupons gave")] = Coupons()
+    lap: Annotated[LapBond | None, Doc("the bond of robots in pieces")] = None
+    limits: Annotated[dict[str, dict[str, float]], Doc("of rules, for this recipe")] = Field(
+        default_factory=dict
+    )
 
-    name: str
-    title: str
-    status: RecipeStatus
-    source: str
-    operations: Mapping[str, OperationSettings]
-    growth: Mapping[str, Quantity] = field(default_factory=dict)
-    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    coupons: Mapping[str, Quantity] = field(default_factory=dict)
-    windows: tuple[EnergyWindow, ...] = ()
-    lap: LapBond | None = field(default=None, repr=False)
+    @model_validator(mode="after")
+    def _one_tool_seals(self) -> "Recipe":
+        welded = self.operations.weld is not None
+        if self.sealer is None and not welded and self.operations.weldcut is None:
+            allowed = "weldcut, weld or a [sealer], for the seam"
+            raise BadInputError("operations", "cut only", allowed)
+        if self.sealer is not None and welded:
+            raise BadInputError("sealer", "given with operations.weld", "one of the two")
+        return self
+
+    @cached_property
+    def by_operation(self) -> Mapping[str, OperationSettings]:
+        """Settings by operation; those of a sealer are the ``weld``."""
+        found = {name: given for name, given in self.operations if given is not None}
+        if self.sealer is None:
+            return found
+        return {"weld": SealerSettings(**dict(self.sealer)), **found}
+
+    def __repr_args__(self) -> Iterable[tuple[str, Any]]:
+        """Yield what predictions of a robot in one piece use: reports keep a fingerprint of it."""
+        yield from ((name, getattr(self, name)) for name in ("name", "title", "status", "source"))
+        yield "operations", self.by_operation
+        yield "growth", {} if self.growth is None else quantities(self.growth)
+        yield "limits", self.limits
+        yield "coupons", quantities(self.coupons)
+        yield "windows", self.coupons.windows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -448,7 +655,8 @@ class LaserProfile:
         BadInputError
             If the recipe does not have it.
         """
-        if operation not in self.recipe.operations:
-            known = ", ".join(self.recipe.operations)
-            raise BadInputError(f"recipe {self.recipe.name}", str(operation), f"one of {known}")
-        return self.recipe.operations[operation]
+        known = self.recipe.by_operation
+        if operation not in known:
+            allowed = f"one of {', '.join(known)}"
+            raise BadInputError(f"recipe {self.recipe.name}", str(operation), allowed)
+        return known[operation]

@@ -87,6 +87,16 @@ class Pose:
         )
 
     @property
+    def text(self) -> str:
+        """The pose as a user types it: ``X,Y,DEG``."""
+        return f"{self.x_mm:.2f},{self.y_mm:.2f},{self.heading_deg:.2f}"
+
+    @property
+    def content(self) -> dict[str, float]:
+        """The pose as it stands in JSON."""
+        return {"x_mm": self.x_mm, "y_mm": self.y_mm, "heading_deg": self.heading_deg}
+
+    @property
     def heading_deg(self) -> float:
         """Direction of growth in degrees, counter-clockwise from +x."""
         return deg(self.heading_rad)
@@ -331,7 +341,7 @@ class Map:
         --------
         >>> from vinefab import maps
         >>> maps.pegs(seed=1).info(width_mm=20).summary[0]
-        'pegs_1: 500 x 500 mm, 64 obstacles, 1028 walls, 1028 vertices'
+        'map: pegs_1'
         """
         return front_door().info_of(self, width_mm=width_mm, passages=passages)
 

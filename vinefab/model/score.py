@@ -1,14 +1,28 @@
 """Scores of a design on a task, evaluation by evaluation."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Table
 from vinefab.model.map import Pose
+
+MEAN_SHARE = 0.25
+"""Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
+
+STANDARD_DEVIATION = 0.5
+"""The reference deviation: the largest that scores between 0 and 1 can have."""
+
+
+def composite_text(kind: str, reference_deviation: float = STANDARD_DEVIATION) -> str:
+    """Return how a composite is made of scores, where its name does not say it."""
+    if kind != "min_deviation":
+        return ""
+    rest = 1.0 - MEAN_SHARE
+    return f"{MEAN_SHARE:g} mean + {rest:g} (1 - std / {reference_deviation:g})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +51,12 @@ class Evaluation:
     parts: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+MOST_SHOWN = 30
+"""Evaluations that are shown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Score(Result):
     """All evaluations of one design on one task.
 
     Parameters
@@ -55,8 +73,8 @@ class Score:
         The growth options by name.
     notes
         What a user should know about the deployments, a sentence each.
-    summary
-        The score in lines, where `vinefab.score` returned it.
+    grown
+        By which rules the robot was grown.
     """
 
     task: str
@@ -65,22 +83,45 @@ class Score:
     parts: Mapping[str, float] = field(default_factory=dict)
     growth: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    summary: tuple[str, ...] = ()
+    grown: str = ""
+    schema = "vinefab/score-1"
 
-    def json_text(self) -> str:
-        """Return the score as JSON: ``vinefab/score-1``."""
-        from vinefab.model.files.results_json import score_text  # noqa: PLC0415  it needs scores
-
-        return score_text(self)
-
-    def __repr__(self) -> str:
-        weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())
-        return f"<Score {self.task}: {weighed}; {counted(len(self.evaluations), 'evaluation')}>"
-
-    def _repr_html_(self) -> str:
-        """Show the evaluations in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    def view(self) -> Iterator[Block]:
+        """Yield the composites, what earned and cost the mean, and the evaluations."""
+        composite, parts = self.composite, self.parts
+        yield Facts((Fact("task", self.task, "task"), Fact("growth", self.grown or "as trained")))
+        yield Table(
+            caption=f"scores of {counted(len(self.evaluations), 'deployment')} (simulated)",
+            headings=("score", "map", "X,Y,DEG"),
+            rows=tuple((Number(e.score, form=".4f"), e.map_name, e.pose.text)
+                       for e in self.evaluations),
+            key="evaluations",
+            keys=("score", "map", ""),
+            data=tuple(
+                {"pose": e.pose.content, "terms": {**e.terms}, "parts": {**e.parts}}
+                for e in self.evaluations
+            ),
+            most=MOST_SHOWN,
+        )  # fmt: skip
+        yield Table(
+            caption="what the mean is made of (simulated)",
+            headings=("part", "of the mean"),
+            rows=tuple((name, Number(value, form="+.4f")) for name, value in parts.items()),
+        )
+        yield Facts(
+            tuple(
+                Fact(
+                    kind,
+                    Number(value, form=".4f"),
+                    f"composite.{kind}",
+                    detail="; ".join(filter(None, [composite_text(kind), "simulated"])),
+                )
+                for kind, value in composite.items()
+            ),
+            lead=True,
+        )
+        yield Data({"growth": {**self.growth}, "parts": {**parts}})
+        yield Notes(self.notes, "notes")
 
     @property
     def scores(self) -> Floats:

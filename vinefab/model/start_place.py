@@ -17,15 +17,19 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
 import shapely.affinity
+from annotated_types import Interval, Unit
+from pydantic import Field
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, nearest, shortened
+from vinefab.core.table import Table
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.model.map import START_CLEARANCE_MM, Map, Pose, Start
@@ -151,6 +155,96 @@ class StartPlace:
     @property
     def _inset_mm(self) -> float:
         return self.least_clearance_mm if self.inset_mm is None else self.inset_mm
+
+
+Spread = Annotated[float, Interval(ge=0.0, le=LARGEST_MM), Unit("mm")]
+Place = Annotated[float, Interval(ge=-LARGEST_MM, le=LARGEST_MM), Unit("mm")]
+Point = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class StartTable(Table):
+    """A start in a file: a pose and the range around it, or a side, a line or an area."""
+
+    x_mm: Annotated[Place | None, Doc("in map coordinates")] = None
+    y_mm: Annotated[Place | None, Doc("in map coordinates")] = None
+    heading_deg: Annotated[
+        float | None,
+        Interval(ge=-1e6, le=1e6),
+        Unit("deg"),
+        Doc("counter-clockwise from +x; of a side: inwards if left out"),
+    ] = None
+    spread_x_mm: Annotated[Spread | None, Doc("half-width of the range of positions")] = None
+    spread_y_mm: Annotated[Spread | None, Doc("half-width of the range of positions")] = None
+    spread_heading_deg: Annotated[
+        float, Interval(ge=0.0, le=360.0), Unit("deg"), Doc("half-width of the range of headings")
+    ] = 0.0
+    side: Annotated[str | None, Doc("left, right, bottom or top: anywhere on it")] = None
+    inset_mm: Annotated[Spread | None, Doc("how far from the side")] = None
+    line: Annotated[list[Point] | None, Doc("points of a line: anywhere on it")] = None
+    area: Annotated[
+        list[Point] | None, Doc("corners of a box, or of a polygon: anywhere in it")
+    ] = None
+    clearance_mm: Annotated[Spread | None, Doc("least distance of a line or area from walls")] = (
+        None
+    )
+
+    @property
+    def start(self) -> Start | StartPlace:
+        """The start that the table says.
+
+        Raises
+        ------
+        BadInputError
+            If it says none, or two; its key is one of the table.
+        """
+        places = [name for name in ("side", "line", "area") if getattr(self, name) is not None]
+        if not places:
+            return self._pose()
+        if len(places) > 1:
+            raise BadInputError(places[1], getattr(self, places[1]), "not beside another one")
+        self.only_without("x_mm", "y_mm", "spread_x_mm", "spread_y_mm", at=places[0])
+        points = self.line if places[0] == "line" else self.area
+        if points is not None and len(points) < 2:
+            raise BadInputError(places[0], points, "two or more points")
+        try:
+            return self.place(None if points is None else shape_of(places[0], points))
+        except BadInputError as error:
+            name = error.key.removeprefix("start.")
+            key = places[0] if name in ("area", "x", "y") else name
+            raise BadInputError(key, error.value, error.allowed) from error
+
+    def place(self, area: LineString | Polygon | None) -> StartPlace:
+        """Return the start on the table's side, or anywhere in an area."""
+        return StartPlace(
+            side=self.side,
+            area=area,
+            inset_mm=self.inset_mm,
+            heading_rad=None if self.heading_deg is None else rad(self.heading_deg),
+            spread_heading_rad=rad(self.spread_heading_deg),
+            clearance_mm=self.clearance_mm,
+        )
+
+    def _pose(self) -> Start:
+        for name in ("x_mm", "y_mm", "heading_deg"):
+            if getattr(self, name) is None:
+                raise BadInputError(name, None, "it must be given, or side, line or area")
+        self.only_without("inset_mm", "clearance_mm", at="a pose")
+        return Start(
+            pose=Pose(
+                x_mm=self.x_mm or 0.0,
+                y_mm=self.y_mm or 0.0,
+                heading_rad=rad(self.heading_deg or 0.0),
+            ),
+            spread_x_mm=self.spread_x_mm or 0.0,
+            spread_y_mm=self.spread_y_mm or 0.0,
+            spread_heading_rad=rad(self.spread_heading_deg),
+        )
+
+    def only_without(self, *names: str, at: str) -> None:
+        """Refuse keys that mean nothing there."""
+        for name in names:
+            if getattr(self, name) is not None:
+                raise BadInputError(name, getattr(self, name), f"not beside {at}")
 
 
 def start_given(given: object, key: str = "start") -> Start | StartPlace:

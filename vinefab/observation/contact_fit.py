@@ -21,8 +21,8 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
-from vinefab.model.contacts import MeasuredContacts, MeasuredNumber, Side
-from vinefab.model.files.contacts_toml import CONTACTS_SCHEMA, contacts_text
+from vinefab.model.contacts import CONTACTS_SCHEMA, MeasuredContacts, MeasuredNumber, Side
+from vinefab.model.files.contacts_toml import contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
     FEW_PHOTOS,
@@ -221,8 +221,7 @@ def _friction(half_angle: MeasuredNumber) -> MeasuredNumber:
     def tangent(angle_deg: float) -> float:
         return round(math.tan(rad(min(angle_deg, _STEEP_DEG))), 4)
 
-    return replace(
-        half_angle,
+    return half_angle.changed(
         value=None if half_angle.value is None else tangent(half_angle.value),
         low=tangent(half_angle.low),
         high=tangent(half_angle.high),

@@ -1,17 +1,40 @@
 """Charts: how a search went, and how scores are spread."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from vinefab.pages.colours import LEVEL_COLOURS, SOFT
-from vinefab.pages.figure import blank, house_style
+from vinefab.core.validation import Floats
+from vinefab.pages.colours import LEVEL_COLOURS
+from vinefab.pages.panel import Ink, Page, Panel, page_of, page_of_rows
 
 
-def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure:
+def series_colour(index: int) -> str:
+    """Return the colour of a series, counted from 0; they repeat."""
+    return LEVEL_COLOURS[index % len(LEVEL_COLOURS)]
+
+
+def ends_of(*values: ArrayLike, rim: float = 0.05) -> tuple[float, float]:
+    """Return the ends of an axis that shows some values, with a rim; what is not finite is out."""
+    every = np.concatenate([np.asarray(some, dtype=float).ravel() for some in values])
+    every = every[np.isfinite(every)]
+    if not len(every):
+        return 0.0, 1.0
+    low, high = float(every.min()), float(every.max())
+    room = rim * (high - low) or 0.05 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def curve(panel: Panel, x: ArrayLike, y: ArrayLike, colour: str, label: str = "") -> None:
+    """Draw a line with a dot at every value; gaps where values are not finite."""
+    points = np.column_stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)])
+    points = points[np.isfinite(points).all(axis=1)]
+    panel.line(points, Ink(line=colour, width_pt=1.5), label=label)
+    panel.marks(points, "o", 5.0, Ink(fill=colour))
+
+
+def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Page:
     """Return the fitness per generation of a search.
 
     Parameters
@@ -22,28 +45,27 @@ def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure
         Mean and standard deviation over each generation's candidates, shape (g,).
     """
     best, mean, spread = (np.asarray(values, dtype=float) for values in (best, mean, spread))
-    with house_style():
-        figure, axes = blank(6.5, 3.4)
-        generations = np.arange(1, len(best) + 1)
-        axes.fill_between(
-            generations,
-            mean - spread,
-            mean + spread,
-            color=LEVEL_COLOURS[0],
-            alpha=0.15,
-            linewidth=0,
-            label="one standard deviation",
-        )
-        axes.plot(generations, mean, color=LEVEL_COLOURS[0], label="mean of the generation")
-        axes.plot(generations, best, color=LEVEL_COLOURS[1], label="best so far")
-        axes.set_xlabel("generation")
-        axes.set_ylabel("fitness (simulated)")
-        axes.legend(fontsize=8)
-        frame(axes)
-    return figure
+    generations = np.arange(1, len(best) + 1)
+    x0, x1 = ends_of(generations)
+    y0, y1 = ends_of(best, mean - spread, mean + spread)
+    panel = Panel(
+        box=(x0, y0, x1, y1), width_pt=400.0, height_pt=200.0, frame=True,
+        x_name="generation", y_name="fitness (simulated)",
+    )  # fmt: skip
+    panel.band(generations, mean - spread, mean + spread, LEVEL_COLOURS[0], 0.15)
+    for values, colour, label in (
+        (mean, LEVEL_COLOURS[0], "mean of the generation, shaded: one standard deviation"),
+        (best, LEVEL_COLOURS[1], "best so far"),
+    ):
+        known = np.isfinite(values)
+        points = np.column_stack([generations[known], values[known]])
+        panel.line(points, Ink(line=colour, width_pt=1.5), label=label)
+        if len(points) == 1:
+            panel.marks(points, "o", 5.0, Ink(fill=colour))
+    return page_of(panel)
 
 
-def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Figure:
+def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Page:
     """Return every score of every group as a dot, with the group's mean; a panel per problem.
 
     Parameters
@@ -51,33 +73,36 @@ def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) 
     panels
         By problem, scores by group, each shape (n,).
     """
-    groups = max(len(scores) for scores in panels.values())
-    with house_style():
-        height_in = (0.6 + 0.32 * max(2, groups)) * len(panels) + 0.3
-        figure = Figure(figsize=(6.5, height_in), layout="constrained")
-        rows = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
-        for axes, (title, scores) in zip(rows, panels.items(), strict=True):
-            _strips(axes, scores)
-            axes.set_title(title, loc="left", fontsize=9)
-        rows[-1].set_xlabel(f"{label}; bars: means")
-    return figure
+    rows = [[_strips(title, scores)] for title, scores in panels.items()]
+    rows[-1][0].x_name = f"{label}; bars: means"
+    return page_of_rows(rows)
 
 
-def _strips(axes: Axes, scores: Mapping[str, ArrayLike]) -> None:
-    for row, group in enumerate(scores.values()):
-        values = np.asarray(group, dtype=float)
-        # A fixed, even jitter: dots on top of each other cannot be counted.
-        offset = 0.18 * ((np.arange(len(values)) % 5) - 2) / 2
-        colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
-        axes.plot(values, row + offset, "o", color=colour, alpha=0.55, markersize=4)
-        axes.plot([values.mean()] * 2, [row - 0.32, row + 0.32], color=colour, linewidth=2)
-    axes.set_yticks(range(len(scores)), list(scores))
-    axes.invert_yaxis()
-    frame(axes)
+def _strips(title: str, scores: Mapping[str, ArrayLike]) -> Panel:
+    columns = [np.asarray(group, dtype=float) for group in scores.values()]
+    x0, x1 = ends_of(*columns)
+    panel = Panel(
+        box=(x0, len(columns) - 0.4, x1, -0.6),
+        width_pt=360.0,
+        height_pt=23.0 * max(2, len(columns)),
+        title=title,
+        frame=True,
+        y_ticks=[(row, name) for row, name in enumerate(scores)],
+    )
+    for row, values in enumerate(columns):
+        colour = series_colour(row)
+        dots = np.column_stack([values, row + 0.18 * jitter(len(values))])
+        panel.marks(dots, "o", 4.0, Ink(fill=colour, fill_alpha=0.55))
+        mean = values.mean()
+        panel.line([(mean, row - 0.32), (mean, row + 0.32)], Ink(line=colour, width_pt=2.0))
+    return panel
 
 
-def frame(axes: Axes) -> None:
-    """Leave of the box around a chart only what is read off, and add a faint grid."""
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.grid(visible=True, color=SOFT, alpha=0.15)
+def jitter(count: int) -> Floats:
+    """Return a fixed, even jitter from -1 to 1: dots on top of each other cannot be counted."""
+    return ((np.arange(count) % 5) - 2) / 2.0
+
+
+def upright(panel: Panel, x: float, ends: Sequence[float], colour: str, width_pt: float) -> None:
+    """Draw a short line across a row at a value."""
+    panel.line([(x, ends[0]), (x, ends[1])], Ink(line=colour, width_pt=width_pt, butt=True))

@@ -1,86 +1,32 @@
-"""A report as sections of words, tables and pictures, and as one HTML file without links."""
+"""Blocks as HTML: one page without links, and what a notebook shows."""
 
 import base64
-import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from itertools import groupby
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
-from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
-from vinefab.core.plain_text import counted
+from vinefab.core.plain_text import visible
+from vinefab.core.view import (
+    PNG,
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Picture,
+    Section,
+    Table,
+    Tone,
+    number_columns,
+)
 
-Tone = Literal["good", "caution", "bad"]
+Headline = Fact
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A drawing with its caption."""
-
-    image: bytes  # the drawing as a complete SVG document or PNG file
-    caption: str  # what is to be seen, with the standing of the numbers in it
-    wide: bool = False  # whether it takes the whole width of the page
-    file: str = ""  # name of the file beside the page that has it too, without ending
-
-    @property
-    def media_type(self) -> str:
-        """What kind of image it is."""
-        return "image/png" if self._is_png else "image/svg+xml"
-
-    @property
-    def file_name(self) -> str:
-        """Its file beside the page, with its ending."""
-        return f"{self.file}.{'png' if self._is_png else 'svg'}"
-
-    @property
-    def _is_png(self) -> bool:
-        return self.image.startswith(b"\x89PNG")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """Rows of text under headings."""
-
-    caption: str  # what the table shows
-    headings: tuple[str, ...]  # one per column
-    rows: tuple[tuple[str, ...], ...]  # cells as text, one tuple per row
-    folded: bool = False  # whether a reader has to open it; what is folded is not printed
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.headings):
-                raise BadInputError(
-                    self.caption, len(row), f"{counted(len(self.headings), 'cell')} per row"
-                )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the report under one title."""
-
-    title: str  # its heading
-    paragraphs: tuple[str, ...] = ()  # words, before everything else
-    # tables, pictures: what follows
-    tables: tuple[Table, ...] = ()
-    pictures: tuple[Picture, ...] = ()
-    code: str = ""  # lines to be typed, shown as they are
-
-    @property
-    def anchor(self) -> str:
-        """The name by which the list of contents finds the section."""
-        return "-".join("".join(c if c.isalnum() else " " for c in self.title.lower()).split())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Headline:
-    """A key number of the report."""
-
-    name: str
-    value: str  # with its unit
-    detail: str  # how sure it is, and its standing
-    tone: Tone = "good"  # whether it is good news
+__all__ = ["Picture", "Section", "Table", "Tone"]  # until all of the house takes them from core
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,32 +41,72 @@ class Live:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A whole report."""
+    """A page as verdict, facts and sections."""
 
     title: str  # name of the design and what the report is about
     verdict: str  # one sentence: whether it is manufacturable, and what to expect
     tone: Tone  # what kind of news the verdict is
-    facts: tuple[tuple[str, str], ...]  # short name and value pairs shown at the top
+    facts: tuple[tuple[str, str] | Fact, ...]  # short names and values shown at the top
     sections: tuple[Section, ...]  # in order
     # reservations to the verdict, a sentence each
     cautions: tuple[str, ...] = ()
-    headlines: tuple[Headline, ...] = ()  # the numbers to take away
-    live: Live | None = None  # None where it is final
+    headlines: tuple[Fact, ...] = ()  # the numbers to take away
 
-
-_NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The page as blocks."""
+        facts = tuple(one if isinstance(one, Fact) else Fact(*one) for one in self.facts)
+        return (
+            Answer(self.verdict, self.tone),
+            Notes(self.cautions),
+            Facts(self.headlines, lead=True),
+            Facts(facts),
+            *self.sections,
+        )
 
 
 def page_html(report: Report) -> str:
-    """Return a report as a complete HTML document.
+    """Return a report as a complete HTML document."""
+    return page(report.title, report.blocks)
+
+
+def page(title: str, blocks: Iterable[Block], live: Live | None = None) -> str:
+    """Return blocks as a complete HTML document.
 
     Pictures are embedded as images, so that the ids inside one SVG cannot meet those of another.
+
+    Parameters
+    ----------
+    live
+        How the page stays current; None where it is final.
     """
-    return _template().render(report=report, generator=GENERATOR)
+    shown = list(blocks)
+    sections = [block for block in shown if isinstance(block, Section)]
+    first = shown.index(sections[0]) if sections else len(shown)
+    return _template("page.html.j2").render(
+        title=title,
+        top=list(_parts(shown[:first])),
+        below=list(_parts(shown[first:])),
+        sections=sections,
+        live=live,
+        generator=GENERATOR,
+    )
+
+
+def blocks_html(blocks: Iterable[Block]) -> str:
+    """Return blocks as HTML to be shown in a notebook."""
+    return _template("blocks.html.j2").module.show_all(list(_parts(blocks)))  # type: ignore[attr-defined,no-any-return]
+
+
+def _parts(blocks: Iterable[Block]) -> Iterator[tuple[str, list[Block]]]:
+    """Yield blocks with the name of their kind; pictures that follow each other are together."""
+    for kind, same in groupby(blocks, key=lambda block: type(block).__name__):
+        together = list(same)
+        yield from [(kind, together)] if kind == "Picture" else ((kind, [one]) for one in together)
 
 
 @cache
-def _template() -> Template:
+def _template(name: str) -> Template:
     environment = Environment(
         loader=PackageLoader("vinefab.pages"),
         autoescape=True,
@@ -129,15 +115,12 @@ def _template() -> Template:
         lstrip_blocks=True,
     )
     environment.filters["data_uri"] = _data_uri
-    environment.filters["number_columns"] = _number_columns
-    return environment.get_template("report.html.j2")
+    environment.filters["number_columns"] = number_columns
+    environment.filters["shown"] = lambda value: visible(str(value))
+    return environment.get_template(name)
 
 
 def _data_uri(picture: Picture) -> str:
-    return f"data:{picture.media_type};base64,{base64.b64encode(picture.image).decode()}"
-
-
-def _number_columns(table: Table) -> list[bool]:
-    """Return for each column whether it holds only numbers: those are set flush right."""
-    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.headings)
-    return [any(cells) and all(map(_NUMBER.match, cells)) for cells in columns]
+    image = picture.drawn
+    kind = "image/png" if image.startswith(PNG) else "image/svg+xml"
+    return f"data:{kind};base64,{base64.b64encode(image).decode()}"

@@ -7,7 +7,7 @@ same turns cost more the later they come.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment
-from vinefab.model.laser import Quantity, Standing
+from vinefab.model.laser import GrowthConstants, Quantity, Standing
 from vinefab.model.tree import BranchTree
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -36,69 +36,6 @@ def capstan_factor(friction: float, turn_rad: float) -> float:
     1.0
     """
     return math.exp(friction * abs(turn_rad))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GrowthConstants:
-    """The four constants of the growth-pressure model, each with its standing.
-
-    Parameters
-    ----------
-    yield_kpa
-        Y: pressure below which film does not evert at all.
-    drag_kpa_m
-        f: friction per metre of path.
-    storage_kpa
-        T: tension of the film as it leaves its store, as a pressure. The fitted value is for a
-        spool; crumpled storage is unknown, 0 to 8 kPa.
-    friction
-        mu: friction of film on film, per radian of turn.
-    """
-
-    yield_kpa: Quantity
-    drag_kpa_m: Quantity
-    storage_kpa: Quantity
-    friction: Quantity
-
-    def at_diameter(self, diameter_mm: float, fitted_diameter_mm: float) -> "GrowthConstants":
-        """Return the constants for another tube of the same film.
-
-        Y, f and T are taken as inverse to the diameter (assumed: a 3 mm tube burst before it
-        grew, 4 to 7 mm worked); mu stays.
-
-        Parameters
-        ----------
-        diameter_mm
-            Inflated diameter of the other tube.
-        fitted_diameter_mm
-            Inflated diameter of the tube that these constants were fitted to.
-        """
-        factor = fitted_diameter_mm / diameter_mm
-        scaled = [
-            Quantity(
-                value=quantity.value * factor,
-                standing=Standing.ASSUMED,
-                source=f"{quantity.source}; times {factor:.4g}, inverse to the diameter",
-            )
-            for quantity in (self.yield_kpa, self.drag_kpa_m, self.storage_kpa)
-        ]
-        return GrowthConstants(
-            yield_kpa=scaled[0],
-            drag_kpa_m=scaled[1],
-            storage_kpa=scaled[2],
-            friction=self.friction,
-        )
-
-    def with_storage(self, storage_kpa: Quantity) -> "GrowthConstants":
-        """Return the constants for film that leaves another kind of store, of the same tube."""
-        return replace(self, storage_kpa=storage_kpa)
-
-    @property
-    def standing(self) -> Standing:
-        """Standing of a pressure computed from these constants: that of the weakest one."""
-        numbers = (self.yield_kpa, self.drag_kpa_m, self.storage_kpa, self.friction)
-        assumed = any(number.standing is Standing.ASSUMED for number in numbers)
-        return Standing.ASSUMED if assumed else Standing.COMPUTED
 
 
 def _fitted(value: float) -> Quantity:

@@ -1,21 +1,39 @@
-"""Where to put a robot's base on a map, held against a plain vine: results, words and JSON."""
+"""Where to put a robot's base on a map, held against a plain vine."""
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.core.verbs import MOST_SEED
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Origin,
+    Picture,
+    Result,
+    Section,
+    Table,
+    Text,
+    Value,
+)
 from vinefab.growth.options import (
     HALF_ANGLE_DEG,
     GrowthChoice,
@@ -26,7 +44,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
-from vinefab.prediction.deploy import pose_text
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import page_of
+from vinefab.pages.plan import page_bytes
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, numbered_names
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
@@ -43,7 +63,6 @@ from vinefab.prediction.pose_search import (
     printed_pose,
     search_poses,
 )
-from vinefab.prediction.provenance import Origin
 from vinefab.prediction.robot_set import (
     FRESH_SET_DRAWS,
     GREEDY_SHARE,
@@ -56,8 +75,6 @@ from vinefab.prediction.robot_set import (
 from vinefab.tasks.covered_cells import Cover, cover_of
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.task import Task, check_on_map, search_form
-
-AIM_SCHEMA = "vinefab/aim-1"
 
 FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
 
@@ -219,6 +236,21 @@ class AimedRobot:
     notes: tuple[str, ...] = ()  # what a user should know, a sentence each
 
     @property
+    def cells(self) -> tuple[Value, ...]:
+        """The design as a row: best pose, score, worst tenth, search, start."""
+        best, start = self.best, self.start
+        score = partial(Number, form=".4f", decimals=5)
+        from_start = "-" if start is None else f"{start.mean:.4f} from {start.pose.text}"
+        return (
+            self.name,
+            best.pose.text,
+            score(best.mean, interval=best.interval),
+            score(best.worst_tenth),
+            score(self.search.estimate),
+            from_start,
+        )
+
+    @property
     def gain(self) -> tuple[float, float, float] | None:
         """Mean gain over the map's own start with its 95 % interval, paired draw by draw."""
         return None if self.start is None else paired_gain(self.best, self.start)
@@ -230,8 +262,8 @@ def paired_gain(one: PoseEstimate, other: PoseEstimate) -> tuple[float, float, f
     return float(differences.mean()), *mean_interval(differences)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AimResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class AimResult(Result):
     """Where to put a robot's base on a map, what it scores there, and how sure that is.
 
     Parameters
@@ -246,6 +278,8 @@ class AimResult:
         The design, and what it is held against.
     notes
         What a user should know, a sentence each.
+    growth_notes
+        Why robots were grown by these rules, a sentence each.
     origin
         What it takes to get the result again.
     """
@@ -255,19 +289,164 @@ class AimResult:
     plan: AimPlan
     robots: tuple[AimedRobot, ...]
     notes: tuple[str, ...] = ()
+    growth_notes: tuple[str, ...] = ()
     origin: Origin | None = None
+    schema = "vinefab/aim-1"
 
-    def json_text(self) -> str:
-        """Return the result as JSON: ``vinefab/aim-1``."""
-        return aim_text(self, self.origin)
+    @property
+    def title(self) -> str:
+        """What was asked."""
+        return f"Where to put {self.first.name} on {self.world.name}"
 
-    def __repr__(self) -> str:
-        return f"<AimResult {self.first.name} on {self.world.name}: {pose_text(self.pose)}>"
+    def view(self) -> Iterator[Block]:
+        """Yield the best pose, its expected score, and how the designs compare."""
+        plan, first, best = self.plan, self.first, self.first.best
+        gains = [(f"over {other.name}, each at its best pose", paired_gain(best, other.best))
+                 for other in self.robots[1:]]  # fmt: skip
+        if first.gain is not None:
+            gains.insert(0, ("over the map's start", first.gain))
+        score = Number(best.mean, form=".3f", interval=best.interval, standing="simulated")
+        yield Answer(
+            f"Put the base of {first.name} at {best.pose.text}: expected {self.task.name} score "
+            f"{score}."
+        )
+        yield Picture(
+            image=lambda: page_svg(page_of(self._pictures.landscape_panel(self, first))),
+            caption=f"{first.name}: expected score of {len(first.search.landscape.places_mm)} "
+            "places, each at the best of its headings (arrows). Ring: the best robust pose "
+            "(simulated).",
+        )
+        yield Notes(self.growth_notes)
+        yield Notes(self.notes, "notes")
+        yield Facts(
+            (
+                Fact(
+                    "expected score",
+                    Number(best.mean, form=".4f", interval=best.interval),
+                    detail=f"mean of {FRESH_DRAWS} fresh deployments (simulated)",
+                ),
+                Fact(
+                    "worst tenth",
+                    Number(best.worst_tenth, form=".4f"),
+                    detail="mean of the worst tenth of these (simulated)",
+                ),
+                *(
+                    Fact(
+                        name,
+                        Number(gain[0], form="+.4f", interval=gain[1:]),
+                        detail="paired draw by draw (simulated)",
+                        tone="good" if gain[1] > 0.0 else "caution",
+                    )
+                    for name, gain in gains
+                ),
+            ),
+            lead=True,
+        )
+        yield Table(
+            caption=f"Expected {self.task.name} score at the best pose of each: mean of "
+            f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
+            "estimate is the best of many, so biased",
+            headings=("design", "X,Y,DEG", "score", "worst tenth", "in the search",
+                      "from the map's start"),
+            rows=tuple(robot.cells for robot in self.robots),
+            key="robots",
+            keys=("design", "", "best.mean", "best.worst_tenth", "search_mean", ""),
+            data=lambda: [_robot_content(robot, first) for robot in self.robots],
+        )  # fmt: skip
+        for robot in self.robots:
+            if robot.team is not None:
+                yield _team_table(robot.name, robot.team)
+                yield Text(_team_words(robot.name, robot.team))
+        yield Facts(
+            (
+                Fact("bases", first.search.words),
+                Fact("placing", plan.placing_text),
+                Fact("growth", growth_text(plan.options, [robot.design for robot in self.robots])),
+            )
+        )
+        yield Data(
+            {
+                "standing": {
+                    "scores": "simulated",
+                    "placing": "assumed",
+                    "contacts": plan.options.contact_angles_standing,
+                },
+                "task": self.task.name,
+                "task_parameters": _parameters(self.task),
+                "map": self.world.name,
+                "where": plan.where,
+                "placing_mm": plan.placing_mm,
+                "placing_deg": plan.placing_deg,
+                "seed": plan.seed,
+                "growth": plan.options.content,
+                "pose": _pose_content(self.pose),
+            }
+        )
 
-    def _repr_html_(self) -> str:
-        """Show what was found, and a robot grown from the best pose, in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    def details(self) -> Iterator[Block]:
+        """Yield the other pictures, and how the pose was found."""
+        plan, first = self.plan, self.first
+        others = [
+            Picture(
+                image=page_svg(page_of(self._pictures.landscape_panel(self, robot))),
+                caption=f"{robot.name}: expected score of its places. Ring: its best robust pose, "
+                f"{robot.best.pose.text} (simulated).",
+            )
+            for robot in self.robots[1:]
+        ]
+        grown = [
+            Picture(
+                image=page_svg(page_of(self._pictures.best_deployments_panel(self, robot))),
+                caption=f"{robot.name} from {robot.best.pose.text}: "
+                f"{counted(len(robot.shown), 'deployment')} with contacts and placing errors, one "
+                "of them in full (simulated).",
+            )
+            for robot in self.robots
+        ]
+        turned = Picture(
+            image=page_svg(page_of(self._pictures.turned_panel(self.robots))),
+            caption=f"Score over the heading at each best place: mean of {PROFILE_DRAWS} "
+            "deployments, and from the worst to the best tenth; dotted: the best heading "
+            "(simulated).",
+        )
+        yield Section(title="From the best pose", pictures=(*grown, turned, *others))
+        teams = [
+            Picture(
+                image=page_svg(page_of(self._pictures.team_panel(self, robot.team))),
+                caption=f"{robot.name}: {robot.team.cover.words}; each robot's colour where it is "
+                "the first to cover, at one fresh draw (simulated).",
+            )
+            for robot in self.robots
+            if robot.team is not None
+        ]
+        if teams:
+            union = Picture(
+                image=page_svg(page_of(self._pictures.union_panel(self.robots))),
+                caption="Covered share over the number of robots: mean and 95 % interval at fresh "
+                "draws; dashed: what no set of as many candidates can exceed at the draws of the "
+                "search (simulated).",
+            )
+            yield Section(title="Several robots", pictures=(*teams, union))
+        low, high = (f"{deg(angle):g}" for angle in plan.options.half_angle_range_rad)
+        words = (
+            f"{first.search.deployments:,} deployments of {first.name} were simulated for the "
+            "search: all over the region at first, then at the best poses there, then around the "
+            "best of these, with the same contacts and placing errors at every pose. Head-on "
+            f"half-angles are even from {low} to {high} deg "
+            f"({plan.options.contact_angles_standing}), bases are even within {plan.placing_mm:g} "
+            f"mm of their place and {plan.placing_deg:g} deg of their heading (assumed). The best "
+            "of many estimates looks better than it is, so the scores that are reported come from "
+            f"{FRESH_DRAWS} draws that the search has not seen."
+        )
+        yield Section(title="How it was found", paragraphs=(words,))
+
+    def picture(self, suffix: str) -> bytes:
+        """Return the maps, the best deployments and the headings of all designs in one picture."""
+        return page_bytes(self._pictures.aim_sheet(self), suffix)
+
+    @property
+    def _pictures(self) -> Any:  # noqa: ANN401  a module that knows this one
+        return front_door("prediction.aim_pictures")
 
     @property
     def first(self) -> AimedRobot:
@@ -295,10 +474,29 @@ class AimResult:
         """Expected score from the best pose, at fresh draws (simulated)."""
         return self.first.best.mean
 
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """The result, a line each."""
-        return tuple(aim_lines(self))
+
+def _team_table(name: str, team: RobotSet) -> Table:
+    percent = partial(Number, unit="%", form=".1f", per=0.01)
+    return Table(
+        caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
+        f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
+        headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),
+        rows=tuple(
+            (count, pose_of(row).text, percent(mean, interval=(low, high)), percent(share),
+             percent(bound))
+            for row, share, (count, mean, low, high, bound) in zip(
+                team.poses, team.choice.covered, union_curve(team), strict=True
+            )
+        ),
+    )  # fmt: skip
+
+
+def _team_words(name: str, team: RobotSet) -> str:
+    return (
+        f"The poses of {name} were chosen one after the other, each for what it adds: at least "
+        f"{100 * GREEDY_SHARE:.0f} % (1 - 1/e) of what the best {len(team.poses)} of these poses "
+        f"cover, and by this case's own bound at least {team.least_percent:.1f} %."
+    )
 
 
 def pose_of(row: Floats) -> Pose:
@@ -414,95 +612,7 @@ def _start_notes(name: str, trial: PoseTrial, start: Pose) -> tuple[str, ...]:
     )
 
 
-# --- In words and as JSON -----------------------------------------------------------------------
-
-
-def aim_lines(found: AimResult) -> list[str]:
-    """Return the result as lines for the user."""
-    plan, first = found.plan, found.first
-    growth = growth_text(plan.options, [robot.design for robot in found.robots])
-    lines = [
-        f"best robust pose of {first.name} on {found.world.name}: {pose_text(found.pose)}",
-        f"expected {found.task.name} score: mean over {FRESH_DRAWS} fresh deployments (simulated), "
-        f"{plan.placing_text}, {found.region}",
-        f"growth: {growth}",
-        *found.notes,
-    ]
-    for robot in found.robots:
-        lines += _robot_lines(robot)
-    if len(found.robots) > 1:
-        for other in found.robots[1:]:
-            gain = _interval_text(*paired_gain(first.best, other.best))
-            lines.append(f"{first.name} minus {other.name}, each at its best pose: {gain}")
-    for robot in found.robots:
-        lines += _team_lines(robot)
-    return lines
-
-
-def _robot_lines(robot: AimedRobot) -> list[str]:
-    best, found = robot.best, robot.search
-    low, high = best.interval
-    lines = [
-        f"  {robot.name} from {pose_text(best.pose)}: {best.mean:.4f} [{low:.4f}, {high:.4f}], "
-        f"worst tenth {best.worst_tenth:.4f}; the search's own estimate "
-        f"{found.estimate:.4f} (the best of many in {found.deployments:,} deployments: biased)"
-    ]
-    if robot.start is not None and robot.gain is not None:
-        lines.append(
-            f"    from the map's start {pose_text(robot.start.pose)}: {robot.start.mean:.4f}, "
-            f"worst tenth {robot.start.worst_tenth:.4f}; gain {_interval_text(*robot.gain)}"
-        )
-    return lines
-
-
-def _team_lines(robot: AimedRobot) -> list[str]:
-    if robot.team is None:
-        return []
-    team = robot.team
-    lines = [
-        f"{len(team.poses)} robots {robot.name} that together cover most of: {team.cover.words} "
-        f"(mean over fresh deployments, simulated; chosen among {team.candidates:,} poses)"
-    ]
-    for row, (count, mean, low, high, _) in zip(team.poses, union_curve(team), strict=True):
-        lines.append(
-            f"  {count}: {pose_text(pose_of(row))}  together {100 * mean:.1f} % "
-            f"[{100 * low:.1f}, {100 * high:.1f}]"
-        )
-    lines.append(
-        f"  chosen greedily: at least {100 * GREEDY_SHARE:.0f} % of what the best "
-        f"{len(team.poses)} of these poses cover (1 - 1/e), and by this case's own bound at least "
-        f"{team.least_percent:.1f} %"
-    )
-    return lines
-
-
-def _interval_text(mean: float, low: float, high: float) -> str:
-    return f"{mean:+.4f} [{low:+.4f}, {high:+.4f}]"
-
-
-def aim_text(found: AimResult, origin: Origin | None) -> str:
-    """Return the result as JSON."""
-    plan = found.plan
-    content = {
-        "standing": {
-            "scores": "simulated",
-            "placing": "assumed",
-            "contacts": plan.options.contact_angles_standing,
-        },
-        "task": found.task.name,
-        "task_parameters": _parameters(found.task),
-        "map": found.world.name,
-        "where": plan.where,
-        "placing_mm": plan.placing_mm,
-        "placing_deg": plan.placing_deg,
-        "seed": plan.seed,
-        "growth": plan.options.content,
-        "notes": list(found.notes),
-        "pose": _pose_content(found.pose),
-        "robots": [_robot_content(robot, found.first) for robot in found.robots],
-        "reproduce": asdict(origin) if origin else None,
-    }
-    return json_text(AIM_SCHEMA, content)
+# --- As JSON ------------------------------------------------------------------------------------
 
 
 def _parameters(task: Task) -> dict[str, object]:
@@ -516,20 +626,20 @@ def _parameters(task: Task) -> dict[str, object]:
 
 
 def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
-    found = robot.search
-    content: dict[str, object] = {
-        "design": robot.name,
+    """Return what stands in JSON of a design beside the row that is shown."""
+    found, best = robot.search, robot.best
+    return {
         "branches": robot.design.branch_count,
         "length_mm": round(branch_tree(robot.design).total_length_mm, 3),
         "deployments": found.deployments,
-        "best": robot.best.content(),
-        "search_mean": _rounded(found.estimate),
+        "best.pose": _pose_content(best.pose),
+        "best.deployments": len(best.scores),
         "search_draws": found.draws,
         "start": None if robot.start is None else robot.start.content(),
         "gain_over_start": _gain_content(robot.gain),
         "first_minus_this": None
         if robot is first
-        else _gain_content(paired_gain(first.best, robot.best)),
+        else _gain_content(paired_gain(first.best, best)),
         "landscape": _landscape_content(found.landscape),
         "headings_at_best": {
             "heading_deg": [round(deg(value), 2) for value in robot.turned.headings_rad],
@@ -537,7 +647,6 @@ def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
         },
         "together": None if robot.team is None else _team_content(robot.team),
     }
-    return content
 
 
 def _gain_content(gain: tuple[float, float, float] | None) -> dict[str, object] | None:
@@ -589,7 +698,7 @@ def _pose_content(pose: Pose) -> dict[str, object]:
         "x_mm": pose.x_mm,
         "y_mm": pose.y_mm,
         "heading_deg": round(pose.heading_deg, 2),
-        "text": pose_text(pose),
+        "text": pose.text,
     }
 
 

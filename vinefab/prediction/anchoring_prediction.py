@@ -7,9 +7,9 @@ import numpy as np
 
 from vinefab.core.statistics import group_means
 from vinefab.core.validation import Floats
+from vinefab.core.view import Fact, Section, Table
 from vinefab.model.design import Design
 from vinefab.model.laser import Material
-from vinefab.pages.html import Headline, Section, Table
 from vinefab.physics.anchoring import payload_over_mass
 from vinefab.physics.seam import seam_load_n_mm
 from vinefab.prediction.family_deployments import FamilyDeployments
@@ -127,12 +127,12 @@ def _held(friction: float, columns: Floats, maps: Sequence[str]) -> HeldForces:
     )
 
 
-def anchoring_headline(found: AnchoringPrediction) -> Headline:
+def anchoring_headline(found: AnchoringPrediction) -> Fact:
     """Return what the simulation holds, with the ideal case beside it."""
     likely, (least, _, most) = found.likely, found.held
     ideal = likely.ideal
     if not found.has_pouches:
-        return Headline(
+        return Fact(
             name="anchoring, ideal case only",
             value=f"{ideal.median:.1f} x",
             detail=f"the design has no pouches: were every leaf that came out to hold like one, "
@@ -141,7 +141,7 @@ def anchoring_headline(found: AnchoringPrediction) -> Headline:
             tone="caution",
         )
     held, force_n = likely.engaged, likely.force_n
-    return Headline(
+    return Fact(
         name="anchoring amplification",
         value=f"{held.median:.1f} x",
         detail=f"median over {found.label}, 90 % of the maps {held.low:.1f} to {held.high:.1f}, at "

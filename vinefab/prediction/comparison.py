@@ -1,27 +1,34 @@
-"""Designs side by side: the same maps and poses, paired statistics, as lines, JSON and a page."""
+"""Designs side by side: the same maps and poses, paired statistics."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import GrowthOptions, growth_text
-from vinefab.model.deployment import Deployment
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Origin,
+    Picture,
+    Result,
+    Section,
+    Table,
+    Value,
+)
+from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
-from vinefab.model.map import Map
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import blank, house_style, svg_bytes
-from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.prediction.deployment_sections import spread_chart
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import deployment_plan
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -40,14 +47,13 @@ from vinefab.prediction.measures import (
     MeasureTable,
     spreads_content,
 )
+from vinefab.prediction.pictures import contact_chart, paired_difference_chart, spread_chart
 from vinefab.prediction.prediction_width import (
     CONTACT_MEASURES,
     ContactRange,
-    contact_chart,
     contact_range,
     contact_words,
 )
-from vinefab.prediction.provenance import Origin, repeat_section
 
 _LEVEL = 0.05
 """A difference is called clear when its adjusted p-value is below this."""
@@ -83,6 +89,21 @@ class PairedDifference:
         return self.measure.interval(self.mean, self.low, self.high)
 
     @property
+    def cells(self) -> tuple[Value, ...]:
+        """The difference as a row: measure, pair, mean, p values, wins, pairs, better."""
+        chance = partial(Number, form=".5f", decimals=5)
+        return (
+            self.measure.label,
+            self.pair,
+            self.measure.of(self.mean, self.low, self.high),
+            chance(self.p),
+            chance(self.p_adjusted),
+            Number(round(self.won_percent), "%", "d"),
+            self.pairs,
+            self.winner if self.is_clear else "not clear",
+        )
+
+    @property
     def is_clear(self) -> bool:
         """Whether the difference is significant; that of one pair never is."""
         return self.p_adjusted < _LEVEL
@@ -111,8 +132,8 @@ class PairedDifference:
 MOST_DESIGNS = 12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DesignComparison:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class DesignComparison(Result):
     """Designs on the same maps from the same poses (simulated).
 
     Parameters
@@ -147,29 +168,102 @@ class DesignComparison:
     measure: Measure = COVERAGE
     growth_notes: tuple[str, ...] = ()
     origin: Origin | None = None
+    schema = "vinefab/design-comparison-1"
 
-    def json_text(self) -> str:
-        """Return the comparison as JSON: ``vinefab/design-comparison-1``."""
-        return comparison_text(self, self.origin)
+    @property
+    def title(self) -> str:
+        """Which designs are compared."""
+        return f"Comparison of {', '.join(self.names)}"
 
-    def __repr__(self) -> str:
-        means = ", ".join(f"{name} {self.measure.text(mean)}" for name, mean in self.means.items())
-        return f"<DesignComparison in {self.measure.title} (simulated): {means}>"
+    def view(self) -> Iterator[Block]:
+        """Yield the best design, means, paired differences and every measure of every design."""
+        measure, outcomes = self.measure, self.outcomes()
+        some, ranked = self.results[0].outcomes, self.ranked(self.measure)
+        best = [d for d in self.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
+        clear = all(difference.is_clear for difference in best)
+        yield Answer(
+            f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}, "
+            f"{'' if clear else 'not '}clearly ahead of every other (simulated).",
+            "good" if clear else "caution",
+        )
+        yield Picture(
+            image=lambda: page_svg(paired_difference_chart(measure, self.in_measure(measure))),
+            caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
+            wide=True,
+        )
+        yield Notes(self.growth_notes)
+        yield Notes(self.notes, "notes")
+        yield Facts(
+            (
+                Fact("maps", some.label, "label"),
+                Fact("deployments of each design", len(some), "deployments"),
+                Fact("growth", self.growth),
+            )
+        )
+        yield Table(
+            caption=f"{measure.title} (simulated)",
+            headings=("design", "mean", "over what contacts may be like", "size"),
+            rows=tuple(
+                (name, measure.text(mean), self.over_contacts(name, measure), self._size(name))
+                for name, mean in ranked
+            ),
+        )
+        yield paired_difference_table(self.differences)
+        yield side_by_side_table(outcomes)
+        yield Data({"standing": "simulated", "growth": self.plan.options.content,
+                    "measure": measure.key, "maps": some.map_count})  # fmt: skip
+        yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
 
-    def _repr_html_(self) -> str:
-        """Show means and paired differences in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    def details(self) -> Iterator[Block]:
+        """Yield charts of every measure, designs over contacts and on the same map."""
+        measure, outcomes = self.measure, self.outcomes()
+        words = (
+            "Each design met the same maps from the same poses, so that differences are paired: "
+            "first minus second, averaged on each map. Intervals are bootstraps over maps. The "
+            "p-value is the share of the ways of flipping the signs of the maps' differences that "
+            "give a mean as far from 0; with more than two designs it is adjusted for the number "
+            "of pairs (Holm), within each measure. Clear means below 0.05."
+        )
+        charts = tuple(
+            Picture(
+                image=page_svg(
+                    spread_chart(
+                        m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)}
+                    )
+                ),
+                caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
+            )
+            for m in _shown_measures(outcomes)
+        )
+        yield Section(title="Side by side", paragraphs=(words,), pictures=charts)
+        yield contact_section(self, measure)
+        index = self.median_deployment(measure)
+        world, options = self.results[0].prepared_map(index).world, self.plan.options
+        grown = tuple(
+            Picture(
+                image=page_svg(
+                    deployment_plan(
+                        world,
+                        result.deployments[index],
+                        options.drawn_widths_mm(design.build.widths_mm),
+                        longest_pt=331.0,
+                        whole=True,
+                    )
+                ),
+                caption=f"{name} on {world.name} (simulated).",
+            )
+            for name, design, result in zip(self.names, self.designs, self.results, strict=True)
+        )
+        yield Section(title="On the same map", pictures=grown)
+
+    def _size(self, name: str) -> str:
+        design = self.designs[self.names.index(name)]
+        return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
     @property
     def means(self) -> dict[str, float]:
         """The mean of what counts most by the designs' names, the best first."""
         return dict(self.ranked(self.measure))
-
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """The result, a line each."""
-        return tuple(comparison_lines(self))
 
     @property
     def growth(self) -> str:
@@ -206,7 +300,7 @@ class DesignComparison:
         low, high = (measure.number(value) for value in contacts.ends(measure))
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
         over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
-        return f"  ({low} to {high} over {over})"
+        return f"{low} to {high} over {over}"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:
         """Return names and means, the best first; designs without any value are left out."""
@@ -314,26 +408,6 @@ def _share_of_design(progress: ProgressCallback, index: int, count: int) -> Prog
     return lambda share, words: progress(0.9 * (index + share) / count, words)
 
 
-def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Figure:
-    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
-    with house_style():
-        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(differences)))
-        for row, difference in enumerate(differences):
-            colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
-            axes.plot([difference.low, difference.high], [row, row], color=colour, linewidth=2.2)
-            face = colour if difference.is_clear else "white"
-            axes.plot(difference.mean, row, "o", color=colour, mfc=face, markersize=7)
-        axes.axvline(0.0, color=INK, linewidth=1.0)
-        axes.set_yticks(
-            range(len(differences)),
-            [difference.pair for difference in differences],
-        )
-        axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
-        axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
-        frame(axes)
-    return figure
-
-
 def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
     """Return the measures that any of the designs has."""
     return [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
@@ -342,7 +416,13 @@ def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
 def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
     """Return every measure of every design, as numbers."""
     rows = tuple(
-        (measure.label, *(_mean_cell(found, measure) for found in outcomes.values()))
+        (
+            measure.label,
+            *(
+                "-" if (spread := found.spread(measure)) is None else spread.shown(measure)
+                for found in outcomes.values()
+            ),
+        )
         for measure in _shown_measures(outcomes)
     )
     some = next(iter(outcomes.values()))
@@ -354,67 +434,27 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
     )
 
 
-def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
-    """Return every measure of every design, as numbers and charts."""
-    pictures = tuple(
-        Picture(
-            image=svg_bytes(
-                spread_chart(m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)})
-            ),
-            caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
-        )
-        for m in _shown_measures(outcomes)
-    )
-    return Section(title="Side by side", tables=(side_by_side_table(outcomes),), pictures=pictures)
-
-
 def paired_difference_table(differences: Sequence[PairedDifference]) -> Table:
     """Return pairs in their measures, as numbers."""
-    rows = tuple(
-        (
-            difference.measure.label,
-            difference.pair,
-            difference.interval,
-            *(
-                "-" if difference.pairs == 1 else f"{p:.5f}"
-                for p in (difference.p, difference.p_adjusted)
-            ),
-            f"{difference.won_percent:.0f} %",
-            difference.winner if difference.is_clear else "not clear",
-        )
-        for difference in differences
-    )
     return Table(
         caption="Paired differences (simulated)",
         headings=(
-            "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "better",
+            "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "pairs",
+            "better",
         ),
-        rows=rows,
+        rows=tuple(difference.cells for difference in differences),
+        key="duels",
+        keys=("", "", "mean", "p", "p_adjusted", "first_wins_percent", "pairs", ""),
+        data=tuple(
+            {
+                "measure": difference.measure.key,
+                "first": difference.first,
+                "second": difference.second,
+                "better": difference.winner if difference.is_clear else None,
+            }
+            for difference in differences
+        ),
     )  # fmt: skip
-
-
-def paired_difference_section(measure: Measure, differences: Sequence[PairedDifference]) -> Section:
-    """Return every pair in every measure, the main measure drawn."""
-    words = (
-        "Each design met the same maps from the same poses, so that differences are paired: "
-        "first minus second, averaged on each map. Intervals are bootstraps over maps. The p-value "
-        "is the share of the ways of flipping the signs of the maps' differences that give a mean "
-        "as far from 0; with more than two designs it is adjusted for the number of pairs (Holm), "
-        "within each measure. Clear means below 0.05."
-    )
-    picture = Picture(
-        image=svg_bytes(
-            paired_difference_chart(measure, [d for d in differences if d.measure is measure])
-        ),
-        caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
-        wide=True,
-    )
-    return Section(
-        title="Paired differences",
-        paragraphs=(words,),
-        pictures=(picture,),
-        tables=(paired_difference_table(differences),),
-    )
 
 
 def contact_section(found: DesignComparison, measure: Measure) -> Section:
@@ -430,7 +470,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         rows=rows,
     )
     picture = Picture(
-        image=svg_bytes(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
+        image=page_svg(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
         caption=f"{shown.title.capitalize()} over the head-on half-angle, with 95 % intervals over "
         "maps (simulated).",
     )
@@ -442,43 +482,6 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     )
 
 
-def same_map_section(
-    world: Map,
-    robots: Sequence[tuple[str, Design, Deployment]],
-    options: GrowthOptions,
-    words: str,
-) -> Section:
-    """Return all designs deployed on the same map from the same pose."""
-    pictures = tuple(
-        Picture(
-            image=svg_bytes(
-                deployment_plan(
-                    world,
-                    deployment,
-                    options.drawn_widths_mm(design.build.widths_mm),
-                    longest_in=4.6,
-                    whole=True,
-                )
-            ),
-            caption=f"{name} on {world.name} (simulated).",
-        )
-        for name, design, deployment in robots
-    )
-    return Section(
-        title="On the same map", paragraphs=(f"Growth model: {words}.",), pictures=pictures
-    )
-
-
-def _mean_cell(outcomes: MeasureTable, measure: Measure) -> str:
-    spread = outcomes.spread(measure)
-    if spread is None:
-        return "-"
-    return measure.interval(spread.mean, spread.low, spread.high)
-
-
-COMPARISON_SCHEMA = "vinefab/design-comparison-1"
-
-
 def measure_named(key: str) -> Measure:
     """Return a measure by its key, with or without the unit at its end."""
     known = {measure.key: measure for measure in MEASURES}
@@ -486,108 +489,3 @@ def measure_named(key: str) -> Measure:
     if len(meant) != 1:
         raise UnknownNameError("measure", key, known)
     return known[meant[0]]
-
-
-def ranking_lines(found: DesignComparison) -> list[str]:
-    """Return what was deployed and how, and the designs with their means, the best first."""
-    outcomes, measure = found.results[0].outcomes, found.measure
-    return [
-        f"{counted(len(outcomes), 'deployment')} of each design on {outcomes.label} (simulated); "
-        f"{found.growth}",
-        *found.growth_notes,
-        *found.notes,
-        *(
-            f"  {name:<24} {measure.text(mean)}{found.over_contacts(name, measure)}"
-            for name, mean in found.ranked(measure)
-        ),
-    ]
-
-
-def told_differences(found: DesignComparison) -> list[PairedDifference]:
-    """Return the differences in what counts most, and the clear ones in other measures."""
-    main = found.measure
-    others = [one for one in found.differences if one.measure is not main and one.is_clear]
-    return [*found.in_measure(main), *others]
-
-
-def comparison_lines(found: DesignComparison) -> list[str]:
-    """Return a comparison as lines for the user, the main measure first."""
-    return [*ranking_lines(found), *(difference.words for difference in told_differences(found))]
-
-
-def comparison_text(found: DesignComparison, origin: Origin | None) -> str:
-    """Return a comparison as JSON."""
-    outcomes = found.outcomes()
-    some = found.results[0].outcomes
-    return json_text(
-        COMPARISON_SCHEMA,
-        {
-            "standing": "simulated",
-            "growth": found.plan.options.content,
-            "notes": list(found.notes),
-            "measure": found.measure.key,
-            "label": some.label,
-            "maps": some.map_count,
-            "deployments": len(some),
-            "designs": {name: spreads_content(found) for name, found in outcomes.items()},
-            "duels": [_difference_content(difference) for difference in found.differences],
-            "reproduce": asdict(origin) if origin else None,
-        },
-    )
-
-
-def comparison_page(found: DesignComparison, origin: Origin) -> str:
-    """Return a comparison as a page."""
-    measure, notes = found.measure, (*found.growth_notes, *found.notes)
-    index = found.median_deployment(measure)
-    robots = [
-        (name, design, result.deployments[index])
-        for name, design, result in zip(found.names, found.designs, found.results, strict=True)
-    ]
-    world = found.results[0].prepared_map(index).world
-    ranked = found.ranked(measure)
-    differences = [d for d in found.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
-    clear = all(difference.is_clear for difference in differences)
-    best = f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}"
-    rest = "clearly ahead of every other" if clear else "not clearly ahead of every other"
-    return page_html(
-        Report(
-            title=f"Comparison of {', '.join(found.names)}",
-            verdict=f"{best}, {rest} (simulated).",
-            tone="good" if clear else "caution",
-            cautions=tuple(f"{note[:1].upper()}{note[1:]}." for note in notes),
-            facts=(
-                *(
-                    (
-                        name,
-                        f"{counted(design.branch_count, 'branch')} on "
-                        f"{counted(design.depth, 'level')}",
-                    )
-                    for name, design, _ in robots
-                ),
-                ("growth model", found.growth),
-            ),
-            sections=(
-                paired_difference_section(measure, found.differences),
-                side_by_side_section(found.outcomes()),
-                contact_section(found, measure),
-                same_map_section(world, robots, found.plan.options, found.growth),
-                repeat_section(origin.command, origin.inputs, origin.versions),
-            ),
-        )
-    )
-
-
-def _difference_content(difference: PairedDifference) -> dict[str, object]:
-    numbers = {"mean": difference.mean, "low": difference.low, "high": difference.high}
-    return {
-        "measure": difference.measure.key,
-        "first": difference.first,
-        "second": difference.second,
-        **{name: difference.measure.content(value) for name, value in numbers.items()},
-        "p": None if difference.pairs == 1 else round(difference.p, 5),
-        "p_adjusted": None if difference.pairs == 1 else round(difference.p_adjusted, 5),
-        "first_wins_percent": round(difference.won_percent),
-        "pairs": difference.pairs,
-        "better": difference.winner if difference.is_clear else None,
-    }

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
@@ -27,6 +26,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
+from vinefab.pages.plan import deployment_plan, page_bytes
 
 MOST_FRAMES = 1000
 
@@ -325,12 +325,8 @@ class DeployedDesign:
 
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment."""
-        # matplotlib takes longer to load than the growth to simulate.
-        from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
-        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-
-        figure = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
-        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+        plan = deployment_plan(self.world, self.deployment, self._widths_mm, named=named)
+        return page_bytes(plan, suffix)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
         """Return the deployment as a moving picture."""
@@ -384,7 +380,7 @@ def first_start(world: Map) -> Pose:
 
 def pose_text(pose: Pose) -> str:
     """Return a pose as a user would type it: ``X,Y,DEG``."""
-    return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
+    return pose.text
 
 
 def growth_on_maps(design: Design, given: Mapping[str, object] | None = None) -> GrowthChoice:

@@ -1,93 +1,21 @@
 """Sections on deployments: how measures are spread, some of them drawn, how branches ended."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
-from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import BODY_IS_LINE, deployment_plan
-from vinefab.pages.figure import blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
-
-ENOUGH_FOR_BARS = 20
-"""Fewer values are shown one by one."""
-
-_BINS = 24
-
-
-def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
-    """Return the distribution of a measure over deployments, a row for each family."""
-    known = {name: column[np.isfinite(column)] for name, column in values.items()}
-    everything = np.concatenate(list(known.values()))
-    low, high = float(everything.min()), float(everything.max())
-    pad = 0.04 * (high - low) or 0.04 * abs(high) or 1.0
-    with house_style():
-        figure, axes = blank(3.4, 0.6 + 1.3 * len(known))
-        ticks: dict[float, str] = {}
-        for row, (name, column) in enumerate(known.items()):
-            base = row * _PITCH
-            most = _draw_spread(axes, base, column, (low, high), _colour(row))
-            axes.text(0.0, base - 0.8, name, fontsize=7.5, color=SOFT, transform=_at(axes))
-            ticks |= {base: "0", base - _TALLEST: str(most)} if most else {}
-        axes.set_xlim(low - pad, high + pad)
-        axes.set_ylim((len(known) - 1) * _PITCH + 0.2, -1.0)
-        axes.set_yticks(list(ticks), ticks.values(), fontsize=6.5)
-        axes.spines["left"].set_visible(False)
-        axes.set_xlabel(measure.label)
-        if ticks:
-            axes.set_ylabel("deployments", fontsize=7.0, color=SOFT)
-        frame(axes)
-        axes.grid(visible=False, axis="y")
-    return figure
-
-
-_PITCH, _TALLEST = 1.3, 0.62
-"""From row to row, and the tallest bar of a row: what is left holds its name."""
-
-
-def _colour(row: int) -> str:
-    return LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
-
-
-def _at(axes: Axes):  # type: ignore[no-untyped-def]  # noqa: ANN202 - matplotlib's own type
-    """Return the transform with x across the axes and y in data."""
-    return axes.get_yaxis_transform()
-
-
-def _draw_spread(
-    axes: Axes, base: float, values: Floats, span: tuple[float, float], colour: str
-) -> int:
-    """Draw values above a line; return how many the tallest bar has, 0 where each is a dot."""
-    most = 0
-    if len(values) >= ENOUGH_FOR_BARS and span[1] > span[0]:
-        counts, edges = np.histogram(values, bins=_BINS, range=span)
-        most = int(counts.max())
-        heights = _TALLEST * counts / most
-        axes.bar(
-            edges[:-1], -heights, np.diff(edges), bottom=base, align="edge",
-            color=colour, alpha=0.35, linewidth=0,
-        )  # fmt: skip
-    else:
-        # A fixed, even jitter: dots on top of each other cannot be counted.
-        offsets = -0.3 - 0.09 * ((np.arange(len(values)) % 5) - 2)
-        axes.plot(values, base + offsets, "o", color=colour, alpha=0.55, markersize=4, mew=0)
-    p05, p95 = np.percentile(values, [5.0, 95.0])
-    axes.plot([p05, p95], [base + 0.08] * 2, color=colour, linewidth=4, solid_capstyle="butt")
-    axes.plot([values.mean()] * 2, [base - 0.66, base + 0.13], color=INK, linewidth=1.6)
-    return most
-
+from vinefab.prediction.pictures import spread_chart
 
 TOO_FINE = 400
 """Robots of more branches are drawn as pixels: as lines they would take megabytes."""
@@ -102,7 +30,7 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
     shown = [measure for measure in MEASURES if any(f.spread(measure) for f in families)]
     pictures = tuple(
         Picture(
-            image=svg_bytes(
+            image=page_svg(
                 spread_chart(m, {f.label: f.values[m.key] for f in families if f.spread(m)})
             ),
             caption=f"{_capital(m.title)}: {m.meaning} (simulated).",
@@ -127,6 +55,15 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
     )
 
 
+def deployment_picture(
+    design: Design, world: Map, deployment: Deployment, options: GrowthOptions
+) -> bytes:
+    """Return a deployment on its map, as pixels where lines would take megabytes."""
+    widths_mm = options.drawn_widths_mm(design.build.widths_mm)
+    plan = deployment_plan(world, deployment, widths_mm, longest_pt=331.0)
+    return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
+
+
 def deployment_section(
     design: Design,
     deployed: Sequence[tuple[str, Map, Deployment]],
@@ -134,14 +71,15 @@ def deployment_section(
     options: GrowthOptions,
 ) -> Section:
     """Return pictures of deployments, and how all branches ended."""
-    fine = design.branch_count > TOO_FINE
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
-    pictures = []
-    for words, world, deployment in deployed:
-        figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6)
-        image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
-        pictures.append(Picture(image=image, caption=f"{words} (simulated)."))
+    pictures = [
+        Picture(
+            image=deployment_picture(design, world, deployment, options),
+            caption=f"{words} (simulated).",
+        )
+        for words, world, deployment in deployed
+    ]
     return Section(
         title="Deployments",
         paragraphs=(

@@ -203,7 +203,8 @@ def _named(design: Design, found: FixedDesign) -> Design:
     origin = {"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)}
     kept = (ORIGIN_GROWTH, ORIGIN_RECIPE)
     trained = {key: design.origin[key] for key in kept if key in design.origin}
-    return replace(found.design, name=f"{design.name[:90]}_mended", origin={**origin, **trained})
+    name = f"{design.name[:90]}_mended"
+    return found.design.changed(name=name, origin={**origin, **trained})
 
 
 def _rules(report: CheckReport) -> str:

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 from shapely import LineString
 
 from vinefab.core.errors import BadInputError
@@ -21,13 +19,11 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
 from vinefab.pages.body_raster import body_cells
-from vinefab.pages.colours import ALERT, HEAT_COLOURS
-from vinefab.pages.drawing import draw_legend, draw_map, draw_pose
-from vinefab.pages.figure import house_style, plan_axes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.pages.label_places import write_labels
+from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.measures import STUCK_STOPS
+from vinefab.prediction.pictures import heat_plan
 from vinefab.tasks.evaluate import PreparedMap
 
 
@@ -165,38 +161,6 @@ def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
     return (x_min, y_min), cell_mm, (rows, columns)
 
 
-_HEAT = LinearSegmentedColormap.from_list("heat", HEAT_COLOURS)
-
-
-def heat_plan(heat: HeatMap) -> Figure:
-    """Return a map with the share of the deployments that pass each place, and stuck tips."""
-    with house_style():
-        box = heat.world.bounds.bounds
-        figure, axes = plan_axes(box, 7.0)
-        rows, columns = heat.share.shape
-        x, y = heat.low_mm
-        extent = (x, x + columns * heat.cell_mm, y, y + rows * heat.cell_mm)
-        shown = np.ma.masked_equal(100.0 * heat.share, 0.0)
-        image = axes.imshow(
-            shown, origin="lower", extent=extent, cmap=_HEAT, vmin=0.0, zorder=1.5,
-            interpolation="nearest",
-        )  # fmt: skip
-        draw_map(axes, heat.world)
-        for start in heat.world.starts:
-            draw_pose(axes, start.pose, max(heat.world.size_mm))
-        places = np.array([(spot.x_mm, spot.y_mm) for spot in heat.spots]).reshape(-1, 2)
-        if len(places):
-            label = "branches get stuck here, numbered as in the table"
-            axes.plot(*places.T, "o", ms=9, color=ALERT, mfc="none", mew=1.6, zorder=8, label=label)
-        bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02)
-        bar.set_label("deployments whose body passes (%)")
-        bar.outline.set_visible(False)
-        draw_legend(axes)
-        numbers = [str(number) for number in range(1, len(places) + 1)]
-        write_labels(axes, places, numbers, [ALERT] * len(places), size_pt=9.0, mark_pt=5.0)
-    return figure
-
-
 def heat_section(heat: HeatMap) -> Section:
     """Return where robots go on one map, and where they get stuck."""
     often, ever = heat.percent_passed(0.5), heat.percent_passed()
@@ -221,7 +185,7 @@ def heat_section(heat: HeatMap) -> Section:
         paragraphs=(words, nowhere) if nowhere else (words,),
         pictures=(
             Picture(
-                image=svg_bytes(heat_plan(heat)),
+                image=page_svg(heat_plan(heat)),
                 caption=f"{heat.world.name}: share of the deployments whose body passes each "
                 "place, and rings where branches get stuck, numbered as in the table (simulated).",
                 wide=True,

@@ -1,13 +1,12 @@
-"""Size, passages and room of a map, as lines for the user and JSON, ``vinefab/map-info-1``."""
+"""Size, passages and room of a map, ``vinefab/map-info-1``."""
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import shapely
@@ -16,10 +15,20 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import agreeing, counted
 from vinefab.core.validation import positive, whole
+from vinefab.core.view import (
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Result,
+    Table,
+    Text,
+    Value,
+)
 from vinefab.growth.free_space import MANY_NOTCHES, NOTCH_SHARE, shrunk_piecewise
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.passages import Passage, narrow_passages
@@ -27,8 +36,10 @@ from vinefab.model.files.results_json import pose_content
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose
 from vinefab.model.rings import without_notches
+from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
+from vinefab.prediction.pictures import passage_plan
 
 SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
@@ -66,6 +77,12 @@ class StartRoom:
     def body_mm(self) -> float:
         """Lay-flat width of the widest body that fits there."""
         return math.pi * self.clearance_mm
+
+    @property
+    def cells(self) -> tuple[Value, ...]:
+        """The start as a row: pose, clearance, widest body."""
+        room = Number(self.clearance_mm, "mm", ".2f"), Number(self.body_mm, "mm", ".2f")
+        return pose_text(self.pose), *room
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -165,9 +182,22 @@ class NarrowPassage:
         """Lay-flat width of the widest body that fits through, pi/2 times the passage's width."""
         return 0.5 * math.pi * self.passage.width_mm
 
+    @property
+    def cells(self) -> tuple[Value, ...]:
+        """The passage as a row: width, place, what it is between, widest body, dead end."""
+        x_mm, y_mm = self.passage.middle_mm
+        return (
+            Number(self.passage.width_mm, "mm", ".2f"),
+            Number(x_mm, form=".1f"),
+            Number(y_mm, form=".1f"),
+            " and ".join(self.between),
+            Number(self.body_mm, "mm", ".2f"),
+            Number(self.passage.dead_end_mm, "mm", ".1f"),
+        )
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MapInfo:
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class MapInfo(Result):
     """Numbers about a map, all computed.
 
     Parameters
@@ -196,29 +226,91 @@ class MapInfo:
     widest_mm: dict[float, float | None]
     body: Body | None
     outside: dict[int, float]
-
-    def __repr__(self) -> str:
-        return "\n".join([f"<MapInfo {self.world.name}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        """Show the figures and the plan with the passages in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
-
-    def json_text(self) -> str:
-        """Return every figure as JSON: ``vinefab/map-info-1``."""
-        return info_text(self)
+    schema = "vinefab/map-info-1"
 
     @property
-    def summary(self) -> tuple[str, ...]:
-        """The figures, a line each."""
-        return tuple(info_lines(self))
+    def title(self) -> str:
+        """Which map it is about."""
+        return f"Map {self.world.name}"
 
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """Every figure as plain values, schema ``vinefab/map-info-1``."""
-        plain: dict[str, Any] = json.loads(info_text(self))
-        return plain
+    def view(self) -> Iterator[Block]:
+        """Yield the plan with the passages, the figures and the tables."""
+        world, body, regions = self.world, self.body, self.regions_mm2
+        (width_mm, height_mm), share = world.size_mm, partial(Number, unit="%", per=0.01)
+        yield Picture(
+            image=lambda: self.picture(".svg"),
+            caption=f"{world.name} with its narrowest passages (computed).",
+        )
+        vertices = len(np.unique(shapely.get_coordinates([world.bounds, *world.obstacles]), axis=0))
+        yield Facts(
+            (
+                Fact("map", world.name, "map"),
+                Fact("size", f"{width_mm:g} x {height_mm:g} mm", "size_mm", data=[*world.size_mm]),
+                Fact("obstacles", len(world.obstacles), "obstacles"),
+                Fact("walls", world.wall_count, "walls"),
+                Fact("vertices", vertices, "vertices"),
+                Fact(
+                    "free area",
+                    Number(self.free.area, "m2", per=1e6, standing="computed"),
+                    "free_area_mm2",
+                ),
+                Fact("of the bounds", share(self.free_share, form=".1f"), "free_share"),
+                Fact("regions", len(regions), "regions_mm2", data=[*regions]),
+            )
+        )
+        yield Data({"environment": world.environment, "seed": world.seed, "standing": "computed"})
+        yield Notes(tuple(f"note: {note}" for note in size_notes(world)))
+        yield Table(
+            caption="reach over the bounds, and do nothing there (computed)",
+            headings=("obstacle", "of it"),
+            rows=tuple((n, share(part, form=".3g")) for n, part in self.outside.items()),
+            key="obstacles_outside",
+            keys=("obstacle", "share"),
+            most=_MOST_NAMED,
+        )
+        yield Table(
+            caption="narrowest passages (computed); body: lay-flat width of the widest that fits",
+            headings=("width", "x", "y", "between", "body", "dead end as large as a circle of"),
+            rows=tuple(gate.cells for gate in self.passages),
+            key="passages",
+            keys=("width_mm", "x_mm", "y_mm", "", "widest_body_mm", "dead_end_mm"),
+            data=tuple(
+                {"ends_mm": [[*end] for end in gate.passage.ends_mm], "between": [*gate.between]}
+                for gate in self.passages
+            ),
+        )
+        yield Table(
+            caption="starts (computed)",
+            headings=("X,Y,DEG", "to the nearest wall", "widest body that fits"),
+            rows=tuple(room.cells for room in self.starts),
+            key="starts",
+            keys=("", "clearance_mm", "widest_body_mm"),
+            data=tuple(pose_content(room.pose) for room in self.starts),
+        )
+        if not self.starts:
+            yield Text("the map has no start: the room for robots is not computed")
+        yield Table(
+            caption="widest body with room in a share of the free area (computed, within 1 %)",
+            headings=("of the free area", "lay-flat width"),
+            rows=tuple(
+                (share(part, form=".0f"), Number(width, "mm", ".1f"))
+                for part, width in self.widest_mm.items()
+            ),
+            key="widest_body",
+            keys=("free_share", "width_mm"),
+        )
+        if body is None:
+            yield Data({"body": None})
+            return
+        narrow = sum(gate.body_mm < body.width_mm for gate in self.passages)
+        yield Facts(
+            (
+                Fact("body asked about", Number(body.width_mm, "mm", "g"), "body.width_mm"),
+                Fact("fits", "yes" if body.share else "no", "body.fits", data=body.share > 0.0),
+                Fact("has room in", share(body.share, form=".1f"), "body.free_share"),
+                Fact("passages too narrow for it", f"{narrow} of {len(self.passages)} above"),
+            )
+        )
 
     @property
     def regions_mm2(self) -> tuple[float, ...]:
@@ -265,28 +357,24 @@ class MapInfo:
         suffix = target.suffix.lower()
         if suffix not in (".svg", ".png", ".json"):
             raise BadInputError("path", str(target), "a name ending in .svg, .png or .json")
-        data = info_text(self).encode() if suffix == ".json" else self.picture(suffix)
+        data = self.json_text().encode() if suffix == ".json" else self.picture(suffix)
         return write_bytes(target, data, force=force)
 
     def picture(self, suffix: str) -> bytes:
         """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
-        # matplotlib takes longer to load than all of this to compute.
-        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-        from vinefab.prediction.map_plan import passage_plan  # noqa: PLC0415
-
-        figure = passage_plan(
+        plan = passage_plan(
             self.world,
             [gate.passage for gate in self.passages],
             [room.clearance_mm for room in self.starts],
             None if self.body is None else (self.body.width_mm, self.body.region),
         )
-        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+        return page_bytes(plan, suffix)
 
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
     """Return numbers about a map."""
-    width_mm = None if width_mm is None else positive("--width-mm", width_mm)
-    whole("--passages", passages, 0, 1000)
+    width_mm = None if width_mm is None else positive("width_mm", width_mm)
+    whole("passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
     return MapInfo(
@@ -324,66 +412,6 @@ def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ..
     return tuple(gates)
 
 
-_SCHEMA = "vinefab/map-info-1"
-
-
-def info_text(info: MapInfo) -> str:
-    """Return everything as JSON."""
-    return json_text(_SCHEMA, _content(info))
-
-
-def _content(info: MapInfo) -> dict[str, object]:
-    world = info.world
-    body = info.body
-    return {
-        "map": world.name,
-        "environment": world.environment,
-        "seed": world.seed,
-        "standing": "computed",
-        "size_mm": list(world.size_mm),
-        "obstacles": len(world.obstacles),
-        "obstacles_outside": [
-            {"obstacle": number, "share": share} for number, share in info.outside.items()
-        ],
-        "walls": world.wall_count,
-        "vertices": _vertices(world),
-        "free_area_mm2": info.free.area,
-        "free_share": info.free_share,
-        "regions_mm2": list(info.regions_mm2),
-        "passages": [_gate_content(gate) for gate in info.passages],
-        "starts": [_start_content(room) for room in info.starts],
-        "widest_body": [
-            {"free_share": share, "width_mm": width} for share, width in info.widest_mm.items()
-        ],
-        "body": None
-        if body is None
-        else {"width_mm": body.width_mm, "fits": body.share > 0.0, "free_share": body.share},
-    }
-
-
-def _vertices(world: Map) -> int:
-    points = shapely.get_coordinates([world.bounds, *world.obstacles])
-    return len(np.unique(points, axis=0))
-
-
-def _gate_content(gate: NarrowPassage) -> dict[str, object]:
-    (x_mm, y_mm), dead_end_mm = gate.passage.middle_mm, gate.passage.dead_end_mm
-    return {
-        "width_mm": gate.passage.width_mm,
-        "x_mm": x_mm,
-        "y_mm": y_mm,
-        "ends_mm": [list(end) for end in gate.passage.ends_mm],
-        "between": list(gate.between),
-        "widest_body_mm": gate.body_mm,
-        "dead_end_mm": dead_end_mm if math.isfinite(dead_end_mm) else None,
-    }
-
-
-def _start_content(room: StartRoom) -> dict[str, object]:
-    space = {"clearance_mm": room.clearance_mm, "widest_body_mm": room.body_mm}
-    return {**pose_content(room.pose), **space}
-
-
 PLAUSIBLE_MM = 60.0, 20_000.0
 """Longer sides of maps that robots are made for; others may be of another unit."""
 
@@ -411,68 +439,3 @@ def size_notes(world: Map) -> list[str]:
     if not others:
         return [f"{said}{drawn}: is that its unit? vinefab map import has --scale-mm-per-unit"]
     return [f"{said}{drawn}: vinefab map import --scale-mm-per-unit {', '.join(others)}"]
-
-
-def info_lines(info: MapInfo) -> Iterator[str]:
-    """Yield everything in a few lines for the user."""
-    world, (width_mm, height_mm) = info.world, info.world.size_mm
-    regions = info.regions_mm2
-    yield (
-        f"{world.name}: {width_mm:g} x {height_mm:g} mm, "
-        f"{counted(len(world.obstacles), 'obstacle')}, "
-        f"{counted(world.wall_count, 'wall')}, {_vertices(world)} vertices"
-    )
-    yield from (f"note: {note}" for note in size_notes(world))
-    yield (
-        f"free area {info.free.area / 1e6:.4g} m2, {100 * info.free_share:.1f} % of the bounds, "
-        f"in {len(regions)} {'region' if len(regions) == 1 else 'regions'} (computed)"
-    )
-    if info.outside:
-        named = [
-            f"obstacle {number} ({100 * share:.3g} % of it)"
-            for number, share in list(info.outside.items())[:_MOST_NAMED]
-        ]
-        more = len(info.outside) - len(named)
-        rest = f" and {more} more" if more else ""
-        yield f"reach over the bounds, and do nothing there: {', '.join(named)}{rest} (computed)"
-    yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
-    for number, gate in enumerate(info.passages, start=1):
-        x_mm, y_mm = gate.passage.middle_mm
-        yield (
-            f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
-            f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm){_dead_end(gate.passage)}"
-        )
-    if not info.passages:
-        yield "  none"
-    yield from _start_lines(info)
-
-
-def _dead_end(passage: Passage) -> str:
-    if not math.isfinite(passage.dead_end_mm):
-        return ""
-    return f", only into a dead end as large as a circle of {passage.dead_end_mm:.1f} mm"
-
-
-def _start_lines(info: MapInfo) -> Iterator[str]:
-    for number, room in enumerate(info.starts, start=1):
-        pose = room.pose
-        yield (
-            f"start {number} at {pose_text(pose)}: {room.clearance_mm:.2f} mm to the nearest wall, "
-            f"widest body that fits {room.body_mm:.2f} mm (computed)"
-        )
-    if not info.starts:
-        yield "the map has no start: the room for robots is not computed"
-        return
-    for share, width in info.widest_mm.items():
-        found = "none" if width is None else f"about {width:.1f} mm"
-        yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
-    if info.body is not None:
-        narrow, among = (
-            sum(g.body_mm < info.body.width_mm for g in info.passages),
-            len(info.passages),
-        )
-        yield (
-            f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
-            f"free area; {narrow} of {agreeing(among, 'this', 'these')} "
-            f"{counted(among, 'passage')} {agreeing(among, 'is', 'are')} too narrow (computed)"
-        )

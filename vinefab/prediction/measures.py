@@ -10,14 +10,15 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
+from vinefab.core.view import NO_INTERVAL, Number
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
+from vinefab.model.laser import GrowthConstants
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
     NO_TENSION,
-    GrowthConstants,
     riding_mm,
 )
 from vinefab.physics.tube import inflated_diameter_mm
@@ -25,8 +26,6 @@ from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import Reach
-
-NO_INTERVAL = "one sample: no interval"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +56,11 @@ class Measure:
     def content(self, value: float) -> float | None:
         """Return a value as it stands in JSON; None where there is none."""
         return self.rounded(value) if np.isfinite(value) else None
+
+    def of(self, mean: float, *interval: float) -> Number:
+        """Return a value, and its interval where both ends are given, to be shown and written."""
+        ends = (interval[0], interval[1]) if interval else None
+        return Number(mean, form=f"z.{self.digits}f", interval=ends, decimals=self.digits)
 
     def interval(self, mean: float, low: float, high: float) -> str:
         """Return a mean with its interval, without unit; one sample has none."""
@@ -177,6 +181,10 @@ class Spread:
     # least, greatest: extremes
     least: float
     greatest: float
+
+    def shown(self, measure: Measure) -> Number:
+        """Return the mean with its interval, as a measure is shown."""
+        return measure.of(self.mean, self.low, self.high)
 
     @property
     def has_interval(self) -> bool:
@@ -302,7 +310,7 @@ def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, 
     return float(loose_kpa), float(tight_kpa)
 
 
-LOOSE = FITTED.with_storage(NO_TENSION)
+LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 TIGHT = FITTED
 """Film that nothing holds back as it leaves its store, and film on a tight spool."""

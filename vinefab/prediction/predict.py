@@ -1,12 +1,26 @@
 """Predictions for a design over maps and unseen environments, and its report."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 
 from vinefab.core.plain_text import counted
+from vinefab.core.view import (
+    NO_INTERVAL,
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Origin,
+    Picture,
+    Result,
+    Section,
+    Tone,
+)
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import (
@@ -21,7 +35,6 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
-from vinefab.pages.html import Headline, Report, Section, Tone, page_html
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     anchoring_headline,
@@ -29,7 +42,11 @@ from vinefab.prediction.anchoring_prediction import (
     anchoring_section,
     predict_anchoring,
 )
-from vinefab.prediction.deployment_sections import deployment_section, spread_section
+from vinefab.prediction.deployment_sections import (
+    deployment_picture,
+    deployment_section,
+    spread_section,
+)
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -44,20 +61,27 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
 from vinefab.prediction.measures import (
     COVERAGE,
-    NO_INTERVAL,
     REACH,
     SEEN,
     STUCK,
     UNDEPLOYED,
     Measure,
     MeasureTable,
-    Spread,
+)
+from vinefab.prediction.prediction_json import (
+    anchoring_content,
+    effect_content,
+    field_content,
+    heat_content,
+    tolerance_content,
+    window_content,
 )
 from vinefab.prediction.prediction_width import (
     ContactRange,
     PressureRange,
     contact_range,
     pressure_range,
+    width_content,
     width_section,
 )
 from vinefab.prediction.pressure_window import (
@@ -66,7 +90,7 @@ from vinefab.prediction.pressure_window import (
     window_of,
     window_section,
 )
-from vinefab.prediction.provenance import Origin, model_assumptions, repeat_section
+from vinefab.prediction.provenance import model_assumptions
 from vinefab.prediction.sensitivity import (
     QUICK_MEASURES,
     Effect,
@@ -87,8 +111,8 @@ _SHARES = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Predicted:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Predicted(Result):
     """What a design is expected to do, and how it is made."""
 
     prepared: Prepared  # job and check
@@ -103,6 +127,10 @@ class Predicted:
     # effects, tolerance: sensitivity, and scatter from making
     effects: tuple[Effect, ...]
     tolerance: Tolerance
+    more: tuple[Section, ...] = ()  # what else its page shows
+    origin: Origin | None = None  # what it takes to get it again
+    schema = "vinefab/prediction-1"
+    parts = 13
 
     @property
     def main(self) -> FamilyDeployments:
@@ -121,62 +149,68 @@ class Predicted:
         found = deployment_notes(families, self.plan, {"": self.prepared.design})
         return tuple(f"{note[:1].upper()}{note[1:]}." for note in found)
 
-    def spread(self, measure: Measure) -> Spread | None:
-        """Return how a measure is spread in the main family."""
-        return self.main.outcomes.spread(measure)
+    @property
+    def title(self) -> str:
+        """What the page is about."""
+        return f"{self.prepared.design.name}: predictions and fabrication"
 
-    def sections(self, progress: ProgressCallback = no_progress) -> tuple[Section, ...]:
-        """Return the predictions as sections of a report."""
+    def view(self) -> Iterator[Block]:
+        """Yield the verdict, the median deployment and the numbers to take away."""
+        prepared, outcomes = self.prepared, self.main.outcomes
+        design, profile = prepared.design, prepared.profile
+        words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
+        yield Answer(words, tone, "verdict")
+        (median,) = typical(outcomes, SEEN.key, [0.5])
+        yield Picture(
+            image=lambda: deployment_picture(
+                design, self.main.prepared_map(median).world, self.main.deployments[median],
+                self.plan.options,
+            ),
+            caption=f"{self._caption(self.main, median, 'the median deployment')} (simulated).",
+        )  # fmt: skip
+        yield Notes(self.notes, "notes")
+        yield Notes(cautions(prepared, self.window, outcomes))
+        shown = headlines(outcomes, self.window, self.anchoring, self.contacts)
+        yield Facts(shown, lead=True)
+        yield Facts((*design_facts(prepared), Fact("growth model", self.growth)))
+        yield Data(
+            {
+                "design": design.name,
+                "recipe": profile.recipe.name,
+                "standing": "simulated",
+                "growth": self.plan.options.content,
+                "tone": tone,
+            }
+        )
+        yield Data(
+            lambda: {
+                "fields": [field_content(result.outcomes) for result in self.results],
+                "pressure_window": None if self.window is None else window_content(self.window),
+                "anchoring": [anchoring_content(prediction) for prediction in self.anchoring],
+                "width": width_content(self.contacts, self.pressure),
+                "heat": heat_content(self.heat),
+                "sensitivity": [effect_content(effect) for effect in self.effects],
+                "tolerance": tolerance_content(self.tolerance),
+            }
+        )
+
+    def details(self) -> Iterator[Section]:
+        """Yield the predictions and how the robot is made."""
         design, profile = self.prepared.design, self.prepared.profile
-        window, effects = self.window, self.effects
-        parts: tuple[Callable[[], Section], ...] = (
-            lambda: (
-                window_section(window, burst_basis(profile))
-                if window
-                else pressure_section(design, profile)
-            ),
-            lambda: spread_section([result.outcomes for result in self.results]),
-            self._deployments,
-            lambda: heat_section(self.heat),
-            lambda: anchoring_section(self.anchoring),
-            lambda: width_section(self.contacts, self.pressure),
-            lambda: sensitivity_section(effects, QUICK_MEASURES),
-            lambda: tolerance_section(self.tolerance),
-        )
-        drawn = []
-        for index, part in enumerate(parts):
-            drawn.append(part())
-            progress((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
-        return tuple(drawn)
-
-    def report(
-        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
-    ) -> Report:
-        """Return the whole report."""
-        words, tone = verdict_on(
-            self.prepared.report, self.window, self.prepared.profile.recipe.status
-        )
-        return Report(
-            title=f"{self.prepared.design.name}: predictions and fabrication",
-            verdict=words,
-            tone=tone,
-            cautions=(*self.notes, *cautions(self.prepared, self.window, self.main.outcomes)),
-            headlines=headlines(self.main.outcomes, self.window, self.anchoring, self.contacts),
-            facts=(*design_facts(self.prepared), ("growth model", self.growth)),
-            sections=(
-                *more,
-                *self.sections(progress),
-                *making_sections(self.prepared),
-                assumption_section(self.prepared.profile, model_assumptions(self.plan.options)),
-                repeat_section(origin.command, origin.inputs, origin.versions),
-            ),
-        )
-
-    def page(
-        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
-    ) -> str:
-        """Return the whole report as HTML; parameters as in `report`."""
-        return page_html(self.report(origin, more, progress))
+        yield from self.more
+        if self.window is None:
+            yield pressure_section(design, profile)
+        else:
+            yield window_section(self.window, burst_basis(profile))
+        yield spread_section([result.outcomes for result in self.results])
+        yield self._deployments()
+        yield heat_section(self.heat)
+        yield anchoring_section(self.anchoring)
+        yield width_section(self.contacts, self.pressure)
+        yield sensitivity_section(self.effects, QUICK_MEASURES)
+        yield tolerance_section(self.tolerance)
+        yield from making_sections(self.prepared)
+        yield assumption_section(profile, model_assumptions(self.plan.options))
 
     def _deployments(self) -> Section:
         design = self.prepared.design
@@ -369,7 +403,7 @@ def headlines(
     window: PressureWindow | None,
     anchoring: Sequence[AnchoringPrediction],
     contacts: ContactRange,
-) -> tuple[Headline, ...]:
+) -> tuple[Fact, ...]:
     """Return the numbers to take away."""
     found = [_measured(outcomes, measure, contacts) for measure in (SEEN, REACH, COVERAGE)]
     found += [_measured(outcomes, measure, None, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
@@ -385,7 +419,7 @@ def _measured(
     measure: Measure,
     contacts: ContactRange | None = None,
     most: float | None = None,
-) -> Headline | None:
+) -> Fact | None:
     spread = outcomes.spread(measure)
     if spread is None:
         return None
@@ -398,7 +432,7 @@ def _measured(
     if contacts is not None:
         least, greatest = (measure.number(value) for value in contacts.ends(measure))
         width = f"; {least} to {greatest} over {contacts.over}"
-    return Headline(
+    return Fact(
         name=measure.title,
         value=measure.text(spread.mean),
         detail=f"mean over {outcomes.label}, {interval}{width}{over} (simulated)",
@@ -406,9 +440,9 @@ def _measured(
     )
 
 
-def _pressed(window: PressureWindow) -> Headline:
+def _pressed(window: PressureWindow) -> Fact:
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
-    return Headline(
+    return Fact(
         name="pressure window",
         value=room if window.is_open else "none",
         detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest part "

@@ -1,4 +1,4 @@
-"""The numbers of a report as JSON, ``vinefab/prediction-1``, and as lines for the user.
+"""The numbers of a report as they stand in JSON, ``vinefab/prediction-1``.
 
 Every number is rounded as the page shows it, so that both say the same.
 """
@@ -6,60 +6,16 @@ Every number is rounded as the page shows it, so that both say the same.
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
-from vinefab.pages.html import Tone
 from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
 from vinefab.prediction.heat_map import HeatMap
 from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
-from vinefab.prediction.predict import Predicted, headlines, verdict_on
-from vinefab.prediction.prediction_width import width_content
 from vinefab.prediction.pressure_window import Need, PressureWindow
-from vinefab.prediction.provenance import Origin
 from vinefab.prediction.sensitivity import QUICK_MEASURES, Effect, Tolerance
 
-_SCHEMA = "vinefab/prediction-1"
 
-
-def prediction_text(found: Predicted, origin: Origin) -> str:
-    """Return all predictions as JSON."""
-    verdict, tone = _verdict(found)
-    return json_text(
-        _SCHEMA,
-        {
-            "design": found.prepared.design.name,
-            "recipe": found.prepared.profile.recipe.name,
-            "standing": "simulated",
-            "growth": found.plan.options.content,
-            "notes": list(found.notes),
-            "verdict": verdict,
-            "tone": tone,
-            "fields": [_field(result.outcomes) for result in found.results],
-            "pressure_window": None if found.window is None else window_content(found.window),
-            "anchoring": [anchoring_content(prediction) for prediction in found.anchoring],
-            "width": width_content(found.contacts, found.pressure),
-            "heat": heat_content(found.heat),
-            "sensitivity": [effect_content(effect) for effect in found.effects],
-            "tolerance": tolerance_content(found.tolerance),
-            "reproduce": asdict(origin),
-        },
-    )
-
-
-def summary_lines(found: Predicted) -> list[str]:
-    """Return the verdict and the numbers to take away as lines for the user."""
-    verdict, _ = _verdict(found)
-    shown = headlines(found.main.outcomes, found.window, found.anchoring, found.contacts)
-    notes = [f"growth: {found.growth}", *found.notes]
-    return [verdict, *notes, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
-
-
-def _verdict(found: Predicted) -> tuple[str, Tone]:
-    prepared = found.prepared
-    return verdict_on(prepared.report, found.window, prepared.profile.recipe.status)
-
-
-def _field(outcomes: MeasureTable) -> dict[str, object]:
+def field_content(outcomes: MeasureTable) -> dict[str, object]:
+    """Return the outcomes on one family of maps as they stand in JSON."""
     return {
         "label": outcomes.label,
         "maps": outcomes.map_count,

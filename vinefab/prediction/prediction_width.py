@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
@@ -19,10 +18,8 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import LEVEL_COLOURS
-from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import (
@@ -37,6 +34,7 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
 )
+from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
@@ -223,28 +221,6 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
-def contact_chart(shown: Mapping[str, ContactRange], measure: Measure) -> Figure:
-    """Return a measure over the range of half-angles, a line with its interval for each name."""
-    with house_style():
-        figure, axes = blank(6.0, 2.8)
-        for index, (name, found) in enumerate(shown.items()):
-            values = found.values[measure.key]
-            low, high = [v.low for v in values], [v.high for v in values]
-            colour = LEVEL_COLOURS[index % len(LEVEL_COLOURS)]
-            angles = found.angles_deg
-            axes.fill_between(angles, low, high, color=colour, alpha=0.16, linewidth=0)
-            axes.plot(angles, [v.mean for v in values], "o-", color=colour, label=name)
-        (first, *_) = shown.values()
-        axes.set_xticks(first.angles_deg)
-        standing = first.standing.partition(":")[0]
-        axes.set_xlabel(f"head-on half-angle (degrees, {standing})")
-        axes.set_ylabel(measure.label)
-        if len(shown) > 1:
-            axes.legend(fontsize=8)
-        frame(axes)
-    return figure
-
-
 CONTACT_WORDS = (
     "Whether a tip that meets a wall slides on or stops there is not known: films of real robots "
     "show sliding down to 15 degrees from head-on. Every number here holds for one half-angle "
@@ -277,7 +253,7 @@ def width_section(contacts: ContactRange, pressure: PressureRange | None) -> Sec
             "published (both assumed)."
         )
     picture = Picture(
-        image=svg_bytes(contact_chart({"": contacts}, COVERAGE)),
+        image=page_svg(contact_chart({"": contacts}, COVERAGE)),
         caption=f"{COVERAGE.title.capitalize()} over the head-on half-angle, with its 95 % "
         "interval over maps (simulated).",
     )

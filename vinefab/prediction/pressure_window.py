@@ -4,20 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT, level_colour
-from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
+from vinefab.prediction.pictures import window_chart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,62 +165,6 @@ def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[Level
     return tuple(found)
 
 
-_OPEN = "#1b7f4d"
-
-
-def window_chart(window: PressureWindow) -> Figure:
-    """Return what growth needs, what each width may take, and the room between the two."""
-    with house_style():
-        figure, axes = blank(6.4, 1.7 + 0.36 * len(window.levels))
-        _draw_room(axes, window)
-        names = []
-        for row, need in enumerate((window.loose, window.tight)):
-            _draw_need(axes, row, need)
-            names.append(f"growth needs, film stored {need.storage}")
-        for row, level in enumerate(window.levels, start=2):
-            colour = level_colour(level.level)
-            axes.barh(row, level.allowed_kpa, height=0.5, color=colour, alpha=0.5)
-            axes.plot([level.burst_kpa] * 2, [row - 0.3, row + 0.3], color=colour, linewidth=2)
-            names.append(f"{level.name} may take, {level.width_mm:.1f} mm")
-        axes.axvline(window.working_kpa, color=INK, linewidth=1.4, linestyle="--")
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.5, -1.2)
-        axes.set_xlim(0.0, 1.06 * window.highest_kpa)
-        axes.annotate(
-            f"working pressure {window.working_kpa:g} kPa",
-            (window.working_kpa, -0.86),
-            xytext=(4, 0),
-            textcoords="offset points",
-            fontsize=8,
-            va="center",
-        )
-        axes.set_xlabel("pressure (kPa)")
-        frame(axes)
-        axes.grid(visible=False, axis="y")
-    return figure
-
-
-def _draw_need(axes: Axes, row: int, need: Need) -> None:
-    """Draw the range of 5 to 95 % of the deployments, and the median."""
-    width_kpa = need.p95_kpa - need.p05_kpa
-    colour = LEVEL_COLOURS[1]
-    axes.barh(row, width_kpa, left=need.p05_kpa, height=0.5, color=colour, alpha=0.45)
-    for value, weight in ((need.median_kpa, 1.2), (need.p95_kpa, 2.5)):
-        axes.plot([value] * 2, [row - 0.3, row + 0.3], color=colour, linewidth=weight)
-
-
-def _draw_room(axes: Axes, window: PressureWindow) -> None:
-    low, high = window.needed_kpa, window.allowed_kpa
-    if window.is_open:
-        axes.axvspan(low, high, color=_OPEN, alpha=0.16, linewidth=0)
-        words, colour = f"window {low:.1f} to {high:.1f} kPa", _OPEN
-    else:
-        axes.axvspan(high, low, color=ALERT, alpha=0.10, linewidth=0)
-        words, colour = f"no window: {low - high:.1f} kPa missing", ALERT
-    axes.axvline(high, color=SOFT, linewidth=1.0)
-    axes.set_title(words, fontsize=9.5, color=colour, loc="left", fontweight="bold")
-
-
 def window_section(window: PressureWindow, burst_basis: str) -> Section:
     """Return the pressure window as a chart and numbers."""
     words = (
@@ -269,7 +210,7 @@ def window_section(window: PressureWindow, burst_basis: str) -> Section:
         ),
     )  # fmt: skip
     picture = Picture(
-        image=svg_bytes(window_chart(window)),
+        image=page_svg(window_chart(window)),
         caption="Bars of growth: 5 to 95 % of the deployments, line at the median (simulated). "
         "Bars of widths: what they may take; line at what their seams stand "
         f"({window.standing.value}).",

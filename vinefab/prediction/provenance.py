@@ -1,17 +1,16 @@
 """What predictions rest on: assumed and published numbers, inputs, versions, the command."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from vinefab.core.hashing import sha256_of
 from vinefab.core.units import deg
+from vinefab.core.view import Origin
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.laser import LaserProfile, Quantity, Standing
-from vinefab.pages.html import Section, Table
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
 from vinefab.prediction.family_deployments import MapFamily
@@ -22,15 +21,6 @@ from vinefab.tasks.reach import Reach
 
 _MOST_NAMED = 12
 """Maps of a family are listed one by one up to so many."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Origin:
-    """What it takes to get a result again."""
-
-    command: str  # what to type
-    inputs: Mapping[str, str]  # fingerprints of the contents that went in, by name
-    versions: Mapping[str, str]  # versions of what computed it
 
 
 def origin_of(
@@ -56,30 +46,6 @@ def origin_of(
         else:
             inputs[family.label] = sha256_of("".join(prints).encode())[:12]
     return Origin(command=command, inputs=inputs, versions=package_versions())
-
-
-def repeat_section(command: str, inputs: Mapping[str, str], versions: Mapping[str, str]) -> Section:
-    """Return the command, the inputs' fingerprints and the versions behind a report."""
-    return Section(
-        title="How to reproduce",
-        paragraphs=(
-            "The same command with the same inputs and versions gives the same file, byte for "
-            "byte; results do not depend on the computer beyond rounding.",
-        ),
-        code=command,
-        tables=(
-            Table(
-                caption="Fingerprints of what went in (SHA-256, shortened)",
-                headings=("input", "fingerprint"),
-                rows=tuple(inputs.items()),
-            ),
-            Table(
-                caption="Versions",
-                headings=("program", "version"),
-                rows=tuple(versions.items()),
-            ),
-        ),
-    )
 
 
 Numbers = tuple[tuple[str, Quantity], ...]

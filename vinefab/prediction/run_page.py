@@ -23,10 +23,10 @@ from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import png_bytes, svg_bytes
+from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
 from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.run_winner import (
@@ -308,11 +308,11 @@ def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: 
     # A robot that hardly grew would be shown without the map that stopped it.
     whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     targets = targets_mm(run.settings)
-    figure = deployment_plan(
-        world, deployment, widths_mm, longest_in=4.6, whole=whole, targets_mm=targets
+    plan = deployment_plan(
+        world, deployment, widths_mm, longest_pt=331.0, whole=whole, targets_mm=targets
     )
     fine = run.design.branch_count > TOO_FINE
-    image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
+    image = page_bytes(plan, ".png" if fine else ".svg", dpi=130)
     return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
 
 

@@ -6,17 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.prediction.deploy import pose_text, stayed_text
+from vinefab.prediction.deploy import stayed_text
 from vinefab.tasks.evaluate import (
     PreparedMap,
-    composites_text,
     map_weights,
     poses_on,
     score_design,
@@ -62,6 +60,7 @@ def score_design_on_task(
     return replace(
         _with_parts(score, task, map_weights([len(places) for places in poses])),
         growth=options.content,
+        grown=growth_text(options, [design]),
         notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),
     )
 
@@ -77,33 +76,3 @@ def _with_parts(score: Score, task: Task, weights: Floats | None) -> Score:
     table = np.array([[each.parts[name] for name in names] for each in evaluations])
     means = np.average(table, axis=0, weights=weights).tolist()
     return replace(score, evaluations=evaluations, parts=dict(zip(names, means, strict=True)))
-
-
-def score_lines(result: Score, design: Design, most: int = 30) -> list[str]:
-    """Return a score as lines for the user: evaluations, what they are made of, composites."""
-    lines = [
-        f"  {evaluation.score:8.4f}  {evaluation.map_name}  {pose_text(evaluation.pose)}"
-        for evaluation in result.evaluations[:most]
-    ]
-    count = len(result.evaluations)
-    hidden = count - len(lines)
-    lines += [f"  ... and {hidden} more"] if hidden else []
-    grown = growth_text(GrowthOptions.of(result.growth), [design])
-    return [
-        f"task {result.task}, {counted(count, 'evaluation')} (simulated); {grown}",
-        *lines,
-        *parts_line(result),
-        f"composite: {composites_text(result.composite)}",
-        *result.notes,
-    ]
-
-
-def parts_line(result: Score) -> list[str]:
-    """Return the parts of the mean as a sum; nothing where the task does not say."""
-    if not result.parts:
-        return []
-    signed = [
-        f"{'-' if value < 0.0 else '+'} {abs(value):.4f} {name}"
-        for name, value in result.parts.items()
-    ]
-    return [f"mean: {' '.join(signed)} = {result.composite['mean']:.4f}"]

@@ -7,8 +7,6 @@ from functools import partial
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
@@ -22,10 +20,8 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.pages.charts import frame
-from vinefab.pages.colours import LEVEL_COLOURS, SOFT
-from vinefab.pages.figure import house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
     PreparedFamily,
@@ -42,6 +38,7 @@ from vinefab.prediction.measures import (
     shares_percent,
     worst_pressures_kpa,
 )
+from vinefab.prediction.pictures import effect_panels
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, PreparedMap
 from vinefab.tasks.reach import Reach
@@ -319,8 +316,8 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
 
 def scaled_tree(design: Design, factor: float) -> Design:
     """Return a design with all lengths times a factor; widths stay."""
-    levels = tuple(replace(level, length_mm=level.length_mm * factor) for level in design.levels)
-    return replace(design, trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
+    levels = tuple(level.changed(length_mm=level.length_mm * factor) for level in design.levels)
+    return design.changed(trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
 
 
 def moved_poses(
@@ -351,33 +348,6 @@ def shifted_pose(pose: Pose, step_mm: float) -> Pose:
     )
 
 
-def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Figure:
-    """Return what every change does: a column per knob, a row per measure."""
-    knobs = list(dict.fromkeys(effect.knob for effect in effects))
-    with house_style():
-        figure = Figure(figsize=(6.8, 0.5 + 1.75 * len(measures)), layout="constrained")
-        grid = figure.subplots(len(measures), len(knobs), sharey="row", squeeze=False)
-        for row, measure in enumerate(measures):
-            for column, knob in enumerate(knobs):
-                _draw_effect(grid[row][column], [e for e in effects if e.knob == knob], measure)
-            grid[row][0].set_ylabel(f"change of\n{measure.title}\n({measure.unit})", fontsize=8)
-        for column, knob in enumerate(knobs):
-            unit = next(effect.unit for effect in effects if effect.knob == knob)
-            grid[-1][column].set_xlabel(f"{knob} ({unit})", fontsize=8)
-    return figure
-
-
-def _draw_effect(axes: Axes, effects: Sequence[Effect], measure: Measure) -> None:
-    shown = [(e.step, e.changes[measure.key]) for e in effects if measure.key in e.changes]
-    points = sorted([(step, c.mean, c.low, c.high) for step, c in shown] + [(0.0, 0.0, 0.0, 0.0)])
-    step, mean, low, high = np.array(points).T
-    axes.fill_between(step, low, high, color=LEVEL_COLOURS[2], alpha=0.22, linewidth=0)
-    axes.plot(step, mean, "o-", color=LEVEL_COLOURS[0], markersize=3.5, linewidth=1.3)
-    axes.axhline(0.0, color=SOFT, linewidth=0.8)
-    axes.tick_params(labelsize=7.5)
-    frame(axes)
-
-
 def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
     """Return what changes of start, lengths and model do."""
     drawn = (measures[0], measures[-1])
@@ -401,7 +371,7 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
         rows=rows,
     )
     picture = Picture(
-        image=svg_bytes(effect_panels(effects, drawn)),
+        image=page_svg(effect_panels(effects, drawn)),
         caption="Mean change with its 95 % interval (simulated).",
         wide=True,
     )

@@ -141,7 +141,7 @@ def base_holder(
     if asked == 0 or not (world.starts or asked):
         return None, ()
     if asked and asked > len(world.starts):
-        raise BadInputError("rig.base_start", asked, f"0 to {len(world.starts)}")
+        raise BadInputError("base_start", asked, f"0 to {len(world.starts)}")
     number = asked or 1
     place = _place_of(world.starts[number - 1], world, rig, taken)
     tube = base_tube(design, rig.options.collar_mm)
@@ -149,7 +149,7 @@ def base_holder(
     if isinstance(made, BaseHolder):
         return made, made.notes
     if asked:
-        raise BadInputError("rig.base_start", asked, f"a start where a holder can stand: {made}")
+        raise BadInputError("base_start", asked, f"a start where a holder can stand: {made}")
     return None, (f"start {number} has no base holder: {made}",)
 
 

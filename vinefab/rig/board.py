@@ -86,7 +86,7 @@ def loose_pieces(
     pieces, _ = without_slivers(pieces, options.sliver_mm)
     if len(pieces) > most:
         allowed = f"at most {most} loose pieces: --most-parts allows more, --style plate needs none"
-        raise BadInputError("rig.parts", len(pieces), allowed)
+        raise BadInputError("parts", len(pieces), allowed)
     middles = shapely.get_coordinates(shapely.centroid(pieces))
     order = np.lexsort((middles[:, 0], np.round(middles[:, 1] / 20.0)))
     return tuple(
@@ -146,7 +146,7 @@ def build_board(
     """
     width_mm, depth_mm = (options.scale * side + 2.0 * options.border_mm for side in world.size_mm)
     # Only what stands on a cell of the bed's size is a part: the cells may be many more.
-    many = replace(options, most_parts=MOST_PARTS)
+    many = options.changed(most_parts=MOST_PARTS)
     grid_of((width_mm, depth_mm), printer, many)
     plan = plan or plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, many)
@@ -165,6 +165,7 @@ def build_board(
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
+        origin_mm=plan.origin_mm,
         counts={"pieces": len(pieces), "slivers": plan.slivers, "slits": plan.slits, **counts},
         notes=_notes(plan, counts, printer, options),
     )

@@ -14,11 +14,10 @@ from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import ensure_read_back
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
 from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import footprints
-from vinefab.rig.corner_tiles import BoardMarkers
+from vinefab.rig.fixtures import BoardMarkers
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts
@@ -210,7 +209,6 @@ class LaserCutFiles:
 
 def laser_cut_files(
     rig: Rig,
-    world: Map,
     pieces: tuple[LoosePiece, ...],
     markers: BoardMarkers | None = None,
     *,
@@ -218,7 +216,7 @@ def laser_cut_files(
 ) -> LaserCutFiles:
     """Return what is cut for a rig."""
     options, named = rig.options, list[tuple[str, list[Job]]]()
-    plate = _on_plan(rig.plate, rig, world)
+    plate = rig.on_plan(rig.plate)
     if rig.style != "plate":
         named.append(("board", board_jobs(rig.name, plate, pieces, options, markers)))
     if lid:
@@ -232,19 +230,9 @@ def laser_cut_files(
     return LaserCutFiles(jobs=jobs_by_name, files=files)
 
 
-def outlines_of(rig: Rig, world: Map, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:
+def outlines_of(rig: Rig, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:
     """Return what the assembly drawing numbers: outlines by number, in map coordinates."""
     if pieces:
-        return {piece.number: _on_map(piece.outline, rig, world) for piece in pieces}
+        return {piece.number: rig.on_map(piece.outline) for piece in pieces}
     standing = footprints(rig)
     return {part.number: standing[part.name] for part in rig.parts}
-
-
-def _on_plan(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
-    low_mm = world.bounds.bounds[:2]
-    return shapely.transform(shape, lambda points: (points - low_mm) * rig.options.scale)
-
-
-def _on_map(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
-    low_mm = world.bounds.bounds[:2]
-    return shapely.transform(shape, lambda points: points / rig.options.scale + low_mm)

@@ -1,7 +1,7 @@
 """From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import shapely
 
@@ -13,55 +13,53 @@ from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map
 from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
-from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
+from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.fixtures import with_fixtures
 from vinefab.rig.laser_cut import laser_cut_files, outlines_of
 from vinefab.rig.open_shell import shell_words
-from vinefab.rig.page import rig_page, rig_pictures, rig_section
+from vinefab.rig.page import rig_page, rig_pictures, rig_section, true_scale_files
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig, refuse_early
-from vinefab.rig.printing import PrintEstimate, printing_of
-from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
+from vinefab.rig.printing import printing_of
+from vinefab.rig.rig_json import RIG_NAME, RigRecord, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import RigPlan, plan_of
 from vinefab.rig.split import usable_mm
-from vinefab.rig.true_scale import true_scale_files
 
-RIG_MARK = "rig.json"
-"""The file by which the folder of a rig is known again."""
+RIG_MARK = RIG_NAME
 
 MOST_DIFFERENCE = 1e-3
 """Largest share of the walls by which an assembled rig may differ from its map."""
 
 _CONVEX = 1e-9
+_STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
 ProgressCallback = Callable[[float, str], None]
 """Called with the share of the work that is done, 0 to 1, and the next step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigFiles:
+class RigFiles(RigRecord):
     """A rig as files."""
 
-    rig: Rig
-    files: dict[str, bytes]  # by name, every solid read back; empty when a rule forbids the rig
-    comparison: RigComparison  # of the assembled rig with the map
-    report: CheckReport  # of the rules about rigs
-    estimate: PrintEstimate
-    why_style: str  # which style was chosen and what the other would take
+    # by name, every solid read back; empty when a rule forbids the rig
+    files: dict[str, bytes] = field(default_factory=dict)
     section: Section | None = None  # the rig's part of a report, if pictures were drawn
 
     def summary(self) -> list[str]:
         """Return the rig in a few lines for the user."""
         rig = self.rig
+        sheets = f"; {counted(len(self.jobs), 'sheet')} for the laser" if self.jobs else ""
         return [
-            self._size_line(),
-            f"printing: {self.estimate.words()} (computed from assumed settings of the printer)",
+            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} at "
+            f"{rig.options.scale:.4g} of the map's size, {rig.volume_mm3 / 1000:.0f} cm3 (computed)"
+            f"{sheets}",
+            f"printing: {self.printing.total.words()} (computed from assumed settings of the "
+            "printer)",
             self.why_style,
             *([shell_words(rig)] if shell_words(rig) else []),
             f"every STL and 3MF read back closed and oriented; assembled, the outsides of the "
@@ -69,16 +67,6 @@ class RigFiles:
             *(f"note: {note}" for note in rig.notes),
             *check_lines(self.report)[:-1],
         ]
-
-    def _size_line(self) -> str:
-        rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
-        sheets = [name for name in self.files if name.endswith(".dxf")]
-        laser = f"; {counted(len(sheets), 'sheet')} for the laser" if sheets else ""
-        volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
-        return (
-            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} {scale}, "
-            f"{volume}{laser}"
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,26 +98,35 @@ def make_rig(
         If a file, read back, or the assembled rig differs from what it has to be.
     """
     request = request or RigRequest()
+    tell = progress or (lambda _, __: None)
     if not request.allow_empty:
         _refuse_empty(world)
-    report_progress = progress or _no_progress
-    report_progress(0.0, "building solids")
+    tell(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
     rig, fixtures = with_fixtures(rig, world, request.design)
-    cut = laser_cut_files(rig, world, pieces, fixtures.board, lid=request.lid)
-    report_progress(0.25, "comparing with the map")
+    cut = laser_cut_files(rig, pieces, fixtures.board, lid=request.lid)
+    tell(0.25, "comparing with the map")
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)
-    report_progress(0.35, "writing and reading back")
+    tell(0.35, "writing and reading back")
     files = part_files(rig, printing)
-    facts = _facts(rig, part_problems(files, rig, printing))
-    files |= cut.files
+    problems = part_problems(files, rig, printing)
+    facts = RigFacts(
+        name=rig.name,
+        printer=rig.printer.name,
+        room_mm=(*usable_mm(rig.printer, rig.options), rig.printer.height_mm),
+        height_mm=rig.options.height_mm,
+        parts=tuple(
+            RigPartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
+            for part in rig.printed
+        ),
+    )
     courses = (_course(rig, world, request.design),) if request.design else ()
     report = run_rig_checks(RigSubject(design=request.design, rig=facts, corridors=courses))
-    record = RigRecord(
+    made = RigFiles(
         rig=rig,
         world=world,
         printing=printing,
@@ -139,30 +136,20 @@ def make_rig(
         why_style=why_style,
         fixtures=fixtures,
     )
-    section: Section | None = None
     if report.blocking:
-        files = {}
-    else:
-        files |= true_scale_files(rig, world, fixtures, pieces)
-        if request.pictures:
-            outlines = outlines_of(rig, world, pieces)
-            report_progress(0.5, "drawing the plan")
-            drawn = rig_pictures(rig, world, outlines, cut.jobs)
-            section = rig_section(rig, printing, drawn, why_style)
-            page = rig_page(rig, section, report, comparison)
-            files |= {**drawn, "report.html": page.encode()}
-        files["parts.csv"] = parts_text(rig, printing).encode()
-        digests = {name: sha256_of(data) for name, data in files.items()}
-        files["rig.json"] = rig_text(record, digests).encode()
-    return RigFiles(
-        rig=rig,
-        files=files,
-        comparison=comparison,
-        report=report,
-        estimate=printing.total,
-        why_style=why_style,
-        section=section,
-    )
+        return made
+    files |= cut.files | true_scale_files(rig, world, fixtures, pieces)
+    section: Section | None = None
+    if request.pictures:
+        tell(0.5, "drawing the plan")
+        drawn = rig_pictures(rig, world, outlines_of(rig, pieces), cut.jobs)
+        section = rig_section(rig, printing, drawn, why_style)
+        page = rig_page(rig, section, report, comparison)
+        files |= {**drawn, "report.html": page.encode()}
+    files["parts.csv"] = parts_text(rig, printing).encode()
+    digests = {name: sha256_of(data) for name, data in files.items()}
+    files[RIG_NAME] = rig_text(made, digests).encode()
+    return replace(made, files=files, section=section)
 
 
 def _built(
@@ -177,7 +164,7 @@ def _built(
     refused: dict[str, BadInputError] = {}
     for style in ("plate", "board"):
         try:
-            made[style] = _in_style(world, printer, replace(options, style=style), plan)
+            made[style] = _in_style(world, printer, options.changed(style=style), plan)
         except BadInputError as error:
             refused[style] = error
     if not made:
@@ -185,7 +172,6 @@ def _built(
     takes = {style: printing_of(rig).total for style, (rig, _) in made.items()}
     chosen = min(takes, key=lambda style: takes[style].time_s)
     other = "plate" if chosen == "board" else "board"
-    why = f"style {chosen}: {_STYLE_WORDS[chosen]}; style {other} was refused"
     if other in takes:
         why = (
             f"style {chosen}, {_STYLE_WORDS[chosen]}, is the quicker to print: "
@@ -193,11 +179,8 @@ def _built(
             f"{takes[other].words()} (estimates, without markers and holder)"
         )
     else:
-        why += f": {refused[other]}"
+        why = f"style {chosen}: {_STYLE_WORDS[chosen]}; style {other} was refused: {refused[other]}"
     return *made[chosen], why
-
-
-_STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
 
 def _in_style(
@@ -209,37 +192,17 @@ def _in_style(
     return build_board(world, printer, options, plan)
 
 
-def _no_progress(_: float, __: str) -> None:
-    """Report no progress."""
-
-
 def _refuse_empty(world: Map) -> None:
     """Refuse a map that has nothing to print but a tray."""
     bounds = world.bounds
-    hull_mm2 = bounds.convex_hull.area
-    walled = bounds.area < hull_mm2 * (1.0 - _CONVEX)
-    if walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles):
-        return
-    allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
-    raise BadInputError(f"map {world.name}: number of obstacles", 0, f"{allowed} makes a bare tray")
-
-
-def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
-    room_mm = (*usable_mm(rig.printer, rig.options), rig.printer.height_mm)
-    return RigFacts(
-        name=rig.name,
-        printer=rig.printer.name,
-        room_mm=room_mm,
-        height_mm=rig.options.height_mm,
-        parts=tuple(
-            RigPartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
-            for part in rig.printed
-        ),
-    )
+    walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
+    if not walled and not any(obstacle.intersects(bounds) for obstacle in world.obstacles):
+        allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
+        key = f"map {world.name}: number of obstacles"
+        raise BadInputError(key, 0, f"{allowed} makes a bare tray")
 
 
 def _course(rig: Rig, world: Map, design: Design) -> MapCorridors:
     """Return the corridors as they will be printed, thickened walls included."""
-    inside = shapely.Polygon(world.bounds.exterior)
-    free = shapely.difference(inside, rig.walls)
+    free = shapely.difference(shapely.Polygon(world.bounds.exterior), rig.walls)
     return corridors_in(world, free, design, rig.options.scale, f"the rig of {world.name}")

@@ -58,7 +58,7 @@ def shell_wall_mm(printer: Printer, options: RigOptions) -> float:
             f"0 (solid), or whole lines of the nozzle of {printer.name} ({nozzle_mm:g} mm), at "
             f"least {lines}: {some} and so on"
         )
-        raise BadInputError("rig.wall_mm", options.wall_mm, allowed)
+        raise BadInputError("wall_mm", options.wall_mm, allowed)
     return options.wall_mm
 
 

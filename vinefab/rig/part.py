@@ -1,10 +1,11 @@
-"""The nouns of a rig: a part as it is printed, all parts together, and a part read from a file."""
+"""The nouns of a rig: a part as it is printed, all parts together, and triangles of a file."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
@@ -79,48 +80,6 @@ class RigPart:
         return float(0.5 * np.linalg.norm(doubled, axis=1).sum())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class UprightFaces:
-    """The sides of a part, as an estimate of its printing needs them."""
-
-    area_mm2: float
-    # upright edges between two sides: height, and the angle by which a line turns there
-    heights_mm: Floats
-    turns_rad: Floats
-    rings: float  # mean number of closed outlines in a layer
-
-
-def upright_faces(part: RigPart) -> UprightFaces:
-    """Return the sides of a part, from its triangles."""
-    corners = part.vertices_mm[part.faces]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(doubled, axis=1)
-    upright = np.abs(doubled[:, 2]) < _LEANING * length
-    faces = part.faces[upright]
-    normals = doubled[upright, :2] / np.maximum(length[upright], 1e-12)[:, None]
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort(edges.T)
-    same = (edges[order][1:] == edges[order][:-1]).all(axis=1)
-    first = order[:-1][same]
-    one, other = normals[owner[first]], normals[owner[order[1:][same]]]
-    rise_mm = np.abs(np.diff(part.vertices_mm[edges[first], 2], axis=1)[:, 0])
-    cross, dot = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1)
-    turns = np.abs(np.arctan2(cross, dot))
-    bent = (turns > _LEANING) & (rise_mm > 0.0)
-    # A convex outline turns by a whole circle in each layer, others by somewhat more.
-    rings = float((turns * rise_mm)[bent].sum()) / (2.0 * np.pi * max(part.size_mm[2], 1e-9))
-    return UprightFaces(
-        area_mm2=float(0.5 * length[upright].sum()),
-        heights_mm=rise_mm[bent],
-        turns_rad=turns[bent],
-        rings=max(1.0, rings),
-    )
-
-
-_LEANING = 1e-3
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThinPlace:
     """A place where a wall is thinner than the printer can print it."""
@@ -150,6 +109,7 @@ class Rig:
     thickened: BaseGeometry = field(default_factory=Polygon)
     # where walls were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # lower left corner of the bounds on the map
     # what was left out, filled or joined, by name; see `vinefab.rig.plate`
     counts: Mapping[str, int] = field(default_factory=dict)
     joint_gap_mm3: float = 0.0  # volume of the plate that is missing in the gaps around the joints
@@ -157,6 +117,16 @@ class Rig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))
+
+    def on_plan(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape of the map in the coordinates of the rig's plan."""
+        return shapely.transform(
+            shape, lambda points: (points - self.origin_mm) * self.options.scale
+        )
+
+    def on_map(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape of the plan in map coordinates."""
+        return shapely.transform(shape, lambda points: points / self.options.scale + self.origin_mm)
 
     @property
     def printed(self) -> tuple[RigPart, ...]:
@@ -167,6 +137,20 @@ class Rig:
     def volume_mm3(self) -> float:
         """Designed volume of the parts, without what stands beside the rig."""
         return sum(part.volume_mm3 for part in self.parts)
+
+
+def different_points(points: Floats) -> tuple[Floats, Ints]:
+    """Return the rows that differ, in ascending order, and for each row which of them it is.
+
+    It is `numpy.unique` by rows, which compares records one by one, in a fraction of its time.
+    """
+    order = np.lexsort(points.T[::-1])
+    ascending = points[order]
+    is_new = np.ones(len(points), dtype=bool)
+    is_new[1:] = (ascending[1:] != ascending[:-1]).any(axis=1)
+    index = np.empty(len(points), dtype=np.int64)
+    index[order] = np.cumsum(is_new) - 1
+    return ascending[is_new], index
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -183,9 +167,9 @@ class Mesh:
     @classmethod
     def of_corners(cls, corners_mm: Floats) -> "Mesh":
         """Return the mesh of triangles that are given by their corners, shape (m, 3, 3)."""
-        points = np.ascontiguousarray(corners_mm, dtype=np.float64).reshape(-1, 3) + 0.0
-        vertices, index = np.unique(points, axis=0, return_inverse=True)
-        return cls(vertices_mm=vertices, faces=np.asarray(index, dtype=np.int64).reshape(-1, 3))
+        points = np.asarray(corners_mm, dtype=np.float64).reshape(-1, 3) + 0.0
+        vertices, index = different_points(points)
+        return cls(vertices_mm=vertices, faces=index.reshape(-1, 3))
 
     @property
     def volume_mm3(self) -> float:
@@ -230,52 +214,11 @@ def mesh_problems(mesh: Mesh, part: RigPart) -> tuple[str, ...]:
     """Return every difference between triangles read from a file and the part they stand for."""
     if len(mesh.faces) != len(part.faces):
         return (f"holds {counted(len(mesh.faces), 'triangle')}, not {len(part.faces)}",)
-    return (*mesh.form_problems(), *_size_problems(mesh, part))
-
-
-def _size_problems(mesh: Mesh, part: RigPart) -> list[str]:
-    problems = []
+    problems = mesh.form_problems()
     volume_mm3 = mesh.volume_mm3
     if abs(volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     box = np.array([part.vertices_mm.min(axis=0), part.vertices_mm.max(axis=0)])
     if np.abs(mesh.box_mm - box).max() > BOX_MM:
         problems.append(f"fills the box {mesh.box_mm.tolist()}, not {box.tolist()}")
-    return problems
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartItem:
-    """A part as a file places it."""
-
-    part: RigPart
-    at_mm: tuple[float, float] = (0.0, 0.0)  # where its lower corner lies on the bed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReadPart:
-    """A part as a file gives it."""
-
-    mesh: Mesh  # in its own coordinates
-    name: str | None = None  # None: the format has no names
-    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where the file puts it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartFormat:
-    """A kind of file for printed parts: written, read back and compared with the parts.
-
-    `vinefab.rig.part_files` compares what `read` returns with the parts, the same way for every
-    format.
-    """
-
-    suffix: str
-    write: Callable[[Sequence[PartItem], str], bytes]  # items and title; the same bytes each time
-    read: Callable[[bytes], tuple[ReadPart, ...]]  # raises `UnreadableFileError`
-    per_bed: bool = False  # one file per print bed instead of one per part
-
-    def __post_init__(self) -> None:
-        for name in ("write", "read"):
-            if not callable(getattr(self, name)):
-                key = f"part format {self.suffix}: {name}"
-                raise BadInputError(key, getattr(self, name), "a function")
+    return tuple(problems)

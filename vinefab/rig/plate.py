@@ -61,6 +61,7 @@ def build_rig(
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
+        origin_mm=plan.origin_mm,
         counts={
             "slivers": plan.slivers,
             "slits": plan.slits,
@@ -135,7 +136,7 @@ def _check_height(printer: Printer, options: RigOptions) -> None:
     height_mm = options.plate_mm + options.height_mm
     if height_mm > printer.height_mm:
         most_mm = math.floor(10.0 * (printer.height_mm - options.plate_mm)) / 10.0
-        raise BadInputError("rig.height_mm", options.height_mm, f"at most {most_mm:g} mm")
+        raise BadInputError("height_mm", options.height_mm, f"at most {most_mm:g} mm")
 
 
 def _notes(

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vinefab.rig.part import Rig, RigPart, UprightFaces, upright_faces
+from vinefab.core.validation import Floats
+from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
 
@@ -31,6 +32,46 @@ _CHORD, _LEAST_CHORD = 1.5, 0.1
 part (fitted to PrusaSlicer 2.5)."""
 
 _ROUND = 1.0 - 0.25 * math.pi
+_LEANING = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UprightFaces:
+    """The sides of a part, as an estimate of its printing needs them."""
+
+    area_mm2: float
+    # upright edges between two sides: height, and the angle by which a line turns there
+    heights_mm: Floats
+    turns_rad: Floats
+    rings: float  # mean number of closed outlines in a layer
+
+
+def upright_faces(part: RigPart) -> UprightFaces:
+    """Return the sides of a part, from its triangles."""
+    corners = part.vertices_mm[part.faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(doubled, axis=1)
+    upright = np.abs(doubled[:, 2]) < _LEANING * length
+    faces = part.faces[upright]
+    normals = doubled[upright, :2] / np.maximum(length[upright], 1e-12)[:, None]
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    same = (edges[order][1:] == edges[order][:-1]).all(axis=1)
+    first = order[:-1][same]
+    one, other = normals[owner[first]], normals[owner[order[1:][same]]]
+    rise_mm = np.abs(np.diff(part.vertices_mm[edges[first], 2], axis=1)[:, 0])
+    cross, dot = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], (one * other).sum(axis=1)
+    turns = np.abs(np.arctan2(cross, dot))
+    bent = (turns > _LEANING) & (rise_mm > 0.0)
+    # A convex outline turns by a whole circle in each layer, others by somewhat more.
+    rings = float((turns * rise_mm)[bent].sum()) / (2.0 * np.pi * max(part.size_mm[2], 1e-9))
+    return UprightFaces(
+        area_mm2=float(0.5 * length[upright].sum()),
+        heights_mm=rise_mm[bent],
+        turns_rad=turns[bent],
+        rings=max(1.0, rings),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

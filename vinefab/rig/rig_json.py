@@ -6,32 +6,31 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.table import validated
 from vinefab.fabrication.rules.run_rules import checks_content
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
 from vinefab.model.files.named_file import path_inside
-from vinefab.model.files.profile_toml import FileName
 from vinefab.model.files.shipped import read_bytes, read_text
-from vinefab.model.files.toml import validated
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
+from vinefab.model.laser import FileName
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.fixtures import Fixtures
 from vinefab.rig.open_shell import shell_words
-from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
-from vinefab.rig.part_files import bed_name, stl_name
-from vinefab.rig.printing import BASIS, PrintEstimate, Printing
-from vinefab.rig.rig_options import Printer, RigOptions
-from vinefab.rig.stl_format import read_stl
+from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig
+from vinefab.rig.part_files import bed_name, read_stl, stl_name
+from vinefab.rig.printing import BASIS, Printing
 
-_SCHEMA = "vinefab/rig-1"
+RIG_NAME = "rig.json"
+"""The file by which the folder of a rig is known again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,8 +40,8 @@ class RigRecord:
     rig: Rig
     world: Map
     printing: Printing
-    comparison: RigComparison
-    report: CheckReport
+    comparison: RigComparison  # of the assembled rig with the map
+    report: CheckReport  # of the rules about rigs
     jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
     why_style: str = ""  # which style was chosen and what the other would take
     fixtures: Fixtures = field(default_factory=Fixtures)
@@ -52,10 +51,31 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
     """Return rig.json.
 
     A part's ``transform_to_map`` is a 4 x 4 matrix by rows: applied to a point of its STL file
-    (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor.
+    (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor. Corners of
+    markers run from the upper left clockwise, in map coordinates; the base holder is in printed
+    millimetres, its pose in map coordinates.
     """
     rig, world, printing = record.rig, record.world, record.printing
-    x_mm, y_mm = world.bounds.bounds[:2]
+    parts = [
+        _rounded(
+            {
+                "name": part.name,
+                "number": part.number,
+                "file": stl_name(part),
+                "sha256": digests[stl_name(part)],
+                "bed": bed_name(printing.bed_of(index)),
+                "row": part.row,
+                "column": part.column,
+                "volume_mm3": part.volume_mm3,
+                "size_mm": part.size_mm,
+                "triangles": len(part.faces),
+                "hollow": part.hollow,
+                "colour_change_mm": part.colour_change_mm,
+            }
+        )
+        | {"transform_to_map": part.to_map}
+        for index, part in enumerate(rig.printed)
+    ]
     content = {
         "units": "mm",
         "map": {
@@ -63,11 +83,11 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             "environment": world.environment,
             "seed": world.seed,
             "walls": world.wall_count,
-            "lower_left_mm": [x_mm, y_mm],
+            "lower_left_mm": world.bounds.bounds[:2],
             "size_mm": world.size_mm,
         },
-        "printer": _fields(rig.printer),
-        "options": _fields(rig.options),
+        "printer": _rounded(rig.printer.model_dump()),
+        "options": _rounded(rig.options.model_dump()),
         "style": rig.style,
         "why_style": record.why_style,
         "shells": {
@@ -75,79 +95,80 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             "solid_parts": sum(not part.hollow for part in rig.parts),
             "words": shell_words(rig),
         },
-        "parts": [
-            _part_content(index, part, record, digests) for index, part in enumerate(rig.parts)
-        ],
-        "extras": [
-            _part_content(index, part, record, digests)
-            for index, part in enumerate(rig.extras, len(rig.parts))
-        ],
+        "parts": parts[: len(rig.parts)],
+        "extras": parts[len(rig.parts) :],
         "beds": [
             {
                 "file": bed_name(bed),
                 "sha256": digests[bed_name(bed)],
                 "parts": [rig.printed[at.index].name for at in bed.places],
-                "estimate": _fields(bed.estimate),
+                "estimate": _rounded(asdict(bed.estimate)),
             }
             for bed in printing.beds
         ],
         "laser": [
-            {
-                "file": name,
-                "sha256": digests[name],
-                "sheet_mm": [_round(job.sheet_width_mm), _round(job.sheet_height_mm)],
-                "cut_mm": _round(job.length_mm(Operation.CUT)),
-                "mark_mm": _round(job.length_mm(Operation.MARK)),
-            }
+            _rounded(
+                {
+                    "file": name,
+                    "sha256": digests[name],
+                    "sheet_mm": (job.sheet_width_mm, job.sheet_height_mm),
+                    "cut_mm": job.length_mm(Operation.CUT),
+                    "mark_mm": job.length_mm(Operation.MARK),
+                }
+            )
             for name, job in record.jobs.items()
         ],
-        "markers": _markers_content(record),
+        "markers": [
+            {
+                "number": marker.number,
+                "corners_mm": marker.corners_mm,
+                "z_mm": round(marker.z_mm, 6),
+                "side_printed_mm": rig.options.marker_mm,
+                "made": rig.options.marker_kind,
+            }
+            for marker in record.fixtures.markers
+        ],
         "base_holder": _base_content(record),
-        "estimate": {"basis": BASIS, **_fields(printing.total)},
-        "volume_mm3": _round(rig.volume_mm3),
-        "joint_gap_mm3": _round(rig.joint_gap_mm3),
+        "estimate": {"basis": BASIS, **_rounded(asdict(printing.total))},
+        "volume_mm3": round(rig.volume_mm3, 6),
+        "joint_gap_mm3": round(rig.joint_gap_mm3, 6),
         "counts": dict(rig.counts),
-        "thin_places": [_fields(place) for place in rig.thin_places],
-        "against_map": _fields(record.comparison),
+        "thin_places": [_rounded(asdict(place)) for place in rig.thin_places],
+        "against_map": _rounded(asdict(record.comparison)),
         "checks": checks_content(record.report),
         "notes": list(rig.notes),
     }
-    return json_text(_SCHEMA, content)
-
-
-def _markers_content(record: RigRecord) -> list[dict[str, object]]:
-    """Return the corner markers: corners from the upper left clockwise, in map coordinates."""
-    options = record.rig.options
-    return [
-        {
-            "number": marker.number,
-            "corners_mm": marker.corners_mm,
-            "z_mm": _round(marker.z_mm),
-            "side_printed_mm": options.marker_mm,
-            "made": options.marker_kind,
-        }
-        for marker in record.fixtures.markers
-    ]
+    return json_text("vinefab/rig-1", content)
 
 
 def _base_content(record: RigRecord) -> dict[str, object] | None:
-    """Return the base holder, in printed millimetres; the pose in map coordinates."""
     base = record.fixtures.base
     if base is None:
         return None
     pose = record.world.starts[base.start - 1].pose
     return {
         "start": base.start,
-        "pose": {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": _round(pose.heading_deg)},
-        "tube_mm": _round(base.tube.diameter_mm),
+        "pose": {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": round(pose.heading_deg, 6)},
+        "tube_mm": round(base.tube.diameter_mm, 6),
         "tube_standing": base.tube.standing,
-        "bore_mm": _round(base.bore_mm),
-        "axis_mm": _round(base.axis_mm),
-        "reach_mm": _round(base.reach_mm),
+        "bore_mm": round(base.bore_mm, 6),
+        "axis_mm": round(base.axis_mm, 6),
+        "reach_mm": round(base.reach_mm, 6),
         "headings_deg": list(base.headings_deg),
-        "screws": {"thread": "M3", "count": 2, "least_length_mm": _round(base.screw_mm)},
+        "screws": {"thread": "M3", "count": 2, "least_length_mm": round(base.screw_mm, 6)},
         "parts": [part.name for part in base.parts],
     }
+
+
+def _rounded(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Round numbers to what they mean, so that files do not differ in a last digit."""
+
+    def plain(value: object) -> object:
+        if isinstance(value, tuple):
+            return [plain(one) for one in value]
+        return round(value, 6) if isinstance(value, float) else value
+
+    return {name: plain(value) for name, value in content.items()}
 
 
 def parts_text(rig: Rig, printing: Printing) -> str:
@@ -170,66 +191,34 @@ def parts_text(rig: Rig, printing: Printing) -> str:
         ]
     )
     for index, part in enumerate(rig.printed):
-        sizes = [f"{size:.2f}" for size in part.size_mm]
-        volume = f"{part.volume_mm3 / 1000.0:.2f}"
-        bed = bed_name(printing.bed_of(index))
-        cells = [part.number or "", stl_name(part), bed, part.row or "", part.column or ""]
-        table.writerow([*cells, *sizes, volume, len(part.faces)])
+        cells = [part.number or "", stl_name(part), bed_name(printing.bed_of(index))]
+        cells += [part.row or "", part.column or "", *(f"{size:.2f}" for size in part.size_mm)]
+        table.writerow([*cells, f"{part.volume_mm3 / 1000.0:.2f}", len(part.faces)])
     return text.getvalue()
 
 
-def _part_content(
-    index: int, part: RigPart, record: RigRecord, digests: Mapping[str, str]
-) -> dict[str, object]:
-    return {
-        "name": part.name,
-        "number": part.number,
-        "file": stl_name(part),
-        "sha256": digests[stl_name(part)],
-        "bed": bed_name(record.printing.bed_of(index)),
-        "row": part.row,
-        "column": part.column,
-        "volume_mm3": _round(part.volume_mm3),
-        "size_mm": [_round(size) for size in part.size_mm],
-        "triangles": len(part.faces),
-        "hollow": part.hollow,
-        "colour_change_mm": _round(part.colour_change_mm),
-        "transform_to_map": part.to_map,
-    }
-
-
-def _fields(
-    noun: Printer | RigOptions | ThinPlace | RigComparison | PrintEstimate,
-) -> dict[str, object]:
-    return {name: _round(value) for name, value in asdict(noun).items()}
-
-
-def _round(value: object) -> object:
-    """Round numbers to what they mean, so that files do not differ in a last digit."""
-    return round(value, 6) if isinstance(value, float) else value
-
-
-RIG_NAME = "rig.json"
-
-Size = Annotated[list[float], Field(min_length=3, max_length=3)]
+# --- A folder read back: forms hold no more than the rules need
 
 
 class _Known(BaseModel):
-    """Base of forms that ignore fields they do not need."""
+    """Base of forms that ignore the other keys."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class RigPartForm(_Known):
+Above0 = Annotated[float, Field(gt=0)]
+
+
+class PartForm(_Known):
     """An entry of ``parts`` or ``extras``."""
 
     name: str
     file: FileName
-    volume_mm3: Annotated[float, Field(gt=0)]
-    size_mm: Size
+    volume_mm3: Above0
+    size_mm: tuple[float, float, float]
 
 
-class RigPrinterForm(_Known):
+class PrinterForm(_Known):
     """The printer that the rig was made for."""
 
     name: str
@@ -241,7 +230,7 @@ class RigPrinterForm(_Known):
 class OptionsForm(_Known):
     """The sizes of the rig."""
 
-    height_mm: Annotated[float, Field(gt=0)]
+    height_mm: Above0
     bed_margin_mm: float
 
 
@@ -252,15 +241,15 @@ class MapForm(_Known):
 
 
 class RigForm(_Known):
-    """``rig.json``, as far as the rules need it."""
+    """``rig.json``."""
 
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
     style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
     map: MapForm
-    printer: RigPrinterForm
+    printer: PrinterForm
     options: OptionsForm
-    parts: list[RigPartForm]
-    extras: list[RigPartForm]
+    parts: list[PartForm]
+    extras: list[PartForm]
 
 
 def read_rig(folder: Path) -> RigFacts:
@@ -273,40 +262,34 @@ def read_rig(folder: Path) -> RigFacts:
     if not isinstance(data, dict):
         raise UnreadableFileError(path, "is not the JSON of a rig")
     form = validated(RigForm, data, path)
-    margin_mm = 2.0 * form.options.bed_margin_mm
-    printer, printed = form.printer, [*form.parts, *form.extras]
-    solids = [part for part in printed if part.file.endswith(".stl")]
+    printer, margin_mm = form.printer, 2.0 * form.options.bed_margin_mm
+    wide_mm, deep_mm = printer.bed_width_mm - margin_mm, printer.bed_depth_mm - margin_mm
     layered = form.style == "sheet" and form.parts
     return RigFacts(
         name=form.map.name,
         printer=printer.name,
-        room_mm=(
-            printer.bed_width_mm - margin_mm,
-            printer.bed_depth_mm - margin_mm,
-            printer.height_mm,
-        ),
+        room_mm=(wide_mm, deep_mm, printer.height_mm),
         height_mm=max(part.size_mm[2] for part in form.parts)
         if layered
         else form.options.height_mm,
-        parts=tuple(_facts(path.parent, part) for part in solids),
+        parts=tuple(
+            _facts(path.parent, part)
+            for part in (*form.parts, *form.extras)
+            if part.file.endswith(".stl")
+        ),
     )
 
 
-def _facts(folder: Path, part: RigPartForm) -> RigPartFacts:
-    wide_mm, deep_mm, high_mm = part.size_mm
-    size_mm = wide_mm, deep_mm, high_mm
+def _facts(folder: Path, part: PartForm) -> RigPartFacts:
     path = path_inside("file", part.file, (folder,), folder / RIG_NAME)
     try:
         mesh = read_stl(read_bytes(path))
     except UnreadableFileError as error:
-        return RigPartFacts(name=part.name, size_mm=size_mm, problems=(error.problem,))
+        return RigPartFacts(name=part.name, size_mm=part.size_mm, problems=(error.problem,))
     problems = mesh.form_problems()
     if abs(mesh.volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     span_mm = np.ptp(mesh.box_mm, axis=0)
-    if np.abs(span_mm - size_mm).max() > BOX_MM:
-        problems.append(f"measures {span_mm.tolist()} mm, not {list(size_mm)}")
-    wide_mm, deep_mm, high_mm = span_mm.tolist()
-    return RigPartFacts(
-        name=part.name, size_mm=(wide_mm, deep_mm, high_mm), problems=tuple(problems)
-    )
+    if np.abs(span_mm - part.size_mm).max() > BOX_MM:
+        problems.append(f"measures {span_mm.tolist()} mm, not {list(part.size_mm)}")
+    return RigPartFacts(name=part.name, size_mm=tuple(span_mm.tolist()), problems=tuple(problems))

@@ -1,87 +1,98 @@
 """What a user chooses about a rig: its sizes and style, and the printer."""
 
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import Field
+from annotated_types import Ge, Interval, Unit
+from pydantic import Field, create_model, model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.validation import number, positive, whole
+from vinefab.core.table import Table, declared_keys, validated
+from vinefab.core.validation import SMALLEST
 from vinefab.model.corner_marker import DEFAULT_MARKER_MM
-from vinefab.model.files.profile_toml import QuantityForm
 from vinefab.model.files.shipped import locate
-from vinefab.model.files.toml import Form, read_toml, validated
+from vinefab.model.files.toml import read_toml
+from vinefab.model.laser import Quantity
 from vinefab.model.map import Map
 
 MOST_PARTS = 2000
 """Most parts that may be asked for: every one is a solid, a file and a place on a bed."""
 
+GRID_MM = 1e-3
+"""Plans are snapped to this grid: far below what a printer can do, far above what single
+precision (STL) resolves at the size of a bed, so that no two corners melt into one in the file."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Printer:
-    """A printer's limits."""
-
-    name: str  # file name of its profile
-    # bed_width_mm, bed_depth_mm, height_mm: of the build volume
-    bed_width_mm: float
-    bed_depth_mm: float
-    height_mm: float
-    nozzle_mm: float = 0.4  # diameter
-    least_wall_mm: float = 0.8  # thinnest wall that prints
-    clearance_mm: float = 0.2  # gap between parts that fit together
-    # the rest is for estimates only
-    layer_mm: float = 0.2  # height of a layer
-    shell_mm: float = 0.8  # thickness of the skin
-    infill: float = 0.15  # share of the inside that is filled
-    # wall_speed_mm_s, fill_speed_mm_s, travel_speed_mm_s: of the nozzle
-    wall_speed_mm_s: float = 80.0
-    fill_speed_mm_s: float = 100.0
-    travel_speed_mm_s: float = 150.0
-    acceleration_mm_s2: float = 2000.0  # of the nozzle
-    # mean extrusion rate of whole parts; where one was measured, it takes the place of the speeds
-    flow_mm3_s: float | None = None
-    layer_change_s: float = 1.0  # extra time per layer
-    filament_mm: float = 1.75  # diameter
-    density_g_cm3: float = 1.24  # of the filament
-
-    def __post_init__(self) -> None:
-        for name in ("bed_width_mm", "bed_depth_mm", "height_mm", "nozzle_mm"):
-            positive(f"printer.{name}", getattr(self, name), 10_000.0)
-        for name in ("least_wall_mm", "clearance_mm", "layer_mm", "shell_mm", "filament_mm"):
-            positive(f"printer.{name}", getattr(self, name), 100.0)
-        number("printer.infill", self.infill, 0.0, 1.0)
-        for name in ("wall_speed_mm_s", "fill_speed_mm_s", "travel_speed_mm_s"):
-            positive(f"printer.{name}", getattr(self, name), 10_000.0, "mm/s")
-        positive("printer.acceleration_mm_s2", self.acceleration_mm_s2, 1e6, "mm/s2")
-        if self.flow_mm3_s is not None:
-            positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
-        number("printer.layer_change_s", self.layer_change_s, 0.0, 3600.0, "s")
-        positive("printer.density_g_cm3", self.density_g_cm3, 30.0, "g/cm3")
+Mm = Annotated[float, Unit("mm")]
+MmIfGiven = Annotated[float | None, Unit("mm")]
 
 
-class PrinterForm(Form):
-    """A file in ``laser_profiles/printers``; what is for estimates only may be left out."""
+def _within(low: float, high: float) -> Interval:
+    return Interval(ge=low, le=high)
 
-    schema_: Literal["vinefab/printer-1"] = Field(alias="schema")
-    title: str
-    bed_width_mm: QuantityForm
-    bed_depth_mm: QuantityForm
-    height_mm: QuantityForm
-    nozzle_mm: QuantityForm
-    least_wall_mm: QuantityForm
-    clearance_mm: QuantityForm
-    layer_mm: QuantityForm | None = None
-    shell_mm: QuantityForm | None = None
-    infill: QuantityForm | None = None
-    wall_speed_mm_s: QuantityForm | None = None
-    fill_speed_mm_s: QuantityForm | None = None
-    travel_speed_mm_s: QuantityForm | None = None
-    acceleration_mm_s2: QuantityForm | None = None
-    flow_mm3_s: QuantityForm | None = None
-    layer_change_s: QuantityForm | None = None
-    filament_mm: QuantityForm | None = None
-    density_g_cm3: QuantityForm | None = None
+
+_SIZE, _DETAIL = _within(SMALLEST, 1e4), _within(SMALLEST, 100)
+Speed = Annotated[float, _within(SMALLEST, 1e4), Unit("mm/s"), Doc("of the nozzle")]
+
+
+class Printer(Table):
+    """A printer's limits; from ``layer_mm`` on for estimates only."""
+
+    name: Annotated[str, Doc("file name of its profile")]
+    bed_width_mm: Annotated[Mm, _SIZE, Doc("of the build volume")]
+    bed_depth_mm: Annotated[Mm, _SIZE, Doc("of the build volume")]
+    height_mm: Annotated[Mm, _SIZE, Doc("of the build volume")]
+    nozzle_mm: Annotated[Mm, _SIZE, Doc("diameter of the nozzle")] = 0.4
+    least_wall_mm: Annotated[Mm, _DETAIL, Doc("thinnest wall that prints")] = 0.8
+    clearance_mm: Annotated[Mm, _DETAIL, Doc("gap between parts that fit together")] = 0.2
+    layer_mm: Annotated[Mm, _DETAIL, Doc("height of a layer")] = 0.2
+    shell_mm: Annotated[Mm, _DETAIL, Doc("thickness of the skin")] = 0.8
+    infill: Annotated[float, _within(0, 1), Doc("share of the inside that is filled")] = 0.15
+    wall_speed_mm_s: Speed = 80.0
+    fill_speed_mm_s: Speed = 100.0
+    travel_speed_mm_s: Speed = 150.0
+    acceleration_mm_s2: Annotated[
+        float, _within(SMALLEST, 1e6), Unit("mm/s2"), Doc("of the nozzle")
+    ] = 2000.0
+    flow_mm3_s: Annotated[
+        float | None,
+        _within(SMALLEST, 1000),
+        Unit("mm3/s"),
+        Doc("mean extrusion rate of whole parts, measured: takes the place of the speeds"),
+    ] = None
+    layer_change_s: Annotated[float, _within(0, 3600), Unit("s"), Doc("extra time per layer")] = 1.0
+    filament_mm: Annotated[Mm, _DETAIL, Doc("diameter of the filament")] = 1.75
+    density_g_cm3: Annotated[
+        float, _within(SMALLEST, 30), Unit("g/cm3"), Doc("of the filament")
+    ] = 1.24
+
+
+def _form_of_printers() -> type[Table]:
+    """Return the form of a printer's file: every number of `Printer` with its standing."""
+    keys = [key for key in declared_keys(Printer) if key.field != "name"]
+    optional = [key.field for key in keys].index("layer_mm")
+    fields: dict[str, Any] = {
+        "schema_": (
+            Annotated[
+                Literal["vinefab/printer-1"],
+                Field(alias="schema"),
+                Doc("kind of file and its version"),
+            ],
+            ...,
+        ),
+        "title": (Annotated[str, Doc("for people")], ...),
+    }
+    fields |= {
+        key.field: (Annotated[Quantity, Unit(key.unit), Doc(key.meaning)], ...)
+        if index < optional
+        else (Annotated[Quantity | None, Unit(key.unit), Doc(key.meaning)], None)
+        for index, key in enumerate(keys)
+    }
+    doc = "A file in ``laser_profiles/printers``; what is for estimates only may be left out."
+    return create_model("PrinterForm", __base__=Table, __doc__=doc, **fields)
+
+
+PrinterForm = _form_of_printers()
 
 
 def read_printer(name_or_path: str | Path) -> Printer:
@@ -93,153 +104,87 @@ def read_printer(name_or_path: str | Path) -> Printer:
     path = locate("printer", name_or_path)
     form = validated(PrinterForm, read_toml(path), path)
     with located(path):
-        values = ((name, getattr(form, name)) for name in PrinterForm.model_fields)
-        given = {name: held.value for name, held in values if isinstance(held, QuantityForm)}
-        return Printer(name=path.stem, **given)
+        values = {name: held.value for name, held in form if isinstance(held, Quantity)}
+        return cast("Printer", Printer(name=path.stem, **values))
 
 
-STYLES = ("auto", "plate", "board")
-"""``auto`` is plate or board, the quicker to print: `vinefab.rig.make` chooses."""
-
-JOINTS = ("dovetail", "none")
-
-MARKERS = ("print", "paper", "engrave", "none")
-
-GRID_MM = 1e-3
-"""Plans are snapped to this grid: far below what a printer can do, far above what single
-precision (STL) resolves at the size of a bed, so that no two corners melt into one in the file."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigOptions:
+class RigOptions(Table):
     """Sizes of a rig, as printed.
 
-    Parameters
-    ----------
-    style
-        ``auto`` (``plate`` or ``board``, what prints quicker), ``plate`` (obstacles printed on
-        their plate) or ``board`` (printed obstacles with pegs on a board that a laser cuts and
-        drills).
-    plate_mm
-        Thickness of the base plate, or of the board.
-    height_mm
-        Height of obstacles and border above the plate.
-    border_mm
-        Thickness of the wall around the bounds; it stands outside the free space.
-    entry_width_mm
-        Width of the opening for the robot's base; the start's sideways spread comes on top.
-        0: no opening.
-    entry_reach_mm
-        A start at most this far from the bounds, measured backwards along its heading, gets an
-        opening in the border; one further away gets a round hole through the plate.
-    wall_mm
-        Thickness of the walls of hollow obstacles and borders, whole lines of the printer's nozzle;
-        None: its least wall in whole lines; 0: solid.
-    top_mm
-        Thickness of the closed top of loose obstacles; 0: open.
-    scale
-        Rig millimetres per map millimetre.
-    clearance_mm
-        Gap around what is pushed into each other; the printer's own when None.
-    joint
-        What holds neighbouring tiles together: ``dovetail`` (in the plate) or ``none``.
-    mark_depth_mm
-        Depth of number and north arrow, engraved into the underside of each tile; 0: none.
-    peg_mm
-        Diameter of the pegs of loose obstacles.
-    kerf_mm
-        Width that the laser removes from board and lid.
-    sheet_width_mm, sheet_depth_mm
-        Size of the sheets that it takes.
-    bed_margin_mm
-        Rim of the printer's bed that stays free.
-    sliver_mm
-        Free-standing pieces of obstacle and enclosed gaps thinner than this everywhere are left
-        out, and counted.
-    most_parts
-        A rig that needs more parts is refused.
-    markers
-        Corner markers by which a photo is rectified: ``print`` (tiles with raised black cells),
-        ``paper`` (tiles with a recess for a paper marker; on a board, its outline), ``engrave``
-        (into the board) or ``none``. When None: engraved where there is a board, else printed.
-    marker_mm
-        Side of a marker, its black frame included.
-    base_start
-        Number, from 1, of the start that gets a holder for the robot's base; 0: none. When None:
-        the first start, if a holder can stand there.
-    collar_mm
-        Outer diameter of the base's tube, which the tail is slipped over; the design's when None.
-
-    Raises
-    ------
-    BadInputError
-        If a value is out of range.
+    Style ``plate`` is obstacles printed on their plate, ``board`` printed obstacles with pegs on a
+    board that a laser cuts and drills, ``auto`` the quicker of these to print. A start at most
+    ``entry_reach_mm`` from the bounds, measured backwards along its heading, gets an opening in the
+    border; one further away gets a round hole through the plate.
     """
 
-    style: str = "auto"
-    plate_mm: float = 3.0
-    height_mm: float = 30.0
-    border_mm: float = 4.0
-    entry_width_mm: float = 40.0
-    entry_reach_mm: float = 60.0
-    wall_mm: float | None = None
-    top_mm: float = 0.0
-    scale: float = 1.0
-    clearance_mm: float | None = None
-    joint: str = "dovetail"
-    mark_depth_mm: float = 0.4
-    peg_mm: float = 5.0
-    kerf_mm: float = 0.2
-    sheet_width_mm: float = 1000.0
-    sheet_depth_mm: float = 600.0
-    bed_margin_mm: float = 5.0
-    sliver_mm: float = 0.05
-    most_parts: int = 100
-    markers: str | None = None
-    marker_mm: float = DEFAULT_MARKER_MM
-    base_start: int | None = None
-    collar_mm: float | None = None
+    style: Annotated[Literal["auto", "plate", "board"], Doc("what obstacles stand on")] = "auto"
+    plate_mm: Annotated[Mm, _within(0.2, 100), Doc("thickness of base plate or board")] = 3.0
+    height_mm: Annotated[Mm, _within(0.2, 1e4), Doc("of obstacles and border above it")] = 30.0
+    border_mm: Annotated[
+        Mm, _within(0.2, 1000), Doc("thickness of the wall around the bounds, outside of them")
+    ] = 4.0
+    entry_width_mm: Annotated[
+        Mm,
+        _within(0, 1e4),
+        Doc("of the opening; the start's sideways spread comes on top; 0: none"),
+    ] = 40.0
+    entry_reach_mm: Annotated[
+        Mm, _within(0, 1e4), Doc("farthest from the bounds that a start has an opening")
+    ] = 60.0
+    wall_mm: Annotated[
+        MmIfGiven,
+        _within(0, 100),
+        Doc("walls of hollow obstacles: whole lines of the nozzle, else its least; 0: solid"),
+    ] = None
+    top_mm: Annotated[Mm, Ge(0), Doc("closed top of loose obstacles; 0: open")] = 0.0
+    scale: Annotated[float, _within(SMALLEST, 1e3), Doc("rig mm per map mm")] = 1.0
+    clearance_mm: Annotated[
+        MmIfGiven, _within(0, 5), Doc("gap around what is pushed into each other, else printer's")
+    ] = None
+    joint: Annotated[Literal["dovetail", "none"], Doc("between neighbouring tiles")] = "dovetail"
+    mark_depth_mm: Annotated[
+        Mm, _within(0, 5), Doc("of number and north arrow in the underside of tiles; 0: none")
+    ] = 0.4
+    peg_mm: Annotated[Mm, _within(1, 50), Doc("diameter of the pegs of loose obstacles")] = 5.0
+    kerf_mm: Annotated[Mm, _within(0, 2), Doc("width that the laser removes")] = 0.2
+    sheet_width_mm: Annotated[Mm, _within(100, 1e4), Doc("of the laser's sheets")] = 1000.0
+    sheet_depth_mm: Annotated[Mm, _within(100, 1e4), Doc("of the laser's sheets")] = 600.0
+    bed_margin_mm: Annotated[Mm, _within(0, 1000), Doc("rim of the bed that stays free")] = 5.0
+    sliver_mm: Annotated[
+        Mm, _within(0, 1), Doc("loose pieces and gaps thinner than this are left out, and counted")
+    ] = 0.05
+    most_parts: Annotated[int, _within(1, MOST_PARTS), Doc("a larger rig is refused")] = 100
+    markers: Annotated[
+        Literal["print", "paper", "engrave", "none"] | None,
+        Doc(
+            "corner markers for photos: print (raised black cells), paper (a place for a paper "
+            "marker), engrave (into the board; where there is one, the default) or none"
+        ),
+    ] = None
+    marker_mm: Annotated[Mm, _within(12, 1000), Doc("side of a marker with its black frame")] = (
+        DEFAULT_MARKER_MM
+    )
+    base_start: Annotated[
+        int | None,
+        _within(0, 10_000),
+        Doc("start, from 1, that gets a holder for the base; else the first, if it fits; 0: none"),
+    ] = None
+    collar_mm: Annotated[
+        MmIfGiven, _within(3, 300), Doc("outer diameter of the base's tube, else the design's")
+    ] = None
 
-    def __post_init__(self) -> None:
-        number("rig.plate_mm", self.plate_mm, 0.2, 100.0, "mm")
-        number("rig.height_mm", self.height_mm, 0.2, 10_000.0, "mm")
-        number("rig.border_mm", self.border_mm, 0.2, 1000.0, "mm")
-        number("rig.entry_width_mm", self.entry_width_mm, 0.0, 10_000.0, "mm")
-        number("rig.entry_reach_mm", self.entry_reach_mm, 0.0, 10_000.0, "mm")
-        if self.wall_mm is not None:
-            number("rig.wall_mm", self.wall_mm, 0.0, 100.0, "mm")
-        number("rig.top_mm", self.top_mm, 0.0, self.height_mm, "mm")
-        positive("rig.scale", self.scale, 1e3, "rig mm per map mm")
-        if self.clearance_mm is not None:
-            number("rig.clearance_mm", self.clearance_mm, 0.0, 5.0, "mm")
-        if self.joint not in JOINTS:
-            raise BadInputError("rig.joint", self.joint, f"one of {', '.join(JOINTS)}")
-        if self.style not in STYLES:
-            raise BadInputError("rig.style", self.style, f"one of {', '.join(STYLES)}")
-        number("rig.peg_mm", self.peg_mm, 1.0, 50.0, "mm")
-        number("rig.kerf_mm", self.kerf_mm, 0.0, 2.0, "mm")
-        number("rig.sheet_width_mm", self.sheet_width_mm, 100.0, 10_000.0, "mm")
-        number("rig.sheet_depth_mm", self.sheet_depth_mm, 100.0, 10_000.0, "mm")
-        number("rig.mark_depth_mm", self.mark_depth_mm, 0.0, 5.0, "mm")
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.top_mm > self.height_mm:
+            allowed = f"at most the height, {self.height_mm:g} mm"
+            raise BadInputError("top_mm", self.top_mm, allowed)
         if self.mark_depth_mm > 0.5 * self.plate_mm:
             allowed = f"at most half of the plate, {0.5 * self.plate_mm:g} mm"
-            raise BadInputError("rig.mark_depth_mm", self.mark_depth_mm, allowed)
-        number("rig.bed_margin_mm", self.bed_margin_mm, 0.0, 1000.0, "mm")
-        number("rig.sliver_mm", self.sliver_mm, 0.0, 1.0, "mm")
-        whole("rig.most_parts", self.most_parts, 1, MOST_PARTS)
-        self._check_fixtures()
-
-    def _check_fixtures(self) -> None:
-        number("rig.marker_mm", self.marker_mm, 12.0, 1000.0, "mm")
-        if self.markers is not None and self.markers not in MARKERS:
-            raise BadInputError("rig.markers", self.markers, f"one of {', '.join(MARKERS)}")
+            raise BadInputError("mark_depth_mm", self.mark_depth_mm, allowed)
         if self.markers == "engrave" and self.style == "plate":
             allowed = "print, paper or none for style plate, which has no board"
-            raise BadInputError("rig.markers", self.markers, allowed)
-        if self.base_start is not None:
-            whole("rig.base_start", self.base_start, 0, 10_000)
-        if self.collar_mm is not None:
-            number("rig.collar_mm", self.collar_mm, 3.0, 300.0, "mm")
+            raise BadInputError("markers", self.markers, allowed)
+        return self
 
     @property
     def marker_kind(self) -> str:
@@ -256,4 +201,4 @@ class RigOptions:
         if not room_mm > 0.0:
             allowed = f"more than the border on both sides, {2.0 * self.border_mm:g} mm"
             raise BadInputError("--fit-mm", side_mm, allowed)
-        return replace(self, scale=room_mm / max(world.size_mm))
+        return self.changed(scale=room_mm / max(world.size_mm))

@@ -12,7 +12,7 @@ from shapely.affinity import scale, translate
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.rig.part import RigPart
+from vinefab.rig.part import RigPart, different_points
 from vinefab.rig.rig_options import GRID_MM
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union, touching_points
 
@@ -81,9 +81,10 @@ def _joined(
 
 def _is_pinched(vertices: Floats, faces: Ints) -> bool:
     """Tell whether more than two triangles meet at an edge."""
-    _, index = np.unique(vertices, axis=0, return_inverse=True)
-    edges = np.sort(index.reshape(-1)[faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
-    return bool(np.unique(edges, axis=0, return_counts=True)[1].max(initial=0) > 2)
+    _, index = different_points(vertices)
+    edges = np.sort(index[faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
+    # Both ends in one number: edges are then counted without comparing rows.
+    return bool(np.unique(edges @ (len(index), 1), return_counts=True)[1].max(initial=0) > 2)
 
 
 _POST_MM = 0.1
@@ -113,8 +114,8 @@ def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
 
 def _without_flat(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
     """Return a mesh without triangles of which two corners became one when they were rounded."""
-    merged, index = np.unique(vertices, axis=0, return_inverse=True)
-    corners = index.reshape(-1)[faces]
+    merged, index = different_points(vertices)
+    corners = index[faces]
     flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
     return (merged, corners[~flat]) if flat.any() else (vertices, faces)
 

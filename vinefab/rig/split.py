@@ -211,7 +211,7 @@ def grid_of(
         plate = f"a plate of {width_mm:.0f} x {depth_mm:.0f} mm on {printer.name}"
         allowed = f"at most {options.most_parts} for {plate}: a larger bed, a smaller scale, or "
         allowed += "more --most-parts"
-        raise BadInputError("rig.parts", columns * rows, allowed)
+        raise BadInputError("parts", columns * rows, allowed)
     return columns, rows, turn
 
 

@@ -2,13 +2,10 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
@@ -20,10 +17,12 @@ from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
+from vinefab.pages.charts import ends_of
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.drawing import draw_deployment, draw_map, draw_targets, legend_entries
-from vinefab.pages.figure import house_style, png_bytes, svg_bytes
-from vinefab.pages.label_places import write_labels
+from vinefab.pages.page_png import page_png
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Ink, Page, Panel, Primitive, page_of_rows, plan_panel
+from vinefab.pages.plan import draw_deployment, draw_map, draw_targets
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.record.result import RunResult
@@ -53,76 +52,58 @@ class FrontRobot:
     title: str
 
 
-def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Figure:
+def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Page:
     """Return the chart of a front with robots below it."""
-    with house_style():
-        columns = max(2, len(robots))
-        figure = Figure(figsize=(2.6 * columns, 6.4), layout="constrained")
-        grid = figure.add_gridspec(2, columns, height_ratios=(1.25, 1.0))
-        chart = figure.add_subplot(grid[0, :])
-        _chart(chart, data)
-        for column, (place, robot) in enumerate(robots.items()):
-            axes = figure.add_subplot(grid[1, column])
-            _robot(axes, world, robot, _label(place))
-            draw_targets(axes, data.targets_mm)
-        _explain(figure, figure.axes[1:])
-        _number(chart, data, robots)
-    return figure
-
-
-def _explain(figure: Figure, plans: Sequence[Axes]) -> None:
-    """Explain below the plans, once, what the symbols on all of them mean."""
-    found: dict[str, Artist] = {}
-    for axes in plans:
-        for words, handle in legend_entries(axes):
-            found.setdefault(re.sub(r" \(.*\)$", "", words), handle)
-    figure.legend(
-        list(found.values()), list(found), loc="outside lower center", ncols=5, fontsize=8
-    )
-
-
-def _label(place: int) -> str:
-    return str(place + 1)
-
-
-def _chart(axes: Axes, data: FrontData) -> None:
-    axes.plot(
-        data.evaluated[:, 0],
-        data.evaluated[:, 1],
-        "x",
-        color=SOFT,
-        markersize=3.0,
-        alpha=0.45,
-        label="in the search, on training poses",
-        rasterized=True,
-    )
-    axes.step(
-        data.front[:, 0],
-        data.front[:, 1],
-        "-o" if data.is_line else "o",
-        where="post",
-        color=LEVEL_COLOURS[0],
-        markersize=5.5,
-        label="the front, scored again on fresh poses",
-    )
-    axes.set_xlabel(_axis_text(data.further))
-    axes.set_ylabel(f"{data.task} score (simulated)")
-    # Above the chart: points may lie anywhere in it.
-    axes.legend(
-        fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0,
-        title="Scores of one kind compare with each other only:", title_fontsize=8,
-        alignment="left",
-    )  # fmt: skip
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _number(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> None:
-    """Write the numbers of the robots that are drawn at their points; all else is drawn."""
-    words, places = [_label(place) for place in robots], data.front[list(robots)]
+    side_pt = 165.0
+    columns = max(2, len(robots))
+    plans, explained = list[Panel](), dict[str, Primitive]()
+    for place, robot in robots.items():
+        plan = plan_panel(world.bounds.bounds, side_pt)
+        draw_map(plan, world)
+        draw_deployment(plan, robot.deployment, robot.widths_mm)
+        draw_targets(plan, data.targets_mm)
+        plan.x_name = plan.y_name = ""
+        plan.x_ticks = plan.y_ticks = ()
+        plan.title = f"{place + 1}: {robot.title}"
+        # Once for all plans, what the symbols on them mean, without the counts of each.
+        for words, symbol in plan.legend.items():
+            explained.setdefault(re.sub(r" \(.*\)$", "", words), symbol)
+        plan.legend_shown = False
+        plans.append(plan)
+    chart = _chart(data, columns * (side_pt + 14.0) - 60.0)
+    # Numbers of the robots that are drawn stand at their points.
     steps = np.repeat(data.front, 2, axis=0)
     corners = np.column_stack([steps[1:, 0], steps[:-1, 1]])
-    lines = [corners] if data.is_line else []
-    write_labels(axes, places, words, [INK] * len(words), size_pt=11.0, mark_pt=4.0, lines=lines)
+    words = [str(place + 1) for place in robots]
+    chart.write_labels(
+        data.front[list(robots)], words, [INK] * len(words), size_pt=11.0, mark_pt=4.0,
+        lines=[corners] if data.is_line else [],
+    )  # fmt: skip
+    return page_of_rows([[chart], plans], explained)
+
+
+def _chart(data: FrontData, width_pt: float) -> Panel:
+    every = np.vstack([data.evaluated, data.front])
+    (x0, x1), (y0, y1) = ends_of(every[:, 0]), ends_of(every[:, 1])
+    chart = Panel(
+        box=(x0, y0, x1, y1),
+        width_pt=width_pt,
+        height_pt=190.0,
+        x_name=_axis_text(data.further),
+        y_name=f"{data.task} score (simulated)",
+        title="Scores of one kind compare with each other only.",
+        frame=True,
+    )
+    cross = Ink(line=SOFT, width_pt=0.7, line_alpha=0.45)
+    chart.marks(data.evaluated, "x", 3.0, cross, label="in the search, on training poses")
+    colour = LEVEL_COLOURS[0]
+    if data.is_line:
+        steps = np.repeat(data.front, 2, axis=0)
+        line = np.column_stack([steps[1:, 0], steps[:-1, 1]])
+        chart.line(line, Ink(line=colour, width_pt=1.5))
+    label = "the front, scored again on fresh poses"
+    chart.marks(data.front, "o", 5.5, Ink(fill=colour), label=label)
+    return chart
 
 
 def _axis_text(name: str) -> str:
@@ -130,14 +111,6 @@ def _axis_text(name: str) -> str:
         return f"{name} score (simulated)"
     unit = f" ({COSTS[name].unit})" if COSTS[name].unit else ""
     return name.replace("_", " ") + unit
-
-
-def _robot(axes: Axes, world: Map, robot: FrontRobot, label: str) -> None:
-    draw_map(axes, world)
-    draw_deployment(axes, robot.deployment, robot.widths_mm)
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-    axes.set_title(f"{label}: {robot.title}", fontsize=8)
 
 
 FRONT_SCHEMA = "vinefab/front-1"
@@ -193,7 +166,7 @@ def _named(design: Design, settings: RunSettings, result: RunResult, place: int)
     origin[ORIGIN_GROWTH] = settings.growth.content
     if result.recipe is not None:
         origin[ORIGIN_RECIPE] = result.recipe.origin
-    return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
+    return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
 
 
 def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:
@@ -237,8 +210,8 @@ def write_front(
         write_text(path, design_text(member.design), force=force)
     write_text(out / "front.json", front_json(members, result, settings), force=force)
     figure = front_picture(members, result, settings, training_maps(settings)[0])
-    write_bytes(out / "front.svg", svg_bytes(figure), force=force)
-    write_bytes(out / "front.png", png_bytes(figure), force=force)
+    write_bytes(out / "front.svg", page_svg(figure), force=force)
+    write_bytes(out / "front.png", page_png(figure), force=force)
     return members
 
 
@@ -265,7 +238,7 @@ def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[s
 
 def front_picture(
     members: Sequence[FrontMember], result: RunResult, settings: RunSettings, world: Map
-) -> Figure:
+) -> Page:
     """Return the front as a chart, with a few of its robots on a training map."""
     lowest = min(finalist.fitness for finalist in result.finalists)
     space, axis = Space(settings.space, settings.build), settings.front_axis

@@ -1,7 +1,7 @@
 """The page of a run that is going on, rewritten now and then; loads no plotting."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,13 +16,14 @@ from vinefab.core.errors import (
     InterruptedRunError,
 )
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Text
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.animation_svg import svg_animation
-from vinefab.pages.html import Headline, Live, Picture, Report, Section, page_html
+from vinefab.pages.html import Live, page
 from vinefab.pages.live_curve import live_curve
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
@@ -107,42 +108,38 @@ class LivePage:
 
     def _write(self, state: str, *, running: bool) -> None:
         try:
-            write_text(self.path, page_html(self._report(state, running=running)))
+            write_text(self.path, self._page(state, running=running))
         except (CannotWriteError, ForeignFileError) as error:
             self.problem = str(error)
 
-    def _report(self, state: str, *, running: bool) -> Report:
+    def _page(self, state: str, *, running: bool) -> str:
         progress, settings = self._last, self._settings
         if progress is None:
             raise BadInputError("progress", None, "that of a generation")
         pace_s = progress.elapsed_s / max(1, progress.generation)
         patience_s = round(_PATIENCE_S + 5.0 * pace_s + self._pause_s)
-        curve = Picture(
-            image=live_curve(*curve_of(progress.history)),
-            caption="Best fitness so far, and the scores of each generation (simulated). A best "
-            "value can be luck: at the end finalists are evaluated again on fresh poses.",
-            wide=True,
-        )
-        return Report(
-            title=f"{settings.name}: search for the best design",
-            verdict=state,
-            tone="good" if running else "caution",
-            cautions=() if running else (f"To go on: {self._again}",),
-            headlines=self._headlines(progress),
-            facts=run_facts(settings),
-            sections=(
-                Section(title="The search so far", pictures=(curve,)),
-                self._best.section(),
-                Section(
-                    title="If it stops",
-                    paragraphs=(
-                        "Every generation is recorded. After Ctrl-C, a kill or a power cut this "
-                        "goes on as if nothing had happened:",
-                    ),
-                    code=self._again,
+        return page(
+            f"{settings.name}: search for the best design",
+            (
+                Answer(state, "good" if running else "caution"),
+                Notes(() if running else (f"To go on: {self._again}",)),
+                Facts(tuple(self._headlines(progress)), lead=True),
+                *self._best.view(),
+                Picture(
+                    image=live_curve(*curve_of(progress.history)),
+                    caption="Best fitness so far, and the scores of each generation (simulated). "
+                    "A best value can be luck: at the end finalists are evaluated again on fresh "
+                    "poses.",
+                    wide=True,
                 ),
+                Facts(run_facts(settings)),
+                Text(
+                    "Every generation is recorded. After Ctrl-C, a kill or a power cut this goes "
+                    "on as if nothing had happened:"
+                ),
+                Code(self._again),
             ),
-            live=Live(
+            Live(
                 refresh_s=_REFRESH_S if running else _STOPPED_REFRESH_S,
                 written_ms=int(1000 * time.time()),
                 patience_s=patience_s if running else 0,
@@ -150,32 +147,26 @@ class LivePage:
             ),
         )
 
-    def _headlines(self, progress: Progress) -> tuple[Headline, ...]:
+    def _headlines(self, progress: Progress) -> Iterator[Fact]:
         best = progress.best
-        known = best > INVALID_FITNESS
-        found = [
-            Headline(
-                name="best fitness so far",
-                value=f"{best:.4f}" if known else "none",
-                detail="in the search, of many tries: likely too good (simulated)",
-            ),
-            Headline(
-                name="mean of the last generation",
-                value=f"{progress.mean:.4f}",
-                detail=f"standard deviation {progress.spread:.4f} (simulated)",
-            ),
-        ]
+        yield Fact(
+            "best fitness so far",
+            f"{best:.4f}" if best > INVALID_FITNESS else "none",
+            detail="in the search, of many tries: likely too good (simulated)",
+        )
+        yield Fact(
+            "mean of the last generation",
+            f"{progress.mean:.4f}",
+            detail=f"standard deviation {progress.spread:.4f} (simulated)",
+        )
         if self._settings.evaluation.fabricable:
             share = 100.0 * progress.fabricable_share
-            found.append(
-                Headline(
-                    name="manufacturable",
-                    value=f"{share:.0f} %",
-                    detail="of the last generation, by the quick rules",
-                    tone="good" if share > 0.0 else "caution",
-                )
+            yield Fact(
+                "manufacturable",
+                f"{share:.0f} %",
+                detail="of the last generation, by the quick rules",
+                tone="good" if share > 0.0 else "caution",
             )
-        return tuple(found)
 
 
 class _BestSoFar:
@@ -198,19 +189,19 @@ class _BestSoFar:
                 self._design = self._space.design(generation.x[row], self._settings.name)
         self._seen = len(history)
 
-    def section(self) -> Section:
-        """Return what it is, with a picture."""
-        design, title = self._design, "The best so far"
+    def view(self) -> Iterator[Block]:
+        """Yield what it is, with a picture."""
+        design = self._design
         if design is None:
-            return Section(title=title, paragraphs=("No point of the space was a design yet.",))
-        picture = Picture(
+            yield Text("No point of the space was a design yet.")
+            return
+        size = f"{size_words(design)}{self._pieces_words(design)}"
+        yield Picture(
             image=self._picture(design),
-            caption=f"From the start of {self._world.name} (simulated).",
+            caption=f"The best so far, from the start of {self._world.name} (simulated): {size}, "
+            f"found in generation {self._at}.",
             wide=True,
         )
-        pieces = self._pieces_words(design)
-        words = f"{size_words(design)}{pieces}, found in generation {self._at}."
-        return Section(title=title, paragraphs=(words,), pictures=(picture,))
 
     def _pieces_words(self, design: Design) -> str:
         """Return how many pieces the search takes a design for; empty where it must be one."""
@@ -245,22 +236,22 @@ def size_words(design: Design) -> str:
     return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
-def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
+def run_facts(settings: RunSettings) -> tuple[Fact, ...]:
     """Return name and value of what a run was asked for."""
     search, maps = settings.search, settings.maps
     where = "from files" if maps.files else f"of {maps.environment}, seed {maps.seed}"
     evaluation = settings.evaluation
     made = f"recipe {evaluation.recipe or DEFAULT_RECIPE}" if evaluation.fabricable else "not asked"
     return (
-        ("task", settings.task.name),
-        ("training maps", f"{maps.count} {where}"),
-        ("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
-        (
+        Fact("task", settings.task.name),
+        Fact("training maps", f"{maps.count} {where}"),
+        Fact("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
+        Fact(
             "size",
             f"{counted(search.population, 'design')} x {counted(search.generations, 'generation')}",
         ),
-        ("manufacturability", made),
-        *([("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
+        Fact("manufacturability", made),
+        *([Fact("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
     )
 
 

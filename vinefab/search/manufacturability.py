@@ -283,7 +283,7 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
         allowed = f"fewer, or a wider trunk: their film would fill {full:.0f} % of it"
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
     if window_penalty(design, query.profile, query.changed) > 0.0:
-        pressed = replace(design, build=replace(design.build, pressure_kpa=10_000.0))
+        pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))
         if window_penalty(pressed, query.profile, query.changed) == 0.0:
             allowed = "more: no leaf of the space grows to its tip with it"
             yield _no(WINDOW, "build.pressure_kpa", design.build.pressure_kpa, allowed)

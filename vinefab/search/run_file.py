@@ -14,8 +14,6 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.plain_text import counted
-from vinefab.core.units import rad
-from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
     DEFAULT_MOUNTING,
@@ -28,11 +26,11 @@ from vinefab.model.design import (
     Pouch,
 )
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
-from vinefab.model.map import Pose, Start
-from vinefab.model.start_place import StartPlace, shape_of, start_from
+from vinefab.model.map import Start
+from vinefab.model.start_place import StartPlace, StartTable, start_from
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import make_other_task
 from vinefab.search.front import check_objectives
@@ -68,24 +66,6 @@ def _pair(value: object) -> object:
 RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
-class StartForm(Form):
-    """``start`` of ``[maps]`` as a table: a pose and the range around it, a side, line or area."""
-
-    x_mm: float | None = None  # in map coordinates
-    y_mm: float | None = None  # in map coordinates
-    heading_deg: float | None = None  # counter-clockwise from +x; of a side: inwards if left out
-    spread_x_mm: float | None = None  # half-width of the range of positions
-    spread_y_mm: float | None = None  # half-width of the range of positions
-    spread_heading_deg: float = 0.0  # half-width of the range of headings
-    side: str | None = None  # left, right, bottom or top: anywhere on it
-    inset_mm: float | None = None  # how far from the side
-    # points of a line: anywhere on it
-    line: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = None
-    # corners of a box, or of a polygon: anywhere in it
-    area: list[Annotated[list[float], Field(min_length=2, max_length=2)]] | None = None
-    clearance_mm: float | None = None  # least distance of a line or area from walls
-
-
 def _words_or_table(value: object) -> object:
     if isinstance(value, str | Mapping):
         return value
@@ -96,8 +76,8 @@ def _form_of_start(value: object) -> str:
     return "Words" if isinstance(value, str) else "Table"
 
 
-_StartForms = Annotated[
-    Annotated[str, Tag("Words")] | Annotated[StartForm, Tag("Table")],
+_StartTables = Annotated[
+    Annotated[str, Tag("Words")] | Annotated[StartTable, Tag("Table")],
     Discriminator(_form_of_start),
     BeforeValidator(_words_or_table),
 ]
@@ -111,7 +91,7 @@ class MapsForm(Form):
     seed: int | None = None  # of the first map; the next have the next seeds
     options: dict[str, Any] | None = None  # of the generator
     files: list[str] | None = None  # map files, relative to the run file, in place of all above
-    start: _StartForms | None = None  # of every map, in place of its own
+    start: _StartTables | None = None  # of every map, in place of its own
 
 
 class RunPartForm(Form):
@@ -161,8 +141,8 @@ class RunBuildForm(Form):
     width_ratio: float = DEFAULT_WIDTH_RATIO  # of a level over the one before
     tail_mm: float = DEFAULT_TAIL_MM  # below the trunk
     pressure_kpa: float = DEFAULT_PRESSURE_KPA  # working gauge pressure
-    pouch: PouchForm | None = None  # at the tip of every leaf
-    pieces: PiecesForm | None = None  # robots may be cut in flat pieces
+    pouch: Pouch | None = None  # at the tip of every leaf
+    pieces: PieceSettings | None = None  # robots may be cut in flat pieces
     mounting: Mounting = DEFAULT_MOUNTING  # as in a design
 
 
@@ -327,8 +307,6 @@ def _task_tables(
 
 
 def _build(form: RunBuildForm) -> BuildSettings:
-    pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
-    pieces = None if form.pieces is None else PieceSettings(**form.pieces.model_dump())
     others = form.model_dump(exclude={"pouch", "pieces", "trunk_width_mm", "widths_mm"})
     trunk_mm, widths_mm = form.trunk_width_mm, form.widths_mm
     if widths_mm is not None and trunk_mm is not None:
@@ -338,8 +316,8 @@ def _build(form: RunBuildForm) -> BuildSettings:
     return BuildSettings(
         trunk_width_mm=DEFAULT_TRUNK_WIDTH_MM if trunk_mm is None else trunk_mm,
         widths_mm=tuple(widths_mm or ()),
-        pouch=pouch,
-        pieces=pieces,
+        pouch=form.pouch,
+        pieces=form.pieces,
         **others,
     )
 
@@ -378,76 +356,15 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
 
 
 _START_KEY = "maps.start"
-_PLACES = ("side", "line", "area")
 
 
-def _start_of(form: str | StartForm) -> Start | StartPlace:
+def _start_of(form: str | StartTable) -> Start | StartPlace:
     if isinstance(form, str):
         return start_from(form, _START_KEY)
-    given = form.model_dump(exclude_none=True)
-    places = [name for name in _PLACES if name in given]
-    if not places:
-        return _start_pose(form)
-    if len(places) > 1:
-        raise BadInputError(f"{_START_KEY}.{places[1]}", given[places[1]], "not beside another one")
-    for name in ("x_mm", "y_mm", "spread_x_mm", "spread_y_mm"):
-        if name in given:
-            allowed = f"not beside {places[0]}: poses are drawn from it"
-            raise BadInputError(f"{_START_KEY}.{name}", given[name], allowed)
     try:
-        return _start_place(form, places[0])
+        return form.start
     except BadInputError as error:
-        name = error.key.removeprefix(f"{_START_KEY}.").removeprefix("start.")
-        key = f"{_START_KEY}.{places[0] if name in ('area', 'x', 'y') else name}"
-        raise BadInputError(key, error.value, error.allowed) from error
-
-
-def _start_place(form: StartForm, name: str) -> StartPlace:
-    points = form.line if name == "line" else form.area
-    if points is not None and len(points) < 2:
-        raise BadInputError("start.area", points, "two or more points")
-    return StartPlace(
-        side=form.side,
-        area=None if points is None else shape_of(name, points),
-        inset_mm=form.inset_mm,
-        clearance_mm=form.clearance_mm,
-        heading_rad=None if form.heading_deg is None else rad(_heading_deg(form)),
-        spread_heading_rad=_spread_rad(form),
-    )
-
-
-def _start_pose(form: StartForm) -> Start:
-    key = _START_KEY
-    for name in ("x_mm", "y_mm", "heading_deg"):
-        if getattr(form, name) is None:
-            raise BadInputError(f"{key}.{name}", None, "it must be given, or side, line or area")
-    for name in ("inset_mm", "clearance_mm"):
-        if getattr(form, name) is not None:
-            allowed = "beside side, line or area only"
-            raise BadInputError(f"{key}.{name}", getattr(form, name), allowed)
-    return Start(
-        pose=Pose(
-            x_mm=_length_mm(form, "x_mm", -LARGEST_MM),
-            y_mm=_length_mm(form, "y_mm", -LARGEST_MM),
-            heading_rad=rad(_heading_deg(form)),
-        ),
-        spread_x_mm=_length_mm(form, "spread_x_mm", 0.0),
-        spread_y_mm=_length_mm(form, "spread_y_mm", 0.0),
-        spread_heading_rad=_spread_rad(form),
-    )
-
-
-def _length_mm(form: StartForm, name: str, least_mm: float) -> float:
-    return number(f"{_START_KEY}.{name}", getattr(form, name) or 0.0, least_mm, LARGEST_MM, "mm")
-
-
-def _heading_deg(form: StartForm) -> float:
-    return number(f"{_START_KEY}.heading_deg", form.heading_deg or 0.0, -1e6, 1e6, "deg")
-
-
-def _spread_rad(form: StartForm) -> float:
-    key = f"{_START_KEY}.spread_heading_deg"
-    return rad(number(key, form.spread_heading_deg, 0.0, 360.0, "deg"))
+        raise BadInputError(f"{_START_KEY}.{error.key}", error.value, error.allowed) from error
 
 
 def _space(form: SpaceForm) -> SpaceSettings:

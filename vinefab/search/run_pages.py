@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
@@ -18,9 +17,10 @@ from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.pages.charts import fitness_curve
-from vinefab.pages.drawing import map_plan
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Page
+from vinefab.pages.plan import map_plan
 from vinefab.search.record.result import Generation, RunResult, curve_of
 from vinefab.search.record.run_archive import (
     RECORD_FILE,
@@ -223,15 +223,15 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
     written = [write_text(out / "best.toml", best, force=force)]
     if archive.recipe is not None:
         archive.recipe.write(out)
-    pictures = {"history.svg": svg_bytes(history_figure(archive.history))}
+    pictures = {"history.svg": page_svg(history_figure(archive.history))}
     for world in archive.maps:
         plan = map_plan(world, targets_mm=targets_mm(archive.settings))
-        pictures[f"map_{world.name}.svg"] = svg_bytes(plan)
+        pictures[f"map_{world.name}.svg"] = page_svg(plan)
     written += [write_bytes(out / name, data, force=force) for name, data in pictures.items()]
     return tuple(written)
 
 
-def history_figure(history: Sequence[Generation]) -> Figure:
+def history_figure(history: Sequence[Generation]) -> Page:
     """Return the chart of fitness per generation."""
     return fitness_curve(*curve_of(history))
 
@@ -243,14 +243,14 @@ MOST_MAPS_SHOWN = 4
 def search_section(result: RunResult, training: Sequence[Map]) -> Section:
     """Return the report's section on a search and its training maps."""
     curve = Picture(
-        image=svg_bytes(history_figure(result.history)),
+        image=page_svg(history_figure(result.history)),
         caption="Fitness per generation (simulated). New poses are drawn for every generation, so "
         "a best value can be luck: finalists are evaluated again on fresh poses.",
         wide=True,
     )
     maps = tuple(
         Picture(
-            image=svg_bytes(map_plan(world, longest_in=4.0)), caption=f"Training map {world.name}"
+            image=page_svg(map_plan(world, longest_pt=288.0)), caption=f"Training map {world.name}"
         )
         for world in training[:MOST_MAPS_SHOWN]
     )

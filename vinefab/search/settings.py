@@ -6,7 +6,9 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
+from vinefab.core import table
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, number, positive, whole
 from vinefab.growth.options import GrowthOptions
@@ -373,11 +375,17 @@ def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
     if isinstance(settings, Start | StartPlace):
         return start_record(settings)
+    if isinstance(settings, table.Table):
+        declared = type(settings).model_fields
+        later_keys = {name for name, one in declared.items() if table.LATER in one.metadata}
+        return {n: plain_settings(v) for n, v in settings if n not in later_keys}
     if is_dataclass(settings):
         values = {f.name: getattr(settings, f.name) for f in fields(settings)}
         later = {f.name: f.default for f in fields(settings) if f.metadata.get("later")}
         said = {n: v for n, v in values.items() if n not in later or (v and v != later[n])}
         return {n: plain_settings(v) for n, v in said.items()}
+    if isinstance(settings, BaseModel):
+        return settings.model_dump()
     if isinstance(settings, Mapping):
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):

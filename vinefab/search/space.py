@@ -8,7 +8,6 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.model.design import (
     DEFAULT_MOUNTING,
@@ -315,8 +314,8 @@ class Space:
             Level(
                 branches=int(values[level, "branches"]),
                 length_mm=values[level, "length_mm"],
-                fan_rad=rad(values[level, "angle_deg"]),
-                growth=values[level, "growth_percent"] / 100.0,
+                angle_deg=values[level, "angle_deg"],
+                growth_percent=values[level, "growth_percent"],
             )
             for level in range(2, depth + 1)
         )
@@ -406,8 +405,8 @@ class Space:
         for number_, level in enumerate(design.levels, start=2):
             values[number_, "branches"] = level.branches
             values[number_, "length_mm"] = level.length_mm
-            values[number_, "angle_deg"] = deg(level.fan_rad)
-            values[number_, "growth_percent"] = 100.0 * level.growth
+            values[number_, "angle_deg"] = level.angle_deg
+            values[number_, "growth_percent"] = level.growth_percent
         return np.array(
             [
                 variable.share(values[key])

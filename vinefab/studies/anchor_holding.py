@@ -7,8 +7,8 @@ import numpy as np
 
 from vinefab.core.validation import Floats
 from vinefab.growth.simulator import grow
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
+from vinefab.pages.page_svg import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, NumberRange, amplification_interval
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.space import Bounds, SpaceSettings
@@ -210,7 +210,7 @@ def _picture(found: Exchange) -> Picture:
             )
         )
     return Picture(
-        image=svg_bytes(reach_plan(panels)),
+        image=page_svg(reach_plan(panels)),
         caption="The kept anchors on the first unseen map of each environment (simulated).",
         wide=True,
     )

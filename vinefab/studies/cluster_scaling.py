@@ -14,9 +14,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vinefab.core.validation import Floats
-from vinefab.pages.charts import frame
 from vinefab.pages.colours import INK, LEVEL_COLOURS
-from vinefab.pages.figure import blank, house_style
+from vinefab.pages.figure import blank, frame, house_style
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Search
 from vinefab.search.parallel.work_placement import HandingOut, Pace, point_weights

@@ -22,7 +22,7 @@ from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats, whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
-from vinefab.pages.figure import svg_bytes
+from vinefab.pages.page_svg import page_svg
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.result import RunIdentity, package_versions
@@ -390,4 +390,4 @@ def comparison_svg(contest: Contest, rows: Sequence[ContestRow]) -> bytes:
         problem.name: {c.label: _scores(rows, problem.name, c.label) for c in contest.contenders}
         for problem in contest.problems
     }
-    return svg_bytes(panels_of_strips(panels, "score on unseen maps (simulated)"))
+    return page_svg(panels_of_strips(panels, "score on unseen maps (simulated)"))

@@ -7,7 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
@@ -15,10 +14,10 @@ from scipy.stats import gaussian_kde
 
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
-from vinefab.pages.charts import frame
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT, level_colour
-from vinefab.pages.drawing import draw_map, draw_pose, fill_geometry
-from vinefab.pages.figure import blank, house_style
+from vinefab.pages.figure import blank, frame, house_style
+from vinefab.pages.panel import Ink, Page, Panel, page_of_rows, plan_panel
+from vinefab.pages.plan import draw_map, draw_pose
 
 
 class ChartValue(Protocol):
@@ -193,47 +192,32 @@ class PlanPanel:
     buffer_mm: float = 0.0  # distance from their bodies that is shaded; 0: none
 
 
-def reach_plan(panels: Sequence[PlanPanel], columns: int = 2) -> Figure:
+def reach_plan(panels: Sequence[PlanPanel], columns: int = 2) -> Page:
     """Return plans in rows."""
-    rows = -(-len(panels) // columns)
-    with house_style():
-        figure = Figure(figsize=(4.2 * columns, 4.4 * rows), layout="constrained")
-        places = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, panel in zip(places, panels, strict=False):
-            _draw_panel(axes, panel)
-        for axes in places[len(panels) :]:
-            axes.set_axis_off()
-    return figure
+    drawn = [_plan(panel) for panel in panels]
+    return page_of_rows([drawn[at : at + columns] for at in range(0, len(drawn), columns)])
 
 
-def _draw_panel(axes: Axes, panel: PlanPanel) -> None:
-    if panel.buffer_mm > 0.0:
-        lines = [chain for robot in panel.deployments for chain in _chains(robot)]
-        near = shapely.union_all(
-            shapely.buffer([shapely.LineString(line) for line in lines], panel.buffer_mm)
-        )
-        reached = shapely.intersection(near, panel.world.free_space)
-        fill_geometry(axes, [reached], face=LEVEL_COLOURS[5], edge="none", alpha=0.45, rank=0.5)
-    draw_map(axes, panel.world)
-    for robot in panel.deployments:
-        _draw_robot(axes, robot)
-    draw_pose(axes, panel.deployments[0].pose, max(panel.world.size_mm))
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-    axes.set_title(panel.title, fontsize=9, color=INK)
-
-
-def _draw_robot(axes: Axes, robot: Deployment) -> None:
-    for level in range(int(robot.tree.level.max()), 0, -1):
-        members = np.flatnonzero((robot.tree.level == level) & robot.deployed)
-        chains = [robot.chain_mm(int(branch)) for branch in members]
-        width_pt = max(0.6, 2.2 - 0.4 * level)
-        axes.add_collection(
-            LineCollection(
-                chains, colors=level_colour(level), linewidths=width_pt, zorder=4.2 - 0.1 * level
-            )
-        )
-
-
-def _chains(robot: Deployment) -> list[list[list[float]]]:
-    return [robot.chain_mm(int(branch)).tolist() for branch in np.flatnonzero(robot.deployed)]
+def _plan(shown: PlanPanel) -> Panel:
+    panel = plan_panel(shown.world.bounds.bounds, 270.0)
+    panel.title, panel.x_name, panel.y_name = shown.title, "", ""
+    panel.x_ticks = panel.y_ticks = ()
+    panel.legend_shown = False
+    chains = [
+        robot.chain_mm(branch)
+        for robot in shown.deployments
+        for branch in np.flatnonzero(robot.deployed).tolist()
+    ]
+    if shown.buffer_mm > 0.0:
+        lines = [shapely.LineString(chain) for chain in chains]
+        near = shapely.union_all(shapely.buffer(lines, shown.buffer_mm))
+        reached = shapely.intersection(near, shown.world.free_space)
+        panel.polygons([reached], Ink(fill=LEVEL_COLOURS[5], fill_alpha=0.45), rank=0.5)
+    draw_map(panel, shown.world)
+    for robot in shown.deployments:
+        for level in range(int(robot.tree.level.max()), 0, -1):
+            members = np.flatnonzero((robot.tree.level == level) & robot.deployed).tolist()
+            ink = Ink(line=level_colour(level), width_pt=max(0.6, 2.2 - 0.4 * level))
+            panel.lines([robot.chain_mm(branch) for branch in members], ink, rank=4.2 - 0.1 * level)
+    draw_pose(panel, shown.deployments[0].pose, max(shown.world.size_mm))
+    return panel

@@ -17,8 +17,8 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
+from vinefab.pages.page_svg import page_svg
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.studies.claims import (
     Claim,
@@ -496,7 +496,7 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
                 )
             )
     return Picture(
-        image=svg_bytes(reach_plan(panels)),
+        image=page_svg(reach_plan(panels)),
         caption="What lies within the buffer of the body, on the first unseen map of each "
         "environment (simulated). Left: the kept branching design, once. Right: all redeployments "
         "of a plain vine together.",

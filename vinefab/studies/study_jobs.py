@@ -106,7 +106,7 @@ def plain_design(design: Design) -> dict[str, Any]:
         else {
             name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
         },
-        **({} if pieces is None else {"pieces": asdict(pieces)}),
+        **({} if pieces is None else {"pieces": pieces.model_dump()}),
         **({} if build.mounting == DEFAULT_MOUNTING else {"mounting": build.mounting}),
     }
 

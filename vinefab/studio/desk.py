@@ -10,7 +10,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -26,7 +26,6 @@ from vinefab.core.errors import (
 )
 from vinefab.core.hashing import sha256_of
 from vinefab.core.replacement import PROTECTED, is_protected
-from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_edit import edited_text
@@ -150,7 +149,7 @@ class Desk:
             "writable": self.is_writable(path),
             "stamp": version.stamp,
             "text": version.text,
-            **self._run_recipe(replace(version.design, folder=path.parent)),
+            **self._run_recipe(version.design.changed(folder=path.parent)),
         }
 
     def _run_recipe(self, design: Design) -> dict[str, Any]:
@@ -392,15 +391,14 @@ class Desk:
     ) -> tuple[str, str]:
         """Return the text to write, and what the user should know of it."""
         if now.design is not None and now.text is not None:
-            return edited_text(now.text, _unrounded(design, now.design), path), ""
+            return edited_text(now.text, design, path), ""
         base = self._texts.get(path)
         if base is None and source is not None:
             base = self._text_of(source)
         if base is None:
             return design_text(design), ""
         with suppress(CannotWriteError):
-            old = design_of(toml_content(base.removeprefix("\ufeff"), path), path)
-            return edited_text(base, _unrounded(design, old), path), ""
+            return edited_text(base, design, path), ""
         return design_text(design), "its comments could not be taken over"
 
     def _text_of(self, source: object) -> str | None:
@@ -463,21 +461,6 @@ def _version(path: Path) -> _Version:
 
 def _stamp(path: Path, most_bytes: int) -> str:
     return sha256_of(read_bytes(path, most_bytes))
-
-
-def _unrounded(design: Design, old: Design) -> Design:
-    """Return a design with the angles and growths of the file that the page shows rounded."""
-    fans = {deg(level.fan_rad): level.fan_rad for level in old.levels}
-    growths = {round(100.0 * level.growth, 9): level.growth for level in old.levels}
-    levels = tuple(
-        replace(
-            level,
-            fan_rad=fans.get(deg(level.fan_rad), level.fan_rad),
-            growth=growths.get(round(100.0 * level.growth, 9), level.growth),
-        )
-        for level in design.levels
-    )
-    return replace(design, levels=levels)
 
 
 def _listed(roots: Sequence[Path]) -> tuple[list[Path], bool]:

@@ -272,7 +272,6 @@ class ReportExport:
             unseen_maps,
         )
         from vinefab.prediction.predict import part_of, predict
-        from vinefab.prediction.prediction_json import summary_lines
         from vinefab.prediction.provenance import origin_of
 
         unseen = None
@@ -284,8 +283,8 @@ class ReportExport:
         found = predict(source.design, source.profile, families, plan, part_of(tell, 0.0, 0.6))
         command = shlex.join(["vinefab", *self.words(source)])
         origin = origin_of(command, [source.design], source.profile, families)
-        page = found.page(origin, (), part_of(tell, 0.6, 1.0))
-        return MadeExport(files={"": page.encode()}, lines=tuple(summary_lines(found)))
+        page = replace(found, origin=origin).page(part_of(tell, 0.6, 1.0))
+        return MadeExport(files={"": page.encode()}, lines=found.summary)
 
 
 EXPORTS: dict[str, type[Export]] = {

@@ -100,7 +100,7 @@ def _proposal_content(proposal: FixProposal, state: StudioState) -> dict[str, An
     }
     if proposal.design is not None:
         # On the page it is the same design, changed: it keeps its name and its file.
-        content["design"] = design_content(replace(proposal.design, name=state.design.name))
+        content["design"] = design_content(proposal.design.changed(name=state.design.name))
         content["locks_changed"] = _changed(state, content["design"])
     return content
 

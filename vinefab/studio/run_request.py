@@ -12,36 +12,26 @@ import tomli_w
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
+from vinefab.core.table import declared_keys
 from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import MOST_LEVELS, Design
+from vinefab.model.design import MOST_LEVELS, Design, Level
 from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.costs import COSTS
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.space import LIMITS, SpaceSettings
+from vinefab.studio.design_form import label_of
 from vinefab.studio.state import PAGE, StudioState
 from vinefab.tasks.shipped_tasks import TASKS
 
 RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"
 """What a search that is begun on the page has in its folder before it runs."""
 
-_RUN_NAMES = {
-    "length": "length_mm",
-    "angle_deg": "angle_deg",
-    "branches": "branches",
-    "growth_percent": "growth_percent",
-}
-"""Variables of a level: keys of a design to keys of a space."""
-
-_WORDS = {
-    "length_mm": ("length", "mm"),
-    "angle_deg": ("fan", "deg"),
-    "branches": ("branches", ""),
-    "growth_percent": ("growth", "%"),
-}
+_LEVEL = {key.field: key for key in declared_keys(Level) if key.field in LIMITS}
+"""Variables of a level, by their names in a space."""
 
 MOST_FILES = 1000
 
@@ -72,7 +62,7 @@ class DesignValue:
 
     def plain(self) -> dict[str, Any]:
         """Return the value as the page shows it."""
-        words, unit = _WORDS[self.name]
+        words, unit = label_of(_LEVEL[self.name]).lower(), _LEVEL[self.name].unit
         return {
             "key": self.key,
             "level": self.level,
@@ -90,15 +80,9 @@ def design_values(design: Design, locks: frozenset[str]) -> tuple[DesignValue, .
     """Return the values of a design that are variables of a space, trunk first."""
     values = [("trunk.length", 1, "length_mm", design.trunk_length_mm)]
     for index, level in enumerate(design.levels):
-        of_level = {
-            "branches": level.branches,
-            "length": level.length_mm,
-            "angle_deg": deg(level.fan_rad),
-            "growth_percent": round(100.0 * level.growth, 9),
-        }
         values += [
-            (f"level.{index}.{key}", index + 2, _RUN_NAMES[key], value)
-            for key, value in of_level.items()
+            (f"level.{index}.{key.name}", index + 2, name, getattr(level, name))
+            for name, key in _LEVEL.items()
         ]
     return tuple(
         DesignValue(key=key, level=level, name=name, value=value, is_locked=key in locks)
@@ -115,8 +99,8 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
         "levels": [depth, depth],
         "most_levels": MOST_LEVELS,
         "deeper": {
-            words: [getattr(deeper, name).low, getattr(deeper, name).high, unit]
-            for name, (words, unit) in _WORDS.items()
+            label_of(key).lower(): [getattr(deeper, name).low, getattr(deeper, name).high, key.unit]
+            for name, key in _LEVEL.items()
         },
         "notes": list(_notes(state)),
         "tasks": list(TASKS),

@@ -30,6 +30,7 @@ from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.studio.design_form import design_form
 from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, is_name, world_of
 from vinefab.studio.warming import load_kernel
@@ -117,6 +118,7 @@ def snapshot_html(
         "version": __version__,
         "folder": "",
         "state": portable,
+        "form": design_form(),
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     stored = {

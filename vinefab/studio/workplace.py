@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.studio.design_form import design_form
 from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.state import PAGE, StudioState
 
@@ -160,6 +161,7 @@ class Workplace:
             "started": self._started,
             "folder": str(opened.folder),
             "environments": list(ENVIRONMENTS),
+            "form": design_form(),
             "state": {**_EMPTY, **state},
             "file": file,
         }

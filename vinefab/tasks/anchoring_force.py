@@ -413,7 +413,11 @@ class Anchoring:
             joints_rad = _by_branch([np.abs(tree.offset_rad) for tree, _ in robots], which)
         turns = Turns.of(grown, joints_rad)
         leaves = Leaves.of(grown, turns)
-        pouches = self._pouches([build for _, build in robots], which)
+        rows = [
+            (*self._pouch_mm(build), 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0)
+            for _, build in robots
+        ]
+        pouches = Pouches(*np.array(rows, dtype=np.float64)[which].T)
         engaged, contact_mm2 = contacts(leaves, pouches, places)
         if self.only_full_length:
             is_whole = np.equal(grown.stop[leaves.branch], Stop.FULL_LENGTH)
@@ -457,11 +461,6 @@ class Anchoring:
         }
         return TaskOutcomes(found.amplification(self.friction), terms)
 
-    def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
-        """Return the pouches of growths, shape (j,) each; ``which`` is the design of each."""
-        rows = [(*self._pouch_mm(build), self._press_n_mm2(build)) for build in builds]
-        return Pouches(*np.array(rows, dtype=np.float64)[which].T)
-
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
         """Return flat length and width of the pouches, zeros without any."""
         if self.pouch_width_mm > 0.0:
@@ -472,10 +471,6 @@ class Anchoring:
         # A round pouch is taken for the square of the same area.
         side_mm = math.sqrt(math.pi) * (pouch.radius_mm or 0.0)
         return pouch.length_mm or side_mm, pouch.width_mm or side_mm
-
-    def _press_n_mm2(self, build: Build | None) -> float:
-        """Return the force per mm2 of contact on both walls together, 2 P; 0 where unknown."""
-        return 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0
 
     def _limits_n(self, tree: BranchTree, build: Build | None) -> Floats:
         """Return the largest pull that each branch stands at its narrower end, shape (n,)."""

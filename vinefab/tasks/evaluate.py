@@ -16,7 +16,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Score
+from vinefab.model.score import MEAN_SHARE, STANDARD_DEVIATION, Evaluation, Score, composite_text
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
@@ -70,21 +70,17 @@ class PreparedMap:
             If the map has no free space.
         """
         terrain = Terrain.of(world)
+        # Only obstacles that a pose drawn from a start could lie in.
+        boxes = np.array([_reach_box(start) for start in world.starts], dtype=np.object_)
+        near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
+        free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
+        shapely.prepare(free)
         return cls(
             world=world,
             terrain=terrain,
             context=MapContext.of(world, terrain.free_space()),
-            around_starts=_around_starts(world),
+            around_starts=free,
         )
-
-
-def _around_starts(world: Map) -> BaseGeometry:
-    """Return the bounds minus the obstacles that a pose drawn from a map's starts could lie in."""
-    boxes = np.array([_reach_box(start) for start in world.starts], dtype=np.object_)
-    near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
-    free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
-    shapely.prepare(free)
-    return free
 
 
 def _reach_box(start: Start) -> Polygon:
@@ -250,20 +246,6 @@ def scores_of(
 
 
 # --- Composition ------------------------------------------------------------------------------
-
-MEAN_SHARE = 0.25
-"""Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
-
-STANDARD_DEVIATION = 0.5
-"""The reference deviation: the largest that scores between 0 and 1 can have."""
-
-
-def composite_text(kind: str, reference_deviation: float = STANDARD_DEVIATION) -> str:
-    """Return how a composite is made of scores, where its name does not say it."""
-    if kind != "min_deviation":
-        return ""
-    rest = 1.0 - MEAN_SHARE
-    return f"{MEAN_SHARE:g} mean + {rest:g} (1 - std / {reference_deviation:g})"
 
 
 def composites_text(composite_of: Mapping[str, float]) -> str:

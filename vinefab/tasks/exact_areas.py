@@ -1,7 +1,6 @@
 """Exact areas that sensors see: discs, discs within free space, and lines of sight past walls."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -100,12 +99,9 @@ def seen_areas(
     """
     regions = [_region(centre, radius_mm, edges_mm) for centre in centres_mm]
     areas_mm2 = np.array([area for area, _ in regions], dtype=np.float64)
-    return areas_mm2, _union([ring for _, ring in regions])
-
-
-def _union(rings: Sequence[Floats]) -> BaseGeometry:
-    polygons = [shapely.Polygon(ring) for ring in rings]
-    return shapely.union_all([p if p.is_valid else shapely.make_valid(p) for p in polygons])
+    polygons = [shapely.Polygon(ring) for _, ring in regions]
+    union = shapely.union_all([p if p.is_valid else shapely.make_valid(p) for p in polygons])
+    return areas_mm2, union
 
 
 def _region(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[float, Floats]:
@@ -114,7 +110,18 @@ def _region(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[floa
     Between two neighbouring ends of walls, as seen from the sensor, one and the same wall is the
     nearest, or none is: what is seen there is a triangle or a sector.
     """
-    first, last, centre = _walls(centre_mm, radius_mm, edges_mm)
+    # Walls that can hide something within the disc: those that face the sensor, which is on their
+    # free side.
+    near = edges_mm[_distances(edges_mm - centre_mm) < radius_mm]
+    touched = near[_distances(near - centre_mm) < TOUCHING_MM]
+    centre = centre_mm + NUDGE_MM * _off(touched - centre_mm)
+    first, last = near[:, 0] - centre, near[:, 1] - centre
+    faces = _cross(first, last) > 0.0
+    first, along = first[faces], (last - first)[faces]
+    begin, end = _within(first, along, radius_mm)
+    some = end > begin
+    first, along, begin, end = first[some], along[some], begin[some, None], end[some, None]
+    first, last = first + begin * along, first + end * along
     along = last - first
     ends = np.concatenate([first, last])
     angles = np.unique(np.concatenate([np.arctan2(ends[:, 1], ends[:, 0]), [-math.pi, math.pi]]))
@@ -130,23 +137,6 @@ def _region(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[floa
             area += 0.5 * radius_mm**2 * (two - one)
             ring.append(_arc(one, two, radius_mm))
     return area, centre + np.vstack(ring)
-
-
-def _walls(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return both ends of the walls that can hide something within the disc, and the sensor.
-
-    Only walls that face the sensor can hide anything: it is on their free side.
-    """
-    near = edges_mm[_distances(edges_mm - centre_mm) < radius_mm]
-    touched = near[_distances(near - centre_mm) < TOUCHING_MM]
-    centre = centre_mm + NUDGE_MM * _off(touched - centre_mm)
-    first, last = near[:, 0] - centre, near[:, 1] - centre
-    faces = _cross(first, last) > 0.0
-    first, along = first[faces], (last - first)[faces]
-    begin, end = _within(first, along, radius_mm)
-    some = end > begin
-    first, along, begin, end = first[some], along[some], begin[some, None], end[some, None]
-    return first + begin * along, first + end * along, centre
 
 
 def _off(touched: Floats) -> Floats:

@@ -78,8 +78,13 @@ class MapContext:
         """Return the raster for a radius, cached; None if it would be too large."""
 
         def build() -> Raster | None:
-            edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
-            return Raster.of(edges_mm, radius_mm)
+            if walls:
+                return Raster.of(self.edges_mm, radius_mm)
+            # The edges of a box that holds every disc about a point of the map.
+            x_min, y_min, x_max, y_max = self.free.bounds
+            reach_mm = 1.01 * radius_mm
+            box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+            return Raster.of(_edges_mm(shapely.box(*box)), radius_mm)
 
         return _cached(self._rasters, (radius_mm, walls), build)
 
@@ -106,13 +111,6 @@ class MapContext:
                 side_mm *= 2.0
 
         return _cached(self._cells, "all", build)
-
-    def _open_edges_mm(self, radius_mm: float) -> Floats:
-        """Return the edges of a box that holds every disc about a point of the map."""
-        x_min, y_min, x_max, y_max = self.free.bounds
-        reach_mm = 1.01 * radius_mm
-        box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
-        return _edges_mm(shapely.box(*box))
 
 
 def _cached(parts: dict[Key, Part], key: Key, build: Callable[[], Part]) -> Part:

@@ -51,7 +51,19 @@ class Reach:
         number("task.falloff_mm", self.falloff_mm, 0.0, LARGEST_MM, "mm")
         if self.reached_by not in ("body", "tip"):
             raise BadInputError("task.reached_by", self.reached_by, "'body' or 'tip'")
-        object.__setattr__(self, "target_mm", _targets_mm(self.target_mm))
+        if not isinstance(self.target_mm, list | tuple) or len(self.target_mm) > MOST_TARGETS:
+            raise BadInputError(
+                "task.target_mm", self.target_mm, f"[[x, y], ...], at most {MOST_TARGETS}"
+            )
+        points = list[tuple[float, float]]()
+        for place, point in enumerate(self.target_mm, start=1):
+            key = f"task.target_mm[{place}]"
+            plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
+            if not plain or len(point) != 2:
+                raise BadInputError(key, point, "[x, y] in mm")
+            x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
+            points.append((x_mm, y_mm))
+        object.__setattr__(self, "target_mm", tuple(points))
         if self.area not in ("auto", "exact", "fast"):
             raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
 
@@ -90,7 +102,9 @@ class Reach:
             return self._of_targets(_one_chain(deployment), summed_mm, context).one(0)
         raster = context.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
-            reached_mm2 = self._exact_mm2(deployment, context)
+            deployed = np.flatnonzero(deployment.deployed)
+            chains = [deployment.chain_mm(int(branch)).tolist() for branch in deployed]
+            reached_mm2 = context.free_area_mm2(near_chains(chains, self.buffer_mm))
         else:
             (reached_mm2,) = raster.reached_mm2(_one_chain(deployment)).tolist()
         grown_mm = float(deployment.grown_mm.sum())
@@ -141,27 +155,8 @@ class Reach:
         }
         return TaskOutcomes(counted.mean(axis=1), terms)
 
-    def _exact_mm2(self, deployment: Deployment, context: MapContext) -> float:
-        reached = near_chains(_chains(deployment), self.buffer_mm)
-        return context.free_area_mm2(reached)
-
 
 MOST_TARGETS = 1000
-
-
-def _targets_mm(given: object) -> tuple[tuple[float, float], ...]:
-    """Return targets as pairs of numbers."""
-    if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
-        raise BadInputError("task.target_mm", given, f"[[x, y], ...], at most {MOST_TARGETS}")
-    points = list[tuple[float, float]]()
-    for place, point in enumerate(given, start=1):
-        key = f"task.target_mm[{place}]"
-        plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
-        if not plain or len(point) != 2:
-            raise BadInputError(key, point, "[x, y] in mm")
-        x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
-        points.append((x_mm, y_mm))
-    return tuple(points)
 
 
 def nearest_mm(chains: Chains, points_mm: Floats, *, tips: bool = False) -> Floats:
@@ -229,9 +224,3 @@ def _sums(values: Floats, first: Ints) -> Floats:
     """Return the sum of each range, added up as for a single deployment."""
     sums = [float(values[one:two].sum()) for one, two in itertools.pairwise(first.tolist())]
     return np.array(sums, dtype=np.float64)
-
-
-def _chains(deployment: Deployment) -> list[list[list[float]]]:
-    """Return the points of every deployed branch's centreline."""
-    deployed = np.flatnonzero(deployment.deployed)
-    return [deployment.chain_mm(int(branch)).tolist() for branch in deployed]

@@ -163,7 +163,7 @@ def test_the_instructions_say_how_laps_are_bonded_and_where_their_pressure_goes(
     assert len(bursts) == len(bore) == 6
     assert [note.split()[0] for note in bursts] == [note.split()[0] for note in bore]
     profile = read_profile(RECIPE)
-    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
     words = " ".join(coupon_readme(unbonded, (), None).split())
     assert "the recipe has no [lap]" in words
 
@@ -261,8 +261,8 @@ def test_the_folder_is_complete_and_its_laser_files_the_same_every_time(coupons,
 def test_a_piece_larger_than_the_bed_is_refused():
     profile = read_profile(RECIPE)
     pieces = coupon_pieces(profile)
-    small = replace(profile.machine.bed_width_mm, value=60.0)
-    machine = replace(profile.machine, bed_width_mm=small, bed_height_mm=small)
+    small = profile.machine.bed_width_mm.changed(value=60.0)
+    machine = profile.machine.changed(bed_width_mm=small, bed_height_mm=small)
     cramped = replace(profile, machine=machine)
     with pytest.raises(BadInputError, match="bed of at least"):
         coupon_sheets(pieces, cramped)

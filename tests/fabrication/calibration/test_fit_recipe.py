@@ -153,7 +153,7 @@ def test_a_shrinkage_that_is_known_already_counts(tmp_path):
     path.write_text(shrunk(2.0, ladder=False))
     profile = read_profile(RECIPE)
     known = Quantity(value=2.0, standing=Standing.MEASURED, source="test", uncertainty=0.01)
-    shrinks = replace(profile, material=replace(profile.material, shrinkage_percent=known))
+    shrinks = replace(profile, material=profile.material.changed(shrinkage_percent=known))
     found = fitted_recipe(read_results(path), shrinks)
     kerf = found.numbers["weldcut.kerf_mm"]
     assert abs(kerf.value - 0.3) < kerf.half_width() < 0.1

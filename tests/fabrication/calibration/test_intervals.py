@@ -38,8 +38,8 @@ def exact_paths(paths, true, noise):
             turns = tuple(math.radians(turn) for turn in numbers[1::2])
             is_free = measure == "growth_free"
             values = {**true, "storage_kpa": 0.0 if is_free else true["storage_kpa"]}
-            constants = replace(
-                FITTED, **{n: replace(getattr(FITTED, n), value=v) for n, v in values.items()}
+            constants = FITTED.changed(
+                **{n: getattr(FITTED, n).changed(value=v) for n, v in values.items()}
             )
             kpa = growth_pressure_kpa(numbers[::2], turns, constants)
             found.append(

@@ -165,11 +165,11 @@ def test_another_power_is_found(name: str) -> None:
     one, meant = LASER_FORMATS[name], spec_of("one pass")
     profile = recipe()
     cut = profile.settings(Operation.CUT)
-    stronger = replace(
-        cut, power_percent=replace(cut.power_percent, value=cut.power_percent.value + 1)
+    stronger = cut.changed(
+        power_percent=cut.power_percent.changed(value=cut.power_percent.value + 1)
     )
-    operations = {**profile.recipe.operations, "cut": stronger}
-    other = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    operations = {**profile.recipe.by_operation, "cut": stronger}
+    other = replace(profile, recipe=profile.recipe.changed(operations=operations))
     assert "maxPower" in problems(one, replace(meant, profile=other), meant)
 
 

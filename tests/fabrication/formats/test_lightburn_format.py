@@ -18,7 +18,7 @@ from vinefab.fabrication.formats.lightburn_format import (
 )
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Tool
+from vinefab.model.laser import LaserProfile, Sealer
 
 MACHINED = (Operation.MARK, Operation.WELD, Operation.WELDCUT, Operation.CUT)
 
@@ -81,9 +81,10 @@ def test_what_is_never_cut_lies_on_a_tool_layer(job: Job, profile: LaserProfile)
 
 
 def test_seams_for_a_sealer_lie_on_a_tool_layer(job: Job, profile: LaserProfile) -> None:
-    by_hand = replace(profile.settings("weld"), tool=Tool.IMPULSE_SEALER)
-    operations = {**profile.recipe.operations, "weld": by_hand}
-    sealed = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    cut = profile.settings("cut")
+    sealer = Sealer(temperature_c=cut.spot_mm, dwell_s=cut.spot_mm, seam_width_mm=cut.spot_mm)
+    operations = profile.recipe.operations.changed(weld=None)
+    sealed = replace(profile, recipe=profile.recipe.changed(operations=operations, sealer=sealer))
     text = lightburn_text(job, sealed)
     tools = [values(c)["name"] for c in tree(text).findall("CutSetting") if c.get("type") == "Tool"]
     assert tools == ["VF_20_WELD", "VF_90_REG"]
@@ -106,7 +107,7 @@ def test_the_same_job_gives_the_same_bytes_and_is_known_as_ours(
 
 
 def test_variants_have_layers_and_settings_of_their_own(job: Job, profile: LaserProfile) -> None:
-    slow = replace(profile.settings("cut"), passes=7)
+    slow = profile.settings("cut").changed(passes=7)
     contour = job.paths[0].contour
     paths = tuple(
         LaserPath(operation=Operation.CUT, contour=contour, variant=name, settings=slow)
@@ -148,6 +149,6 @@ def test_a_damaged_project_is_found_out(
 
 
 def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
-    poorer = {k: v for k, v in profile.recipe.operations.items() if k != "weld"}
+    poorer = {k: v for k, v in profile.recipe.by_operation.items() if k != "weld"}
     with pytest.raises(BadInputError, match="weld"):
-        lightburn_text(job, replace(profile, recipe=replace(profile.recipe, operations=poorer)))
+        lightburn_text(job, replace(profile, recipe=profile.recipe.changed(operations=poorer)))

@@ -58,6 +58,8 @@ def profile():
         recipe=Recipe(
             name="bed__film",
             title="A film on a bed",
+            machine="bed",
+            material="film",
             status=RecipeStatus.UNVERIFIED,
             source="a test",
             operations={"weldcut": _settings(0.4, 0.3, 3.0), "cut": _settings(0.0, 0.2, 2.0)},

@@ -1,4 +1,3 @@
-import dataclasses
 import math
 
 import numpy as np
@@ -84,7 +83,6 @@ def test_problems_of_the_outline_are_among_the_facts(make_plan, make_fan, profil
     assert "narrower" in laser_job(design, profile).facts["outline_problems"][0]
 
 
-def test_recipe_without_weldcut_is_refused(tree, profile):
-    recipe = dataclasses.replace(profile.recipe, operations={"cut": profile.settings("cut")})
+def test_recipe_without_weldcut_is_refused(profile):
     with pytest.raises(BadInputError, match="weldcut"):
-        laser_job(tree, dataclasses.replace(profile, recipe=recipe))
+        profile.recipe.changed(operations={"cut": profile.settings("cut")})

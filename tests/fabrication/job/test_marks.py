@@ -37,18 +37,17 @@ def test_text_is_as_wide_as_its_letters():
 @pytest.fixture
 def marking(profile):
     """The profile with marks."""
-    operations = {**profile.recipe.operations, "mark": profile.settings("cut")}
-    recipe = dataclasses.replace(profile.recipe, operations=operations)
+    operations = {**profile.recipe.by_operation, "mark": profile.settings("cut")}
+    recipe = profile.recipe.changed(operations=operations)
     return dataclasses.replace(profile, recipe=recipe)
 
 
 def bed_of(profile, width_mm, height_mm):
     """The profile with a bed that has so much room within its margins."""
     width_mm, height_mm = width_mm + 20.0, height_mm + 20.0
-    machine = dataclasses.replace(
-        profile.machine,
-        bed_width_mm=dataclasses.replace(profile.machine.bed_width_mm, value=width_mm),
-        bed_height_mm=dataclasses.replace(profile.machine.bed_height_mm, value=height_mm),
+    machine = profile.machine.changed(
+        bed_width_mm=profile.machine.bed_width_mm.changed(value=width_mm),
+        bed_height_mm=profile.machine.bed_height_mm.changed(value=height_mm),
     )
     return dataclasses.replace(profile, machine=machine)
 
@@ -87,14 +86,14 @@ def test_robots_of_a_full_bed_are_named_by_their_numbers(make_plan, marking):
 
 
 def test_letters_that_the_font_lacks_are_named(make_plan, marking):
-    job = laser_job(dataclasses.replace(make_plan((40.0,)), name="caché"), marking)
+    job = laser_job(make_plan((40.0,)).changed(name="caché"), marking)
     assert job.facts["marks_left_out"] == ["no strokes for É in the label of caché"]
 
 
 def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
     """A sharp s becomes SS: the box must hold both."""
     name = "ß" * 40
-    job = laser_job(dataclasses.replace(make_plan((40.0,)), name=name), marking)
+    job = laser_job(make_plan((40.0,)).changed(name=name), marking)
     strokes = [path.contour for path in job.paths if path.label.startswith("label")]
     body = shapely.Polygon(job.paths[-2].contour.flattened_mm())
     assert all(shapely.LineString(s.points_mm).distance(body) >= 3.0 for s in strokes)
@@ -168,10 +167,8 @@ def test_labels_of_nested_robots_lie_beside_their_own(make_plan, make_fan, marki
 
 def test_long_names_take_no_film(make_plan, make_fan, marking):
     def film_of(name):
-        design = dataclasses.replace(
-            make_plan((40.0, 24.0), (6.0,), (make_fan(3, 150.0, 120.0),)), name=name
-        )
-        recipe = dataclasses.replace(marking.recipe, name=name)
+        design = make_plan((40.0, 24.0), (6.0,), (make_fan(3, 150.0, 120.0),)).changed(name=name)
+        recipe = marking.recipe.changed(name=name)
         job = laser_job(design, dataclasses.replace(marking, recipe=recipe))
         assert labels(job) == {f"label of {name}"}
         return film_piece_mm(job, marking)

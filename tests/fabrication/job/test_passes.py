@@ -33,15 +33,13 @@ def tree(make_plan, make_fan):
 def sealing(profile):
     """The profile with a weld of 3 mm, and marks."""
     cut = profile.settings("cut")
-    wide = dataclasses.replace(cut.seam_width_mm, value=3.0)
+    wide = cut.seam_width_mm.changed(value=3.0)
     operations = {
-        **profile.recipe.operations,
-        "weld": dataclasses.replace(cut, seam_width_mm=wide),
+        **profile.recipe.by_operation,
+        "weld": cut.changed(seam_width_mm=wide, kerf_mm=wide.changed(value=0.0)),
         "mark": cut,
     }
-    return dataclasses.replace(
-        profile, recipe=dataclasses.replace(profile.recipe, operations=operations)
-    )
+    return dataclasses.replace(profile, recipe=profile.recipe.changed(operations=operations))
 
 
 def test_weld_runs_in_the_middle_of_the_seam_and_the_cut_around_it(tree, sealing):

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,7 +83,7 @@ def bodies(job):
 
 def test_copies_and_other_designs_keep_apart_and_on_the_bed(make_plan, make_fan, profile):
     tree = make_plan((30.0, 14.0), levels=[make_fan(3, 90, 130)], trunk=90.0, tail=80.0)
-    vine = replace(make_plan((20.0,), trunk=150.0, tail=50.0), name="vine")
+    vine = make_plan((20.0,), trunk=150.0, tail=50.0).changed(name="vine")
     job = laser_job(tree, profile, SheetOptions(copies=3, beside=(vine,)))
     assert (job.facts["robots_wanted"], job.facts["robots_placed"]) == (4, 4)
     robots = bodies(job)

@@ -23,18 +23,18 @@ def small_bed(profile):
     """A bed of 240 x 190 mm within 5 mm margins; the recipe can mark and weld too."""
 
     def number(name, value):
-        return dataclasses.replace(getattr(profile.machine, name), value=value)
+        return getattr(profile.machine, name).changed(value=value)
 
     sizes = {"bed_width_mm": 250.0, "bed_height_mm": 200.0, "margin_mm": 5.0}
     machine = {name: number(name, value) for name, value in sizes.items()}
     cut = profile.settings("cut")
-    wide = dataclasses.replace(cut.seam_width_mm, value=3.0)
-    weld = dataclasses.replace(cut, seam_width_mm=wide)
-    operations = {**profile.recipe.operations, "mark": cut, "weld": weld}
+    wide = cut.seam_width_mm.changed(value=3.0)
+    weld = cut.changed(seam_width_mm=wide, kerf_mm=wide.changed(value=0.0))
+    operations = {**profile.recipe.by_operation, "mark": cut, "weld": weld}
     return dataclasses.replace(
         profile,
-        machine=dataclasses.replace(profile.machine, **machine),
-        recipe=dataclasses.replace(profile.recipe, operations=operations),
+        machine=profile.machine.changed(**machine),
+        recipe=profile.recipe.changed(operations=operations),
     )
 
 
@@ -149,8 +149,8 @@ def test_the_layers_of_all_tiles_together_do_not_alternate(trees, small_bed):
 
 
 def test_without_a_mark_nothing_is_marked_to_verify(trees, small_bed):
-    operations = {k: v for k, v in small_bed.recipe.operations.items() if k != Operation.MARK}
-    recipe = dataclasses.replace(small_bed.recipe, operations=operations)
+    operations = {k: v for k, v in small_bed.recipe.by_operation.items() if k != Operation.MARK}
+    recipe = small_bed.recipe.changed(operations=operations)
     job = laser_job(trees["vine"], dataclasses.replace(small_bed, recipe=recipe))
     assert len(job.tiles) > 1
     assert not any(path.label == VERIFICATION for tile in job.tiles for path in tile.paths)
@@ -176,9 +176,9 @@ def test_every_tile_lies_on_the_bed_and_marks_lie_on_the_first(trees, small_bed,
 def test_the_film_holds_all_that_is_drawn_on_it(trees, small_bed, name, marked):
     profile = small_bed
     if not marked:
-        operations = dict(profile.recipe.operations)
+        operations = dict(profile.recipe.by_operation)
         operations.pop("mark", None)
-        recipe = dataclasses.replace(profile.recipe, operations=operations)
+        recipe = profile.recipe.changed(operations=operations)
         profile = dataclasses.replace(profile, recipe=recipe)
     job = laser_job(trees[name], profile)
     film = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)

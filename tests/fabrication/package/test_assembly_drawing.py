@@ -3,7 +3,6 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -74,7 +73,7 @@ def test_every_piece_joint_and_step_is_on_the_page(robot, parts, recipe) -> None
 def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
     cut_at, robot, recipe
 ) -> None:
-    turned = replace(robot, build=replace(robot.build, mounting="turned"))
+    turned = robot.changed(build=robot.build.changed(mounting="turned"))
     partition, outlines = cut_at(turned, (1, 2), 12.0)
     page = " ".join(
         text.get_text() for text in words_of(assembly_drawing(turned, partition, outlines, recipe))
@@ -88,7 +87,7 @@ def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
 def test_a_robot_in_one_piece_has_the_drawing_of_its_faces(robot, recipe) -> None:
     """Which face is which is told from the drawn lines: the outer line as deployed, by colour."""
     for mounting, outside in (("tail_inverted", ALERT), ("turned", INK)):
-        one = replace(robot, build=replace(robot.build, mounting=mounting))
+        one = robot.changed(build=robot.build.changed(mounting=mounting))
         figure = mounting_drawing(one)
         faces = [line for line in figure.findobj(Line2D) if len(line.get_xdata()) > 8]
         growing = sorted(faces, key=lambda line: max(line.get_xdata()))[-2:]

@@ -58,8 +58,8 @@ def test_film_off_the_roll_is_the_shorter_way(job: Job, profile: LaserProfile) -
     # Two pieces of 150 x 80 mm lie side by side on a roll of 1000 mm, the long way across.
     assert value(job, profile, "film off the roll") == pytest.approx(80.0)
     for width, length in ((200.0, 150.0), (149.0, 2 * 150.0), (79.0, 2 * 150.0)):
-        roll = replace(profile.material.roll_width_mm, value=width)
-        narrow = replace(profile, material=replace(profile.material, roll_width_mm=roll))
+        roll = profile.material.roll_width_mm.changed(value=width)
+        narrow = replace(profile, material=profile.material.changed(roll_width_mm=roll))
         assert value(job, narrow, "film off the roll") == pytest.approx(length)
 
 
@@ -67,12 +67,12 @@ def test_standing_falls_to_assumed_with_one_assumed_input(job: Job, profile: Las
     before = {line.item: line.standing for line in bill_of_materials(job, profile)}
     assert set(before.values()) == {Standing.COMPUTED}
     guess = Quantity(value=1000.0, standing=Standing.ASSUMED, source="guess")
-    material = replace(profile.material, density_kg_m3=guess)
+    material = profile.material.changed(density_kg_m3=guess)
     guessed = replace(profile, material=material)
     after = {line.item: line.standing for line in bill_of_materials(job, guessed)}
     assert after.pop("robot film mass") is Standing.ASSUMED
     assert set(after.values()) == {Standing.COMPUTED}
-    machine = replace(profile.machine, acceleration_mm_s2=guess)
+    machine = profile.machine.changed(acceleration_mm_s2=guess)
     slow = {line.item: line for line in bill_of_materials(job, replace(profile, machine=machine))}
     assert slow["machine time, total"].standing is Standing.ASSUMED
 

@@ -8,7 +8,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.package.machine_time import machine_time, move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Tool
+from vinefab.model.laser import LaserProfile, Sealer
 from vinefab.model.outline import Contour, Segment
 
 
@@ -67,9 +67,9 @@ def test_passes_travel_and_order_count(profile: LaserProfile) -> None:
 
 
 def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
-    without = dict(profile.recipe.operations)
+    without = dict(profile.recipe.by_operation)
     del without["weld"]
-    poorer = replace(profile, recipe=replace(profile.recipe, operations=without))
+    poorer = replace(profile, recipe=profile.recipe.changed(operations=without))
     with pytest.raises(BadInputError, match="weld"):
         machine_time(job, poorer)
 
@@ -114,8 +114,9 @@ def test_times_agree_with_a_step_by_step_integration(segment_of: Callable[..., S
 
 
 def test_what_a_sealer_does_takes_no_laser_time(job: Job, profile: LaserProfile) -> None:
-    by_hand = replace(profile.settings("weld"), tool=Tool.IMPULSE_SEALER)
-    operations = {**profile.recipe.operations, "weld": by_hand}
-    sealed = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    cut = profile.settings("cut")
+    sealer = Sealer(temperature_c=cut.spot_mm, dwell_s=cut.spot_mm, seam_width_mm=cut.spot_mm)
+    operations = profile.recipe.operations.changed(weld=None)
+    sealed = replace(profile, recipe=profile.recipe.changed(operations=operations, sealer=sealer))
     assert Operation.WELD in machine_time(job, profile).work_s
     assert Operation.WELD not in machine_time(job, sealed).work_s

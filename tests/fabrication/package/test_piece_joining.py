@@ -12,7 +12,6 @@ from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     STRIP_HANDLE_MM,
     joining_order,
-    joining_words,
     open_ends,
 )
 from vinefab.fabrication.package.readme_text import readme_text
@@ -30,13 +29,13 @@ def recipe():
 @pytest.fixture(scope="module")
 def glued(recipe):
     """The recipe with laps of adhesive film."""
-    guess = {"standing": Standing.ASSUMED}
+    guess = {"standing": Standing.ASSUMED, "source": "a test"}
     lap = LapBond(
         method=LapMethod.ADHESIVE_FILM,
         band_mm=Quantity(value=10.0, **guess),
         survived_n_per_mm=Quantity(value=0.2, **guess),
     )
-    return replace(recipe, recipe=replace(recipe.recipe, lap=lap))
+    return replace(recipe, recipe=recipe.recipe.changed(lap=lap))
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +73,9 @@ def test_the_way_of_a_strip_summed_by_hand(cut_at, robot) -> None:
 
 
 @pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
-def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, mounting) -> None:
+def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, job, mounting) -> None:
     """Played through: what is sealed is closed, and a strip passes no joint that is made."""
-    built = replace(robot, build=replace(robot.build, mounting=mounting))
+    built = robot.changed(build=robot.build.changed(mounting=mounting))
     rng = np.random.default_rng(5)
     for _ in range(60):
         cuts = 1 + rng.choice(robot.branch_count - 1, int(rng.integers(1, 7)), replace=False)
@@ -91,8 +90,10 @@ def test_no_strip_of_a_printed_order_is_trapped(cut_at, robot, recipe, mounting)
             inner = step.sleeve.inner
             assert (inner, "mouth" if inner == "A" else inner) in ends
             assert step.strip_leaves
-        words = joining_words(built, partition, recipe).steps
-        through = [re.search(r"through (?:the base of )?(.+)\.$", text) for text in words]
+        words = joining_items(built, job, recipe, partition)
+        through = [
+            re.search(r"in and out through (?:the base of )?(.+)\.$", text) for text in words
+        ]
         told = [match[1] for match in through if match]
         first = {"A": "the mouth"}
         assert told == [first.get(step.sleeve.inner, step.sleeve.inner) for step in steps]
@@ -109,10 +110,18 @@ def test_a_strip_is_trapped_where_joints_are_made_from_the_base_outward(cut_at, 
     assert open_ends(partition, first, {"C"}) == {"A"}
 
 
-def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe) -> None:
+def joining_items(robot, job, profile, partition) -> list[str]:
+    """Return the items of the section of the README on joining, each on one line, unnumbered."""
+    text = readme_text(robot, job, profile, DEFAULT, partition)
+    section = text.split("6a. Joining the pieces\n")[1].split("\n7. Mounting")[0]
+    items = re.split(r"^(?:- | ?\d+\. |[a-z]\. )", section, flags=re.MULTILINE)
+    return [" ".join(item.split()) for item in items]
+
+
+def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe, job) -> None:
     partition, _ = cut_at(robot, (1, 2, 3, 5))
-    words = joining_words(robot, partition, recipe)
-    told = [text for text in words.steps if text.startswith("Joint ")]
+    words = joining_items(robot, job, recipe, partition)
+    told = [text for text in words if text.startswith("Joint ")]
     order = joining_order(robot, partition)
     assert len(told) == len(order)
     for number, (text, step) in enumerate(zip(told, order, strict=True), start=1):
@@ -121,20 +130,20 @@ def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe) -> None:
         assert f"branch {step.branch}," in text
         assert "15 mm deep" in text
         assert f"Strip: {step.way_mm + STRIP_HANDLE_MM:.0f} mm long" in text
-    tests = [text for text in words.steps if text.startswith("Test what hangs together now")]
+    tests = [text for text in words if text.startswith("Test what hangs together now")]
     # Each of the two children holds one grandchild.
     assert [re.findall(r"\((\w, \w)\)", text)[0] for text in tests] == ["B, D", "C, E"]
-    assert words.steps[-2].startswith("Test the whole robot")
-    everything = " ".join((*words.needed, *words.one_joint, *words.steps))
+    assert words[-2].startswith("Test the whole robot")
+    everything = " ".join(words)
     assert recipe.recipe.lap.words() in everything
     assert "0.064 N per mm of rim (computed)" in everything  # P w / (2 pi): 20 kPa, 20 mm
     assert f"{MINUTES_PER_JOINT:g} minutes a joint (assumed)" in everything
 
 
-def test_adhesive_film_needs_no_strip(cut_at, robot, glued) -> None:
+def test_adhesive_film_needs_no_strip(cut_at, robot, glued, job) -> None:
     partition, _ = cut_at(robot, (1, 3))
-    words = joining_words(robot, partition, glued)
-    everything = " ".join((*words.needed, *words.one_joint, *words.steps))
+    words = joining_items(robot, job, glued, partition)
+    everything = " ".join(words)
     assert "strip" not in everything.lower()
     assert "a band 10 mm wide (assumed) of adhesive film" in everything
     lines = {line.item: line for line in joint_lines(robot, partition, glued)}
@@ -143,11 +152,11 @@ def test_adhesive_film_needs_no_strip(cut_at, robot, glued) -> None:
     assert not any("strip" in item for item in lines)
 
 
-def test_a_recipe_without_laps_says_that_nothing_is_known(cut_at, robot, recipe) -> None:
-    unknown = replace(recipe, recipe=replace(recipe.recipe, lap=None))
-    words = joining_words(robot, cut_at(robot, (1,))[0], unknown)
-    assert any("has no [lap]: nothing is known of the bond" in text for text in words.needed)
-    assert not any("None" in text for text in (*words.needed, *words.one_joint, *words.steps))
+def test_a_recipe_without_laps_says_that_nothing_is_known(cut_at, robot, recipe, job) -> None:
+    unknown = replace(recipe, recipe=recipe.recipe.changed(lap=None))
+    words = joining_items(robot, job, unknown, cut_at(robot, (1,))[0])
+    assert any("has no [lap]: nothing is known of the bond" in text for text in words)
+    assert not any("None" in text for text in words)
 
 
 def test_the_bill_of_materials_counts_joints_by_hand(cut_at, robot, profile) -> None:
@@ -175,7 +184,7 @@ def test_the_bill_of_materials_counts_joints_by_hand(cut_at, robot, profile) -> 
 def test_a_robot_in_one_piece_has_no_lines(robot, profile, job) -> None:
     whole = Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(7))),))
     assert joint_lines(robot, whole, profile) == ()
-    assert joining_words(robot, whole, profile).steps == ()
+    assert "6a." not in readme_text(robot, job, profile, DEFAULT, whole)
     assert bom_text(job, profile) == bom_text(job, profile, joint_lines(robot, whole, profile))
 
 
@@ -184,8 +193,7 @@ def test_bill_and_readme_hold_the_joints(cut_at, robot, profile, job) -> None:
     lines = joint_lines(robot, partition, profile)
     items = [row["item"] for row in csv.DictReader(io.StringIO(bom_text(job, profile, lines)))]
     assert items[-1 - len(lines) : -1] == [line.item for line in lines]
-    words = joining_words(robot, partition, profile)
-    text = readme_text(robot, job, profile, DEFAULT, words)
+    text = readme_text(robot, job, profile, DEFAULT, partition)
     part = text.split("6a. Joining the pieces")[1].split("7. Mounting")[0]
     assert re.findall(r"^ ?(\d+)\.", part, re.MULTILINE) == [str(n + 1) for n in range(6)]
     assert re.findall(r"^([a-z])\.", part, re.MULTILINE) == list("abcdefg")

@@ -5,7 +5,7 @@ import json
 import subprocess
 import zipfile
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,7 +72,7 @@ def test_a_package_holds_the_agreed_files_in_order(content: PackageContent) -> N
 
 
 def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) -> None:
-    other = replace(content.design, name="other")
+    other = content.design.changed(name="other")
     files = package_files(replace(content, others=(other,)))
     for name, design in (("design.toml", content.design), ("design_2.toml", other)):
         (tmp_path / name).write_bytes(files[name])
@@ -172,7 +172,7 @@ def test_job_json_holds_the_bond_of_laps_for_robots_in_pieces_only(
     design: Design, profile: LaserProfile, job: Job
 ) -> None:
     bond = read_profile("co2_60w__stretchlon_200").recipe.lap
-    bonded = replace(profile, recipe=replace(profile.recipe, lap=bond))
+    bonded = replace(profile, recipe=profile.recipe.changed(lap=bond))
     colours = PRESETS["default"]
     assert job_text(design, job, bonded, colours) == job_text(design, job, profile, colours)
     facts = {**job.facts, "pieces": [], "joints": []}
@@ -188,11 +188,12 @@ def test_job_json_holds_every_setting_with_its_standing(content: PackageContent)
     assert read["schema"] == "vinefab/job-1"
     assert read["units"] == "mm"
     assert read["facts"]["offset_mm"] == 0.65
-    names = {field.name for field in fields(OperationSettings)}
+    names = {*OperationSettings.model_fields, "tool", "temperature_c", "dwell_s"}
     for operation in read["operations"][:4]:
         assert names < set(operation["settings"])
         kerf = operation["settings"]["kerf_mm"]
-        assert kerf == {"value": 0.3, "standing": "assumed", "source": "a test"}
+        value = 0.0 if operation["operation"] == "weld" else 0.3  # a weld removes nothing
+        assert kerf == {"value": value, "standing": "assumed", "source": "a test"}
     assert [op["operation"] for op in read["operations"]] == [
         "mark",
         "weld",
@@ -241,10 +242,10 @@ def test_the_readme_names_no_offset_of_an_operation_that_the_files_do_not_hold(
 
 def test_the_readme_says_where_the_focus_changes(content: PackageContent) -> None:
     assert "change it by hand" not in words(content)
-    operations = dict(content.profile.recipe.operations)
+    operations = dict(content.profile.recipe.by_operation)
     focus = Quantity(value=0.0, standing=Standing.MEASURED, source="a test")
-    operations[Operation.CUT] = replace(operations[Operation.CUT], focus_offset_mm=focus)
-    recipe = replace(content.profile.recipe, operations=operations)
+    operations[Operation.CUT] = operations[Operation.CUT].changed(focus_offset_mm=focus)
+    recipe = content.profile.recipe.changed(operations=operations)
     text = words(replace(content, profile=replace(content.profile, recipe=recipe)))
     assert "Set the focus offset to 6 mm for VF_10_MARK, then change it by hand" in text
     assert "from 6 to 0 mm between VF_30_WELDCUT and VF_40_CUT:" in text
@@ -252,7 +253,7 @@ def test_the_readme_says_where_the_focus_changes(content: PackageContent) -> Non
 
 
 def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) -> None:
-    recipe = replace(content.profile.recipe, status=RecipeStatus.BURST_TESTED)
+    recipe = content.profile.recipe.changed(status=RecipeStatus.BURST_TESTED)
     profile = replace(content.profile, recipe=recipe)
     text = words(replace(content, profile=profile))
     assert "UNVERIFIED" not in text
@@ -267,7 +268,7 @@ def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) 
 
 def test_titles_are_text_in_readme_and_bill(content: PackageContent) -> None:
     profile = content.profile
-    titled = replace(profile, material=replace(profile.material, title="=1+1\x1b[2J\0\n0\nLINE"))
+    titled = replace(profile, material=profile.material.changed(title="=1+1\x1b[2J\0\n0\nLINE"))
     files = package_files(replace(content, profile=titled))
     readme, bill = files["README.txt"].decode(), files["bom.csv"].decode()
     assert all(letter.isprintable() or letter == "\n" for letter in readme)
@@ -286,8 +287,8 @@ def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> Non
     """The fixture's recipe takes two passes for everything; one pass needs no words."""
     text = words(content)
     assert "let the program run mark 2 times and weld 2 times and weldcut 2 times" in text
-    once = {name: replace(s, passes=1) for name, s in content.profile.recipe.operations.items()}
-    recipe = replace(content.profile.recipe, operations=once)
+    once = {name: s.changed(passes=1) for name, s in content.profile.recipe.by_operation.items()}
+    recipe = content.profile.recipe.changed(operations=once)
     assert "let the program run" not in words(
         replace(content, profile=replace(content.profile, recipe=recipe))
     )
@@ -326,7 +327,7 @@ def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
     assert page.tone == "caution"
     assert page.verdict.endswith("; laser recipe unverified")
     assert "No coupon has confirmed the laser recipe" in page_html(page)
-    tried = replace(profile, recipe=replace(profile.recipe, status=RecipeStatus.COUPON_OK))
+    tried = replace(profile, recipe=profile.recipe.changed(status=RecipeStatus.COUPON_OK))
     page = page_content(replace(prepared, profile=tried))
     assert (page.tone, page.cautions) == ("good", ())
     assert "unverified" not in page.verdict

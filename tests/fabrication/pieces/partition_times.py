@@ -31,7 +31,7 @@ def tree(random, branches):
         )
         for count in branches
     )
-    build = replace(Build.standard(1 + len(levels), 24.0, 0.65), pieces=PieceSettings())
+    build = Build.standard(1 + len(levels), 24.0, 0.65).changed(pieces=PieceSettings())
     return Design(
         name="tree", trunk_length_mm=float(random.uniform(120, 205)), levels=levels, build=build
     )
@@ -41,10 +41,9 @@ def main(trees=20, seed=1):
     """Cut trees of each size, and say how long it took."""
     profile = read_profile("co2_60w__stretchlon_200")
     machine = profile.machine
-    wide = replace(
-        machine,
+    wide = machine.changed(
         **{
-            name: replace(getattr(machine, name), value=9000.0)
+            name: getattr(machine, name).changed(value=9000.0)
             for name in ("bed_width_mm", "bed_height_mm")
         },
     )

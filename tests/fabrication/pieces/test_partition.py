@@ -65,7 +65,7 @@ def test_a_robot_that_lies_flat_stays_whole():
 
 
 def test_without_the_key_nothing_is_cut():
-    plain = replace(CROSSED, build=replace(CROSSED.build, pieces=None))
+    plain = CROSSED.changed(build=CROSSED.build.changed(pieces=None))
     assert len(partition_of(plain, PROFILE).pieces) == 1
     assert "VF-T03" in {finding.rule for finding in check_design(plain, PROFILE).blocking}
 
@@ -78,7 +78,7 @@ def test_the_check_says_how_many_pieces():
 
 
 def test_too_many_pieces_are_an_error():
-    few = replace(CROSSED, build=replace(CROSSED.build, pieces=PieceSettings(most=1)))
+    few = CROSSED.changed(build=CROSSED.build.changed(pieces=PieceSettings(most=1)))
     (finding,) = check_design(few, PROFILE).blocking
     assert finding.rule == "VF-J02"
     assert (finding.measured, finding.limit) == (2.0, 1.0)
@@ -86,7 +86,7 @@ def test_too_many_pieces_are_an_error():
 
 def test_no_room_for_a_sleeve_is_an_error_that_says_where():
     long_lap = PieceSettings(lap_mm=145.0)
-    tight = replace(CROSSED, build=replace(CROSSED.build, pieces=long_lap))
+    tight = CROSSED.changed(build=CROSSED.build.changed(pieces=long_lap))
     blocking = check_design(tight, PROFILE).blocking
     (finding,) = (one for one in blocking if one.rule == "VF-J01")
     assert set(finding.branches) == {"0.0.1", "0.1.0"}
@@ -96,10 +96,10 @@ def test_no_room_for_a_sleeve_is_an_error_that_says_where():
 
 
 def test_a_waived_crossing_is_not_cut():
-    plain = replace(CROSSED, build=replace(CROSSED.build, pieces=None))
+    plain = CROSSED.changed(build=CROSSED.build.changed(pieces=None))
     blocking = check_design(plain, PROFILE).blocking
     waivers = tuple(Waiver(fingerprint=one.fingerprint, reason="tried by hand") for one in blocking)
-    assert len(partition_of(replace(CROSSED, waivers=waivers), PROFILE).pieces) == 1
+    assert len(partition_of(CROSSED.changed(waivers=waivers), PROFILE).pieces) == 1
 
 
 def test_a_robot_longer_than_the_bed_is_cut_to_fit():
@@ -118,7 +118,7 @@ def test_a_trunk_longer_than_the_bed_is_left_to_tiles():
 
 
 def test_a_robot_that_crosses_and_has_too_long_a_trunk_is_refused_by_name():
-    both = replace(CROSSED, trunk_length_mm=1500.0)
+    both = CROSSED.changed(trunk_length_mm=1500.0)
     found = partition_of(both, PROFILE)
     assert len(found.pieces) == 1
     assert {one.why for one in found.unparted} == {"do not fit the bed in one piece"}
@@ -172,8 +172,8 @@ def halves_mm(contour, layout, sleeve, at_mm):
 @pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
 def test_a_plug_goes_into_its_socket_with_the_ease(mounting, separate, taper):
     """Measured across the outlines: film of the plug and lumen of the socket, all along the lap."""
-    build = replace(CROSSED.build, mounting=mounting, taper=taper)
-    one, layout = replace(CROSSED, build=build), flat_layout(replace(CROSSED, build=build))
+    build = CROSSED.build.changed(mounting=mounting, taper=taper)
+    one, layout = CROSSED.changed(build=build), flat_layout(CROSSED.changed(build=build))
     found = partition_of(one, PROFILE, separate=separate)
     (sleeve,) = found.sleeves
     assert sleeve.socket_on_stub == (mounting == "tail_inverted")

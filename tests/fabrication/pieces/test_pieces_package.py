@@ -5,7 +5,6 @@ import io
 import json
 import math
 import re
-from dataclasses import replace
 
 import ezdxf
 import numpy as np
@@ -33,7 +32,7 @@ LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
 
 
 TURNED, POUCHED_TURNED = (
-    replace(one, build=replace(one.build, mounting="turned")) for one in (TREE, POUCHED)
+    one.changed(build=one.build.changed(mounting="turned")) for one in (TREE, POUCHED)
 )
 ROBOTS = {
     "CROSSED": CROSSED,
@@ -185,7 +184,7 @@ def test_a_package_says_how_its_own_pieces_are_joined(made):
 
 def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     flat = design(fan(3, 120.0, 150.0))
-    plain = replace(flat, build=replace(flat.build, pieces=None))
+    plain = flat.changed(build=flat.build.changed(pieces=None))
     assert len(partition_of(flat, PROFILE).pieces) == 1
     one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
     # The rules about pieces are run on the one and skipped on the other; its design asks for them.
@@ -199,7 +198,7 @@ def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
 @pytest.mark.parametrize(("mounting", "face"), [("tail_inverted", "inside"), ("turned", "outside")])
 def test_every_package_says_which_face_ends_outside(mounting, face, pieces):
     one = CROSSED if pieces else design(fan(3, 120.0, 150.0))
-    files = package(prepare(replace(one, build=replace(one.build, mounting=mounting)), PROFILE))
+    files = package(prepare(one.changed(build=one.build.changed(mounting=mounting)), PROFILE))
     readme = " ".join(files["README.txt"].decode().split())
     job = json.loads(files["job.json"])
     told = f"the face that lies {face} as cut is outside"
@@ -231,6 +230,6 @@ def test_sealed_and_cut_apart_the_socket_goes_over_the_web_too():
     prepared = prepare(CROSSED, PROFILE, sheet=SheetOptions(process="weld+cut"))
     assert not prepared.report.blocking
     facts = prepared.job.facts
-    weld = PROFILE.recipe.operations["weld"].seam_width_mm.value
+    weld = PROFILE.recipe.by_operation["weld"].seam_width_mm.value
     assert facts["socket_wider_mm"] == pytest.approx(2.0 * (weld + 2.0) + 1.0)
     assert facts["joints"][0]["socket_wider_mm"] == facts["socket_wider_mm"]

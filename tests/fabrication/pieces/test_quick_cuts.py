@@ -1,7 +1,6 @@
 """The cuts that a search finds: against what each case needs, and against the exact outlines."""
 
 import math
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -37,7 +36,7 @@ CROSSING = Space(
 
 
 def limits(most: int = 6, sheet_mm: tuple[float, float] | None = (980.0, 580.0)) -> PieceLimits:
-    build = replace(Build.standard(1), pieces=PieceSettings(most=most))
+    build = Build.standard(1).changed(pieces=PieceSettings(most=most))
     return PieceLimits.of(build, PROFILE, {}, sheet_mm)
 
 
@@ -83,7 +82,7 @@ def test_with_too_few_pieces_something_is_left() -> None:
 
 
 def test_a_branch_without_room_for_a_sleeve_is_not_cut() -> None:
-    build = replace(CROSSED.build, pieces=PieceSettings(lap_mm=150.0))
+    build = CROSSED.build.changed(pieces=PieceSettings(lap_mm=150.0))
     long = PieceLimits.of(build, PROFILE, {})
     found = quick_cuts(CROSSED, long)
     assert found is not None
@@ -129,7 +128,7 @@ def test_no_smaller_set_of_cuts_leaves_nothing() -> None:
 @pytest.mark.parametrize("mounting", ["tail_inverted", "turned"])
 def test_where_sides_are_straight_is_never_better_than_in_the_outlines(mounting: str) -> None:
     reach, differing, sides = reach_mm(PROFILE), 0, 0
-    size = sleeve_size(replace(CROSSED.build, mounting=mounting), PROFILE)
+    size = sleeve_size(CROSSED.build.changed(mounting=mounting), PROFILE)
     for design in random_designs(40, seed=3):
         layout = flat_layout(design)
         exact = sleeve_sides(design, layout, size, reach)
@@ -155,7 +154,7 @@ def test_what_is_left_falls_as_branches_part() -> None:
 
 @pytest.mark.parametrize("taper", [(), (0.9, 0.9, 0.9)], ids=["even", "tapered"])
 def test_cuts_without_anything_left_pass_as_pieces(taper: tuple[float, ...]) -> None:
-    design = replace(CROSSED, build=replace(CROSSED.build, taper=taper))
+    design = CROSSED.changed(build=CROSSED.build.changed(taper=taper))
     found = quick_cuts(design, limits())
     assert found is not None
     assert found.left == 0.0

@@ -23,7 +23,7 @@ def make_design(
         for branches, length, angle in fans
     )
     return Design(
-        name="case", trunk_length_mm=trunk_mm, levels=levels, build=replace(plain, **build)
+        name="case", trunk_length_mm=trunk_mm, levels=levels, build=plain.changed(**build)
     )
 
 
@@ -70,7 +70,7 @@ def profile() -> LaserProfile:
 
 
 def measured(value: float) -> Quantity:
-    return Quantity(value=value, standing=Standing.MEASURED)
+    return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
 
 @pytest.fixture(scope="session")
@@ -78,7 +78,7 @@ def burst_profile(profile: LaserProfile) -> LaserProfile:
     """The same where a tube of 20 mm burst at 70 kPa, measured."""
     seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
     none = {"survived_kpa": None, "survived_width_mm": None}
-    return replace(profile, material=replace(profile.material, **seam, **none))
+    return replace(profile, material=profile.material.changed(**seam, **none))
 
 
 @pytest.fixture(scope="session")
@@ -91,4 +91,4 @@ def grown_profile(burst_profile: LaserProfile) -> LaserProfile:
         "friction": measured(0.234),
         "width_mm": measured(25.0 * math.pi / 2.0),
     }
-    return replace(burst_profile, recipe=replace(burst_profile.recipe, growth=fit))
+    return replace(burst_profile, recipe=burst_profile.recipe.changed(growth=fit))

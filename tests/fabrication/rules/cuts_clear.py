@@ -11,7 +11,6 @@ a kerf or more away from it. The exit code is 1 if any robot breaks that.
 import io
 import sys
 from collections import Counter
-from dataclasses import replace
 
 import ezdxf
 import ezdxf.path
@@ -42,7 +41,7 @@ def ways():
     for name in names("recipe"):
         profile = read_profile(name)
         yield profile, "auto"
-        if in_one_pass(profile) and "weld" in profile.recipe.operations:
+        if in_one_pass(profile) and "weld" in profile.recipe.by_operation:
             yield profile, "weld+cut"
 
 
@@ -69,8 +68,8 @@ def near_the_limit(random, least_gap_mm):
     target = least_gap_mm + random.uniform(-0.5, 1.0)
 
     def grown(factor):
-        last = replace(levels[1], length_mm=levels[1].length_mm * factor)
-        return replace(whole, levels=(levels[0], last))
+        last = levels[1].changed(length_mm=levels[1].length_mm * factor)
+        return whole.changed(levels=(levels[0], last))
 
     factors = np.linspace(0.6, 4.0, 35)
     gaps = np.array([gap_mm(grown(factor)) for factor in factors]) - target
@@ -93,10 +92,10 @@ def lines_of(dxf):
 
 def broken(dxf, profile):
     """What a written robot breaks; None if it keeps clear."""
-    lines, cut = lines_of(dxf), profile.recipe.operations["cut"]
+    lines, cut = lines_of(dxf), profile.recipe.by_operation["cut"]
     apart = lines.get("VF_20_WELD")
     outer = lines["VF_40_CUT"] if apart else lines["VF_30_WELDCUT"]
-    half = (cut if apart else profile.recipe.operations["weldcut"]).kerf_mm.value / 2.0
+    half = (cut if apart else profile.recipe.by_operation["weldcut"]).kerf_mm.value / 2.0
     area = shapely.Polygon(max(outer, key=shapely.length))
     overcut = cut.overcut_mm.value if apart else 0.0
     # The overcut runs along the first straight again: a line of no width, which is no crossing.
@@ -113,7 +112,7 @@ def broken(dxf, profile):
     mouth = shapely.MultiPoint([apart[0].coords[0], apart[0].coords[-1]]).buffer(2 * WEB_MM + 20.0)
     away = shapely.distance(area.exterior.difference(mouth), apart[0])
     # A kerf from any seam; a corner in place of a small fillet lies nearer to its own than the web.
-    away -= half + profile.recipe.operations["weld"].seam_width_mm.value / 2.0
+    away -= half + profile.recipe.by_operation["weld"].seam_width_mm.value / 2.0
     return None if away > 2.0 * half else f"a kerf is {away:.3f} mm from a seam"
 
 

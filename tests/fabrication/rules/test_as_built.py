@@ -14,14 +14,14 @@ Make = Callable[..., Design]
 
 def asking(profile: LaserProfile, operation: str, **changes_mm: float) -> LaserProfile:
     """Return a recipe that asks for more than the paths were drawn with."""
-    operations = dict(profile.recipe.operations)
+    operations = dict(profile.recipe.by_operation)
     settings = operations[operation]
     changes = {
-        name: replace(getattr(settings, name), value=getattr(settings, name).value + more)
+        name: getattr(settings, name).changed(value=getattr(settings, name).value + more)
         for name, more in changes_mm.items()
     }
-    operations[operation] = replace(settings, **changes)
-    return replace(profile, recipe=replace(profile.recipe, operations=operations))
+    operations[operation] = settings.changed(**changes)
+    return replace(profile, recipe=profile.recipe.changed(operations=operations))
 
 
 def seam_findings(subject: Subject) -> tuple[int, list[Finding]]:
@@ -87,8 +87,8 @@ def test_a_taper_steeper_than_its_branch_is_found(make: Make, profile: LaserProf
 def test_a_known_shrinkage_is_said_and_moves_no_path(
     make: Make, profile: LaserProfile, percent: float, severity: Severity | None
 ) -> None:
-    shrinkage = Quantity(value=percent, standing=Standing.MEASURED)
-    material = replace(profile.material, shrinkage_percent=shrinkage)
+    shrinkage = Quantity(value=percent, standing=Standing.MEASURED, source="a test")
+    material = profile.material.changed(shrinkage_percent=shrinkage)
     shrinking = replace(profile, material=material)
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
     subject, plain = Subject.of(design, shrinking), Subject.of(design, profile)

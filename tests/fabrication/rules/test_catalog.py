@@ -15,7 +15,7 @@ Make = Callable[..., Design]
 
 def with_limits(profile: LaserProfile, **rules: dict[str, float]) -> LaserProfile:
     limits = {rule.replace("_", "-"): named for rule, named in rules.items()}
-    return replace(profile, recipe=replace(profile.recipe, limits=limits))
+    return replace(profile, recipe=profile.recipe.changed(limits=limits))
 
 
 def test_the_command_line_overrides_the_design_and_the_design_the_recipe(
@@ -24,7 +24,7 @@ def test_the_command_line_overrides_the_design_and_the_design_the_recipe(
     recipe = with_limits(
         profile, VF_B01={"warning": 1.0, "error": 2.0}, VF_W01={"error": 3.0, "warning": 8.0}
     )
-    design = replace(make(), limits={"VF-B01": {"warning": 4.0, "error": 5.0}})
+    design = make().changed(limits={"VF-B01": {"warning": 4.0, "error": 5.0}})
     found = changed_limits(design, recipe, {"VF-B01": {"error": 6.0}})
     sources = {
         (limit.rule, limit.name): (limit.value, limit.default, limit.source) for limit in found
@@ -43,7 +43,7 @@ def test_a_limit_of_any_source_counts_and_is_reported(
     limits = {"VF-B01": {"error": 190.0}}
     design = make(tail_mm=180.0)
     if where == "design":
-        design = replace(design, limits=limits)
+        design = design.changed(limits=limits)
     recipe = with_limits(profile, VF_B01={"error": 190.0}) if where == "recipe" else profile
     report = run_checks(Subject.of(design, recipe), limits if where == "given" else None)
     assert {finding.rule for finding in report.blocking} == {"VF-B01"}
@@ -56,7 +56,7 @@ def test_an_unchanged_limit_is_not_reported(make: Make, profile: LaserProfile) -
 
 
 def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: LaserProfile) -> None:
-    misnamed = replace(make(), limits={"VF-B01": {"eror": 1.0}})
+    misnamed = make().changed(limits={"VF-B01": {"eror": 1.0}})
     with pytest.raises(BadInputError, match=r"design case: limits.VF-B01.eror"):
         changed_limits(misnamed)
     with pytest.raises(UnknownNameError, match="recipe co2_60w__stretchlon_200"):

@@ -4,7 +4,6 @@ import importlib.util
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from types import ModuleType
@@ -114,8 +113,7 @@ def test_the_search_is_repeatable(make: Make, profile: LaserProfile) -> None:
 
 
 def test_pouches_and_waivers_and_limits_go_along(make: Make, profile: LaserProfile) -> None:
-    design = replace(
-        make((2, 150.0, 40.0), pouch=Pouch(shape="round", radius_mm=60.0)),
+    design = make((2, 150.0, 40.0), pouch=Pouch(shape="round", radius_mm=60.0)).changed(
         limits={"VF-C07": {"warning": 3.5}},
     )
     found = fix_design(design, FixTargets.of(design, profile)).design
@@ -125,7 +123,7 @@ def test_pouches_and_waivers_and_limits_go_along(make: Make, profile: LaserProfi
 
 
 def test_the_designs_own_limits_are_kept_to(make: Make, profile: LaserProfile) -> None:
-    design = replace(make((2, 200.0, 60.0)), limits={"VF-B01": {"error": 250.0}})
+    design = make((2, 200.0, 60.0)).changed(limits={"VF-B01": {"error": 250.0}})
     assert fix_design(design, FixTargets.of(design, profile)).design.build.tail_mm == 250.0
 
 
@@ -151,7 +149,7 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(
     for fans in (((2, 200.0, 60.0),), ((3, 100.0, 170.0), (4, 80.0, 100.0))):
         design = make(*fans, widths_mm=(90.0, 12.0, 7.0)[: 1 + len(fans)])
         subject = Subject.of(design, profile)
-        worst = worst_growth(subject, FITTED.with_storage(NO_TENSION), 25.0)
+        worst = worst_growth(subject, FITTED.changed(storage_kpa=NO_TENSION), 25.0)
         allowed = 70.0 * 20.0 / 90.0 / 1.5 / 1.2
         assert riding_mm(subject.layout.tree, design.build.widths_mm)[0] > 0.0
         # All branches of a level are alike here, so that bound and rule agree.
@@ -176,7 +174,7 @@ def test_a_smaller_fillet_is_tried_before_anything_else(make: Make, profile: Las
     targets = FixTargets.of(design, profile, margin=0.005)
     fixed = fix_design(design, targets)
     assert fixed == fix_in_stage(design, targets, FILLETS)
-    assert replace(fixed.design.build, fillet_mm=design.build.fillet_mm) == design.build
+    assert fixed.design.build.changed(fillet_mm=design.build.fillet_mm) == design.build
     assert all(radius > 1.0 for radius in fixed.design.build.fillet_mm)
     assert run_checks(Subject.of(fixed.design, profile)).blocking == ()
 
@@ -248,7 +246,7 @@ def test_a_word_that_says_nothing_is_refused(word: str) -> None:
 def test_tapered_crotches_are_reckoned_as_they_are_drawn(make: Make, profile: LaserProfile) -> None:
     # 23 mm are less than the children's crotch needs at their full width, and enough as they lean.
     even = make((2, 60.0, 45.0), widths_mm=(40.0, 24.0))
-    leaning = replace(even, build=replace(even.build, taper=(1.0, 0.7)))
+    leaning = even.changed(build=even.build.changed(taper=(1.0, 0.7)))
     reaches = [
         max(gap.reach_mm for gap in level_joints(design)[0].gaps) for design in (even, leaning)
     ]

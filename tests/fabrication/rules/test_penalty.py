@@ -148,7 +148,7 @@ def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(
     for number in range(80):
         design = random_tree(child(5, number))
         if number % 2:  # a working pressure that grows some of them
-            design = replace(design, build=replace(design.build, pressure_kpa=6.0))
+            design = design.changed(build=design.build.changed(pressure_kpa=6.0))
         # The rule needs no laser paths, so none are laid out.
         subject = replace(Subject.of(design), profile=profile)
         report = run_checks(subject, only=("VF-P03",))

@@ -19,7 +19,7 @@ from vinefab.physics.growth_pressure import FITTED, NO_TENSION
 from vinefab.physics.seam import seam_load_n_mm
 
 Make = Callable[..., Design]
-LOOSE = FITTED.with_storage(NO_TENSION)
+LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
 
 
 def findings(subject: Subject) -> list[Finding]:
@@ -110,9 +110,7 @@ def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: Laser
     assert found.severity is Severity.WARNING
     assert "at most 23.3" in found.message
     assert (
-        findings(
-            Subject.of(replace(design, build=replace(design.build, pressure_kpa=5.0)), profile)
-        )
+        findings(Subject.of(design.changed(build=design.build.changed(pressure_kpa=5.0)), profile))
         == []
     )
 
@@ -147,8 +145,8 @@ def test_measured_limits_forbid_and_all_others_warn(
         assert {finding.rule for finding in report.blocking} == rules
         assert {finding.rule for finding in report.findings} == {"VF-P01", "VF-P03"}
     # A limit whose width alone is assumed was not measured.
-    width = Quantity(value=20.0, standing=Standing.ASSUMED)
-    half = replace(grown_profile.material, burst_width_mm=width)
+    width = Quantity(value=20.0, standing=Standing.ASSUMED, source="a test")
+    half = grown_profile.material.changed(burst_width_mm=width)
     subject = replace(Subject.of(trunk), profile=replace(grown_profile, material=half))
     assert run_checks(subject, only=("VF-P01", "VF-P03")).blocking == ()
 
@@ -161,8 +159,11 @@ def test_the_heavy_anchor_is_possible_and_only_warned_about(make: Make) -> None:
     assert 2.0 * width_mm * film.strength_mpa.value * film.ply_mm.value > 66.7
     names = ("VF-P01", "VF-P02", "VF-P03", "VF-P04")
     seam = {"burst_kpa": 180.0, "burst_width_mm": 25.0}
-    tested = {name: Quantity(value=v, standing=Standing.MEASURED) for name, v in seam.items()}
-    strong = replace(film, survived_kpa=None, survived_width_mm=None, **tested)
+    tested = {
+        name: Quantity(value=v, standing=Standing.MEASURED, source="a test")
+        for name, v in seam.items()
+    }
+    strong = film.changed(survived_kpa=None, survived_width_mm=None, **tested)
     assert branch_limit_n(width_mm, seam_load_n_mm(strong.seam)) > 66.7
     for pressure_kpa in (50.0, 100.0):
         tube = Subject.of(make(widths_mm=(width_mm,), pressure_kpa=pressure_kpa))
@@ -185,14 +186,14 @@ def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(
     for storage_kpa, severities in ((10.0, [Severity.WARNING, Severity.ERROR]), (1.0, [])):
         values = (2.0, 1.0, storage_kpa, 0.25, 30.0)
         fit = {
-            name: Quantity(value=value, standing=Standing.MEASURED)
+            name: Quantity(value=value, standing=Standing.MEASURED, source="a test")
             for name, value in zip(names, values, strict=True)
         }
-        own = replace(profile, recipe=replace(profile.recipe, growth=fit))
+        own = replace(profile, recipe=profile.recipe.changed(growth=fit))
         found = findings(Subject.of(design, own))
         assert [finding.severity for finding in found] == severities
     # 30 mm to 20 mm is a factor of 1.5
     by_hand = 1.5 * (2.0 + (10.0 + 0.3) * math.exp(0.25 * math.pi / 6) + 0.2)
-    fit["storage_kpa"] = Quantity(value=10.0, standing=Standing.MEASURED)
-    own = replace(profile, recipe=replace(profile.recipe, growth=fit))
+    fit["storage_kpa"] = Quantity(value=10.0, standing=Standing.MEASURED, source="a test")
+    own = replace(profile, recipe=profile.recipe.changed(growth=fit))
     assert findings(Subject.of(design, own))[0].measured == pytest.approx(by_hand)

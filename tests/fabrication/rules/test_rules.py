@@ -81,18 +81,18 @@ def near_fillet(gap_mm: float) -> Build:
 
 
 def scaled(number: Quantity, value: float) -> Quantity:
-    return replace(number, value=value)
+    return number.changed(value=value)
 
 
 def seam(extra_mm: float) -> Build:
     """Paths drawn with another seam than the recipe's."""
 
     def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.operations)
+        operations = dict(profile.recipe.by_operation)
         weldcut = operations["weldcut"]
         width = scaled(weldcut.seam_width_mm, weldcut.seam_width_mm.value + extra_mm)
-        operations["weldcut"] = replace(weldcut, seam_width_mm=width)
-        other = replace(profile, recipe=replace(profile.recipe, operations=operations))
+        operations["weldcut"] = weldcut.changed(seam_width_mm=width)
+        other = replace(profile, recipe=profile.recipe.changed(operations=operations))
         design = make((2, 150.0, 60.0))
         return replace(Subject.of(design, profile), job=laser_job(design, other))
 
@@ -101,26 +101,26 @@ def seam(extra_mm: float) -> Build:
 
 def material(**changes: object) -> Build:
     def build(make: Make, profile: LaserProfile) -> Subject:
-        return Subject.of(make(), replace(profile, material=replace(profile.material, **changes)))
+        return Subject.of(make(), replace(profile, material=profile.material.changed(**changes)))
 
     return build
 
 
 def status(value: RecipeStatus) -> Build:
     def build(make: Make, profile: LaserProfile) -> Subject:
-        return Subject.of(make(), replace(profile, recipe=replace(profile.recipe, status=value)))
+        return Subject.of(make(), replace(profile, recipe=profile.recipe.changed(status=value)))
 
     return build
 
 
 def speed(mm_s: float) -> Build:
     def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.operations)
-        operations["mark"] = replace(
-            operations["mark"], speed_mm_s=scaled(operations["mark"].speed_mm_s, mm_s)
+        operations = dict(profile.recipe.by_operation)
+        operations["mark"] = operations["mark"].changed(
+            speed_mm_s=scaled(operations["mark"].speed_mm_s, mm_s)
         )
         return Subject.of(
-            make(), replace(profile, recipe=replace(profile.recipe, operations=operations))
+            make(), replace(profile, recipe=profile.recipe.changed(operations=operations))
         )
 
     return build
@@ -130,11 +130,11 @@ def weldcut(**values: float) -> Build:
     """A plain vine on a calibrated recipe with other values of the one-pass operation."""
 
     def build(make: Make, profile: LaserProfile) -> Subject:
-        operations = dict(profile.recipe.operations)
+        operations = dict(profile.recipe.by_operation)
         old = operations["weldcut"]
         changed = {name: scaled(getattr(old, name), value) for name, value in values.items()}
-        operations["weldcut"] = replace(old, **changed)
-        recipe = replace(profile.recipe, operations=operations, status=RecipeStatus.COUPON_OK)
+        operations["weldcut"] = old.changed(**changed)
+        recipe = profile.recipe.changed(operations=operations, status=RecipeStatus.COUPON_OK)
         return Subject.of(make(), replace(profile, recipe=recipe))
 
     return build
@@ -144,9 +144,9 @@ def rolled(roll_mm: float, *fans: tuple[int, float, float], **build: object) -> 
     """A robot on a bed of 400 x 280 mm, or its pieces on sheets, and a roll of film."""
 
     def built(make: Make, profile: LaserProfile) -> Subject:
-        film = replace(profile.material, roll_width_mm=assumed(roll_mm))
+        film = profile.material.changed(roll_width_mm=assumed(roll_mm))
         bed = {"bed_width_mm": assumed(400.0), "bed_height_mm": assumed(280.0)}
-        narrow = replace(profile, material=film, machine=replace(profile.machine, **bed))
+        narrow = replace(profile, material=film, machine=profile.machine.changed(**bed))
         design = make(*fans, trunk_mm=60.0, **build)
         partition = partition_of(design, narrow) if design.build.pieces else None
         job = laser_job(design, narrow, partition=partition)
@@ -232,11 +232,11 @@ def pouched(leaf_mm: float, branches: int = 2, trunk_mm: float = 60.0) -> Build:
 
 
 def measured(value: float) -> Quantity:
-    return Quantity(value=value, standing=Standing.MEASURED)
+    return Quantity(value=value, standing=Standing.MEASURED, source="a test")
 
 
 def assumed(value: float) -> Quantity:
-    return Quantity(value=value, standing=Standing.ASSUMED)
+    return Quantity(value=value, standing=Standing.ASSUMED, source="a test")
 
 
 LOOSE_FIT = {
@@ -259,8 +259,8 @@ def burst(
         none = {"survived_kpa": None, "survived_width_mm": None}
         tested = replace(
             profile,
-            material=replace(profile.material, **seam, **none),
-            recipe=replace(profile.recipe, growth=growth or {}),
+            material=profile.material.changed(**seam, **none),
+            recipe=profile.recipe.changed(growth=growth),
         )
         return Subject.of(make(*fans, **build), tested)
 
@@ -348,8 +348,8 @@ def cut(
         pieces = (Piece(label="A", root=0, branches=kept, stubs=branches), *outer)
         key = "survived_n_per_mm" if bore else "strength_n_per_mm"
         known = {"strength_n_per_mm": None, key: load or measured(0.2)}
-        bond = replace(profile.recipe.lap, **known)
-        tested = replace(profile, recipe=replace(profile.recipe, lap=bond))
+        bond = profile.recipe.lap.changed(**known)
+        tested = replace(profile, recipe=profile.recipe.changed(lap=bond))
         return replace(
             Subject.of(design, tested),
             partition=Partition(pieces=pieces, sleeves=sleeves),
@@ -457,10 +457,14 @@ CASES: Mapping[str, Case] = {
     ),
     # 40 mm of lumen, 0.55 mm to the beam and 2 mm of overcut at the mouth, on both sides
     "VF-S02": Case(
-        fires=material(roll_width_mm=Quantity(value=45.0, standing=Standing.ASSUMED)),
+        fires=material(
+            roll_width_mm=Quantity(value=45.0, standing=Standing.ASSUMED, source="a test")
+        ),
         severity=W,
         branches=(),
-        quiet=material(roll_width_mm=Quantity(value=45.2, standing=Standing.ASSUMED)),
+        quiet=material(
+            roll_width_mm=Quantity(value=45.2, standing=Standing.ASSUMED, source="a test")
+        ),
     ),
     "VF-L01": Case(
         fires=jobbed(lambda job: mark_above(job, 2.9)),
@@ -481,10 +485,10 @@ CASES: Mapping[str, Case] = {
         quiet=jobbed(lambda job: (*job.paths, square(420.0, 440.0), square(400.0, 500.0))),
     ),
     "VF-L04": Case(
-        fires=material(ply_mm=Quantity(value=0.05, standing=Standing.PAPER)),
+        fires=material(ply_mm=Quantity(value=0.05, standing=Standing.PAPER, source="a test")),
         severity=E,
         branches=(),
-        quiet=material(ply_mm=Quantity(value=0.0375, standing=Standing.PAPER)),
+        quiet=material(ply_mm=Quantity(value=0.0375, standing=Standing.PAPER, source="a test")),
     ),
     "VF-L05": Case(fires=speed(501.0), severity=W, branches=(), quiet=speed(499.0)),
     "VF-L06": Case(
@@ -653,7 +657,7 @@ def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(
 ) -> None:
     subject = cut(2)(make, profile)
     assert subject.profile is not None
-    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    unbonded = replace(profile, recipe=profile.recipe.changed(lap=None))
     for known, words in ((unbonded, "no table [lap]"), (None, "needs a recipe")):
         skipped = run_checks(replace(subject, profile=known)).skipped
         assert any(words in skip.reason for skip in skipped if skip.rule == "VF-J03")
@@ -889,10 +893,10 @@ def test_tiny_pieces_are_found(make: Make, profile: LaserProfile) -> None:
 
 def test_fast_small_arcs_are_found(make: Make, profile: LaserProfile) -> None:
     # weldcut at 60 mm/s: a fillet of 2 mm less the beam's offset asks for 2.5 m/s^2, of 3 allowed
-    operations = dict(profile.recipe.operations)
+    operations = dict(profile.recipe.by_operation)
     weldcut = operations["weldcut"]
-    operations["weldcut"] = replace(weldcut, speed_mm_s=scaled(weldcut.speed_mm_s, 70.0))
-    fast = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    operations["weldcut"] = weldcut.changed(speed_mm_s=scaled(weldcut.speed_mm_s, 70.0))
+    fast = replace(profile, recipe=profile.recipe.changed(operations=operations))
     design = make((2, 200.0, 60.0), widths_mm=(24.0, 8.0), fillet_mm=(2.0,))
     assert found(Subject.of(design, profile), "VF-L05") == ()
     (slowed,) = found(Subject.of(design, fast), "VF-L05")

@@ -71,7 +71,7 @@ def test_the_report_counts_what_was_found(make: Make) -> None:
 def test_a_waiver_names_a_finding_and_lets_it_pass(make: Make) -> None:
     design = narrow(make)
     waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tested in the lab")
-    report = run_checks(Subject.of(replace(design, waivers=(waiver,))))
+    report = run_checks(Subject.of(design.changed(waivers=(waiver,))))
     waived = [finding for finding in report.findings if finding.rule == "VF-W01"]
     assert [(f.waived, f.reason, f.blocks) for f in waived] == [(True, "tested in the lab", False)]
     assert all(not finding.waived for finding in report.findings if finding.rule != "VF-W01")
@@ -85,7 +85,7 @@ def test_a_waiver_outlives_a_change_of_the_number_but_not_of_the_place(make: Mak
 
 
 def test_a_waiver_that_waives_nothing_is_listed(make: Make) -> None:
-    design = replace(make(), waivers=(Waiver(fingerprint="0123456789ab", reason="long gone"),))
+    design = make().changed(waivers=(Waiver(fingerprint="0123456789ab", reason="long gone"),))
     assert run_checks(Subject.of(design)).stale_waivers == ("0123456789ab",)
 
 
@@ -158,7 +158,7 @@ def test_rules_can_be_read_without_their_code() -> None:
 def test_merged_reports_equal_one_report_of_all_rules(
     name: str, problems: tuple[str, ...], profile: LaserProfile
 ) -> None:
-    design = replace(read_design(name), waivers=(Waiver(fingerprint="gone", reason="old"),))
+    design = read_design(name).changed(waivers=(Waiver(fingerprint="gone", reason="old"),))
     before = Subject.of(design, profile)
     after = replace(before, readback={"outline.dxf": problems})
     assert merged_reports(run_checks(before), run_checks(after, only=("VF-X01",))) == run_checks(

@@ -23,12 +23,12 @@ Make = Callable[..., Design]
 
 @pytest.fixture
 def fork(make: Make) -> Design:
-    return replace(make((2, 150.0, 70.0)), name="fork")
+    return make((2, 150.0, 70.0)).changed(name="fork")
 
 
 @pytest.fixture
 def vine(make: Make) -> Design:
-    return replace(make(), name="vine")
+    return make().changed(name="vine")
 
 
 def squeezed(contour: Contour, share: float) -> Contour:
@@ -122,9 +122,9 @@ def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> No
     job = laser_job(fork, profile, sheet)
     assert found(fork, profile, job, "VF-L02") == []
     seam = profile.settings(Operation.WELD).seam_width_mm
-    wide = replace(profile.settings("weld"), seam_width_mm=replace(seam, value=seam.value + 4.2))
-    operations = {**profile.recipe.operations, "weld": wide}
-    asking = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    wide = profile.settings("weld").changed(seam_width_mm=seam.changed(value=seam.value + 4.2))
+    operations = {**profile.recipe.by_operation, "weld": wide}
+    asking = replace(profile, recipe=profile.recipe.changed(operations=operations))
     # 2 mm of web and 2.1 mm more on this side of the seam: 0.1 mm is gone
     along = {f.branches: f for f in found(fork, asking, job, "VF-L02")}
     assert along[("0.0",)].measured == pytest.approx(-0.1, abs=0.02)
@@ -135,9 +135,9 @@ def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> No
 
 def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserProfile) -> None:
     cut = profile.settings("cut")
-    bare = replace(cut, overcut_mm=replace(cut.overcut_mm, value=0.5))
-    operations = {**profile.recipe.operations, "cut": bare}
-    short = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    bare = cut.changed(overcut_mm=cut.overcut_mm.changed(value=0.5))
+    operations = {**profile.recipe.by_operation, "cut": bare}
+    short = replace(profile, recipe=profile.recipe.changed(operations=operations))
     job = laser_job(fork, short, SheetOptions(process="weld+cut"))
     (finding,) = found(fork, profile, job, "VF-P05")
     assert (finding.measured, finding.limit) == (pytest.approx(0.5), cut.overcut_mm.value)

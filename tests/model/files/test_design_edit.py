@@ -1,5 +1,4 @@
 import tomllib
-from dataclasses import replace
 from typing import get_args
 
 import pytest
@@ -79,7 +78,7 @@ def comments(text: str) -> list[str]:
 
 
 def changed(text: str, **changes) -> tuple[str, Design]:
-    design = replace(read(text), **changes)
+    design = read(text).changed(**changes)
     result = edited_text(text, design, "test")
     assert read(result) == design
     assert comments(result) == comments(text)
@@ -92,7 +91,7 @@ def new_lines(old: str, new: str) -> list[str]:
 
 def with_level(design: Design, index: int, **changes) -> tuple[Level, ...]:
     levels = list(design.levels)
-    levels[index] = replace(levels[index], **changes)
+    levels[index] = levels[index].changed(**changes)
     return tuple(levels)
 
 
@@ -130,7 +129,7 @@ def test_windows_lines_a_mark_at_the_beginning_and_no_newline_at_the_end_stay():
         old = make(COMMENTED)
         design = read(old)
         levels = (*with_level(design, 0, branches=4), Level.of(2, 30.0, 60.0))
-        build = replace(design.build, widths_mm=(40.0, 24.0, 14.0, 9.0), fillet_mm=(6.0, 3.5, 2.0))
+        build = design.build.changed(widths_mm=(40.0, 24.0, 14.0, 9.0), fillet_mm=(6.0, 3.5, 2.0))
         text, _ = changed(old, levels=levels, build=build)
         assert text.startswith("\ufeff") == old.startswith("\ufeff")
         assert text.endswith("\n") == old.endswith("\n")
@@ -140,7 +139,7 @@ def test_windows_lines_a_mark_at_the_beginning_and_no_newline_at_the_end_stay():
 
 def test_a_new_level_stands_before_the_comment_of_the_next_table():
     design = read(COMMENTED)
-    build = replace(design.build, widths_mm=(40.0, 24.0, 14.0, 9.0), fillet_mm=(6.0, 3.5, 2.25))
+    build = design.build.changed(widths_mm=(40.0, 24.0, 14.0, 9.0), fillet_mm=(6.0, 3.5, 2.25))
     text, _ = changed(COMMENTED, levels=(*design.levels, Level.of(2, 30.0, 60.0)), build=build)
     added = text.index("branches = 2\nlength = 15.0\nangle_deg = 60.0\ngrowth_percent = 100.0\n")
     assert text.index("clockwise-most") < added < text.index("# How it is made.")
@@ -150,7 +149,7 @@ def test_a_new_level_stands_before_the_comment_of_the_next_table():
 def test_a_level_in_the_middle_leaves_the_comments_with_the_others():
     design = read(COMMENTED)
     levels = (design.levels[0], Level.of(5, 60.0), design.levels[1])
-    build = replace(design.build, widths_mm=(40.0, 24.0, 18.0, 14.0), fillet_mm=(6.0, 4.5, 3.5))
+    build = design.build.changed(widths_mm=(40.0, 24.0, 18.0, 14.0), fillet_mm=(6.0, 4.5, 3.5))
     text, _ = changed(COMMENTED, levels=levels, build=build)
     assert text.index("# wide") < text.index("branches = 5") < text.index("# The second fan.")
     assert "24.0,  # first\n    18.0,\n    14.0,  # second" in text
@@ -158,13 +157,13 @@ def test_a_level_in_the_middle_leaves_the_comments_with_the_others():
 
 def test_a_level_removed_leaves_the_others_and_its_comments():
     design = read(COMMENTED)
-    build = replace(design.build, widths_mm=(40.0, 14.0), fillet_mm=(3.5,))
+    build = design.build.changed(widths_mm=(40.0, 14.0), fillet_mm=(3.5,))
     text, _ = changed(COMMENTED, levels=design.levels[1:], build=build)
     assert "length   =   45.5     # short ones" in text
     assert "    14.0,  # second" in text
     assert text.index("# wide") < text.index("# How it is made.")
     none, _ = changed(
-        COMMENTED, levels=(), build=replace(design.build, widths_mm=(40.0,), fillet_mm=())
+        COMMENTED, levels=(), build=design.build.changed(widths_mm=(40.0,), fillet_mm=())
     )
     assert "[[level]]" not in none
 
@@ -173,7 +172,7 @@ def test_a_level_of_a_plain_vine_follows_the_trunk():
     text, _ = changed(
         design_text(read(COMMENTED.partition("# The first")[0] + "[build]\ntail_mm = 9\n")),
         levels=(Level.of(2, 30.0),),
-        build=replace(Build.standard(2), tail_mm=9.0),
+        build=Build.standard(2).changed(tail_mm=9.0),
     )
     assert text.index("[trunk]") < text.index("[[level]]") < text.index("[build]")
 
@@ -186,7 +185,7 @@ RATIOS = COMMENTED.replace(
 
 def test_ratios_stay_while_the_design_follows_from_them():
     design = read(RATIOS)
-    build = replace(design.build, widths_mm=(40.0, 20.0), fillet_mm=(6.0,))
+    build = design.build.changed(widths_mm=(40.0, 20.0), fillet_mm=(6.0,))
     text, _ = changed(RATIOS, levels=design.levels[:1], build=build)
     assert "trunk_width_mm = 40  # the tube\nwidth_ratio = 0.5\nfillet_ratio = 0.3 # round" in text
     assert "widths_mm" not in text
@@ -194,7 +193,7 @@ def test_ratios_stay_while_the_design_follows_from_them():
 
 def test_ratios_give_way_to_widths_of_their_own():
     design = read(RATIOS)
-    text, _ = changed(RATIOS, build=replace(design.build, widths_mm=(40.0, 21.0, 10.0)))
+    text, _ = changed(RATIOS, build=design.build.changed(widths_mm=(40.0, 21.0, 10.0)))
     assert "widths_mm = [40.0, 21.0, 10.0]\n" in text
     assert "width_ratio" not in text
     assert "trunk_width_mm" not in text
@@ -204,8 +203,7 @@ def test_ratios_give_way_to_widths_of_their_own():
 
 def test_optional_parts_come_and_go():
     design = read(COMMENTED)
-    build = replace(
-        design.build,
+    build = design.build.changed(
         taper=(1.0, 0.9, 0.8),
         pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=24.0),
         collar=Collar(clamp_diameter_mm=50.0),
@@ -225,7 +223,7 @@ def test_optional_parts_come_and_go():
     assert "taper" not in back
     assert "collar" not in back
     assert "pieces" not in back
-    bare, _ = changed(text, build=replace(with_parts.build, pouch=None), waivers=(), origin={})
+    bare, _ = changed(text, build=with_parts.build.changed(pouch=None), waivers=(), origin={})
     assert "pouch" not in bare
     assert "[[waive]]" not in bare
     assert "[origin]" not in bare
@@ -237,7 +235,7 @@ def test_what_was_not_in_the_file_is_added():
     result, _ = changed(
         text,
         levels=(Level.of(2, 30.0),),
-        build=replace(Build.standard(2), pressure_kpa=5.0, collar=Collar(clamp_diameter_mm=9.0)),
+        build=Build.standard(2).changed(pressure_kpa=5.0, collar=Collar(clamp_diameter_mm=9.0)),
         waivers=(Waiver(fingerprint="d", reason="e"),),
         limits={"VF-C01": {"warning": 1.0}},
         origin={"a": [1, 2]},
@@ -255,13 +253,13 @@ def test_layouts_of_other_hands():
     result, _ = changed(
         text,
         trunk_length_mm=10.0,
-        levels=(design.levels[1], replace(design.levels[0], length_mm=7.0)),
-        build=replace(design.build, pouch=Pouch(shape="round", radius_mm=13.0), tail_mm=1.0),
+        levels=(design.levels[1], design.levels[0].changed(length_mm=7.0)),
+        build=design.build.changed(pouch=Pouch(shape="round", radius_mm=13.0), tail_mm=1.0),
     )
     assert "radius_mm = 13.0 # r" in result
     changed(text, levels=(), build=Build.standard(1))
     changed(
-        text, levels=(*design.levels, Level.of(1, 2.0)), build=replace(Build.standard(4), tail_mm=3)
+        text, levels=(*design.levels, Level.of(1, 2.0)), build=Build.standard(4).changed(tail_mm=3)
     )
 
 
@@ -269,7 +267,7 @@ def test_scales_that_are_no_power_of_two_are_off_by_the_last_place_at_most():
     text = COMMENTED.replace("scale_mm_per_unit = 2.0", "scale_mm_per_unit = 25.4")
     design = read(text)
     for length_mm in (30.0, 31.0, 27.3, 254.0):
-        result = edited_text(text, replace(design, trunk_length_mm=length_mm), "test")
+        result = edited_text(text, design.changed(trunk_length_mm=length_mm), "test")
         assert read(result).trunk_length_mm == pytest.approx(length_mm, rel=4e-16, abs=0.0)
         assert comments(result) == comments(text)
     assert "length = 10.0 " in result
@@ -289,7 +287,7 @@ MANY_DOTTED = COMMENTED + "".join(f"more.key_{number} .a = 1\n" for number in ra
 )
 def test_what_cannot_be_changed_is_refused_in_one_line(text, kind, says):
     with pytest.raises(kind, match=says) as refused:
-        edited_text(text, replace(read(COMMENTED), name="other"), "mine.toml")
+        edited_text(text, read(COMMENTED).changed(name="other"), "mine.toml")
     assert str(refused.value).startswith("mine.toml")
     assert "\n" not in str(refused.value)
 
@@ -298,7 +296,7 @@ def test_without_tomlkit_one_line_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "tomlkit", None)
     assert edited_text(COMMENTED, read(COMMENTED), "test") == COMMENTED
     with pytest.raises(BadInputError, match=r"pip install 'vinefab\[studio\]'"):
-        edited_text(COMMENTED, replace(read(COMMENTED), name="other"), "test")
+        edited_text(COMMENTED, read(COMMENTED).changed(name="other"), "test")
 
 
 numbers = st.floats(0.5, 500.0) | st.integers(1, 500).map(float)

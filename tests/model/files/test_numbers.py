@@ -12,17 +12,17 @@ import tomli_w
 
 import vinefab
 from vinefab.core.errors import VinefabError
-from vinefab.model.files.contacts_toml import ContactsForm, read_contacts
-from vinefab.model.files.design_toml import DesignForm, read_design
+from vinefab.model.contacts import ContactsFile
+from vinefab.model.design import Design
+from vinefab.model.files.contacts_toml import read_contacts
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import (
-    MachineForm,
-    MaterialForm,
-    RecipeForm,
     read_machine,
     read_material,
     read_profile,
 )
 from vinefab.model.files.shipped import shipped_root
+from vinefab.model.laser import Machine, Material, Recipe
 from vinefab.rig.rig_options import PrinterForm, read_printer
 from vinefab.search.run_file import RunForm, read_run
 
@@ -31,13 +31,13 @@ NEVER = (1e300, math.nan, math.inf, 10**30, 10**400, True)
 TINY = (1e-300, -0.0)
 """Allowed where zero is."""
 FILES = {
-    "designs/three_level_tree.toml": (DesignForm, read_design),
+    "designs/three_level_tree.toml": (Design, read_design),
     "examples/grid_coverage.toml": (RunForm, read_run),
-    "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (RecipeForm, read_profile),
-    "laser_profiles/machines/co2_60w.toml": (MachineForm, read_machine),
-    "laser_profiles/materials/stretchlon_200.toml": (MaterialForm, read_material),
+    "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (Recipe, read_profile),
+    "laser_profiles/machines/co2_60w.toml": (Machine, read_machine),
+    "laser_profiles/materials/stretchlon_200.toml": (Material, read_material),
     "laser_profiles/printers/generic_220.toml": (PrinterForm, read_printer),
-    "contacts": (ContactsForm, read_contacts),
+    "contacts": (ContactsFile, read_contacts),
 }
 Schema = dict[str, Any]
 Path_ = tuple[str | int, ...]

@@ -7,7 +7,7 @@ from vinefab.core.units import rad
 from vinefab.fabrication.rules.run_rules import checks_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.results_json import deployment_text, score_text
+from vinefab.model.files.results_json import deployment_text
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped, Severity
 from vinefab.model.map import Pose
 from vinefab.model.score import Evaluation, Score
@@ -78,7 +78,7 @@ def test_a_score_has_the_agreed_form() -> None:
         growth={"body": "inflated"},
         notes=("one pose",),
     )
-    read = json.loads(score_text(score))
+    read = json.loads(score.json_text())
     assert read.pop("generator").startswith("written by vinefab")
     assert read == {
         "schema": "vinefab/score-1",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vinefab.core.atomic import ensure_unchanged
-from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.jsontext import json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.fabrication.calibration.coupons import (
     LAP_MM,
@@ -21,117 +21,28 @@ from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
 from vinefab.fabrication.package.prepare import package_spec
-from vinefab.fabrication.package.readme_text import readme_section
+from vinefab.fabrication.package.readme_text import filled_document
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.run_rules import checks_text, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import CheckReport, RuleRun
-from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LapBond, LapMethod, LaserProfile
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
 from vinefab.pages.figure import png_bytes
 
 
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
     """Return what to cut, in which order, and what to measure on each piece."""
-    title = f"Coupons for recipe {profile.recipe.name}"
-    parts = [f"{title}\n{'=' * len(title)}", readme_section("1. Cut", _cutting(jobs, matrix))]
-    parts.append(readme_section("2. Measure", _measuring(profile)))
-    parts.append(readme_section("3. Give the results back", _giving_back(profile)))
-    parts.append(GENERATOR)
-    return "\n\n".join(parts) + "\n"
-
-
-def _cutting(jobs: Sequence[Job], matrix: Matrix | None) -> list[str]:
-    steps = ["Prepare the film as for a robot: clean, laminated flat, without bubbles."]
-    if matrix is not None and matrix.jobs:
-        energies = ", ".join(f"{energy:.1f}" for energy in matrix.energies_mj_mm)
-        names = ", ".join(job.name for job in matrix.jobs)
-        steps.append(
-            f"First the energy matrix: {names}. Each file is for one focus offset (its name says"
-            f" it, in mm): set the lens by hand. Every line has a layer of its own with the speed"
-            f" for its energy: {energies} mJ/mm. The .lbrn2 files have these settings inside."
-        )
-        steps.append("Judge each line between its ticks only, where the head runs at full speed.")
-    if matrix is not None and matrix.out_of_reach_mj_mm:
-        lost = ", ".join(f"{energy:.1f}" for energy in matrix.out_of_reach_mj_mm)
-        steps.append(
-            f"Not drawn, because this machine cannot give so little on so short a line: {lost}"
-            " mJ/mm."
-        )
-    sheets = ", ".join(job.name for job in jobs)
-    steps.append(f"Then {sheets}, with the recipe's settings, exactly as a robot is cut.")
-    return steps
-
-
-def _measuring(profile: LaserProfile) -> list[str]:
-    steps = [
-        f"KERF: side of the piece that fell out of the {SQUARE_MM:g} mm square, to 0.02 mm, mean of"
-        " both directions.",
-    ]
-    if Operation.WELDCUT in profile.recipe.operations:
-        steps.append(
-            "Seam: width of the fused rim inward of the cut edge, under a loupe, at 3"
-            " places of a straight."
-        )
-    steps += [
-        "W5 to W40: lay-flat width of the open lumen, between the seams, in the middle of the"
-        " finger.",
-        "L40 to L280: length of the finger, flat, along its middle, from the cut of its mouth to"
-        " the outer edge of its tip, to 0.2 mm: all in the same way. They say by how much film"
-        " shrinks where it is welded.",
-        "BURST: blunt needle through the port, clamp it, raise the pressure slowly behind a shield;"
-        " write down the pressure at which it bursts and where. Three balloons at least: one alone"
-        " says nothing of the spread.",
-        *_lap_steps(profile.recipe.lap),
-        "PEEL: pull the two free plies apart, 90 degrees each; the largest force.",
-        "CROTCH: inflate until it fails; the fillet that fails last is the one to use.",
-        "friction_incline: a strip of film on the obstacle's material; tilt until it slides.",
-        "growth: one tube of one width, more than 2 m long, stored as your robots are, grown along"
-        " a course of straight pieces and a turn around a post; the pressure at which it just grows"
-        " at the course's end. Setting: lengths in mm and turns in degrees, in turn, base first:"
-        " 50 270 950.",
-        "growth_free: the same once the end of the film has left the store, so that nothing holds"
-        " it back: setting is the path from there to the tip that film still lies along. 50: a"
-        " straight tube all but grown, 50 mm of film still inside. 900 270 100: a tube of 2 m on a"
-        " course of 900, 270 and 100.",
-        "Pack the tube again for every reading. Stay below two thirds of what it bursts at: a cell"
-        " may stay empty. What the readings do not say, calibrate takes from the published tube.",
-    ]
-    return steps
-
-
-def _lap_steps(bond: LapBond | None) -> list[str]:
-    if bond is None:
-        how = "as you bond sleeves (the recipe has no [lap]: name it as setting of lap_band)"
-    elif bond.method is LapMethod.IMPULSE_SEAL:
-        band = f"a band of {bond.band_mm.value:g} mm ({bond.band_mm.standing})"
-        how = f"with {band}, impulse-sealed around the lap over a release strip inside the plug"
-    else:
-        how = f"with adhesive film, {bond.band_mm.value:g} mm ({bond.band_mm.standing}) all around"
-    return [
-        f"LAP, joining: the open end of B, the plug, goes into the widened end of A, {LAP_MM:g} mm"
-        f" deep: carry the ticks beside B over to the plug before you lift it out."
-        f" Bond {how}; write the width of the band down (lap_band). The side seams of A and B lie"
-        f" on each other, as on a robot: seal their corners with care, there it leaks first.",
-        "LAP, turning: push the closed end of B with a blunt rod through A and out of its open end,"
-        " until the whole tube is inside out. So does a robot that is mounted as cut when it grows;"
-        ' one with mounting = "turned" grows as it was sealed: for that, leave this step out.',
-        "LAP, bursting: close A's open end around an air tube and go on as with BURST. If the lap"
-        " opened or leaked, write the pressure"
-        " down as lap_burst; if anything else gave way, or nothing, as lap_survived: such a lap"
-        " bears more, nobody knows how much. One of the two rows of each coupon stays empty.",
-    ]
-
-
-def _giving_back(profile: LaserProfile) -> list[str]:
-    name = profile.recipe.name
-    return [
-        "Fill in the column value of results.csv. Units: mm, cm, um, in; kPa, Pa, MPa, bar, mbar,"
-        " psi; N, gf, kgf; deg, rad.",
-        f"vinefab calibrate --recipe {name} results.csv --out {name}_mine.toml",
-        "The result is a recipe: kerf and seam are measured then, and fabricate takes it without"
-        " --allow-uncalibrated.",
-    ]
+    return filled_document(
+        "COUPONS.txt.j2",
+        recipe=profile.recipe,
+        lap=profile.recipe.lap,
+        jobs=jobs,
+        matrix=matrix,
+        energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
+        square_mm=SQUARE_MM,
+        lap_mm=LAP_MM,
+    )
 
 
 _SCHEMA = "vinefab/coupon-1"
@@ -212,7 +123,8 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
 
 
 def _matrix(profile: LaserProfile) -> Matrix | None:
-    if not any(s.by_laser for op, s in profile.recipe.operations.items() if op.startswith("weld")):
+    operations = profile.recipe.by_operation.items()
+    if not any(settings.by_laser for name, settings in operations if name.startswith("weld")):
         return None
     return energy_matrix(profile)
 

@@ -88,7 +88,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
         f"# coupon results, {GENERATOR}",
         f"{RECIPE_NOTE} {profile.recipe.name}",
     ]
-    if Operation.WELDCUT in profile.recipe.operations:
+    if Operation.WELDCUT in profile.recipe.by_operation:
         lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
     lines += [
         "# Fill in the column value; rows without a value are ignored; add rows as you like.",
@@ -103,7 +103,7 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
 
 
 def _rows(profile: LaserProfile) -> list[Row]:
-    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.operations]
+    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.by_operation]
     rows: list[Row] = [
         ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
         for name in names

@@ -114,7 +114,7 @@ def _finger(name: str, width_mm: float, trunk_mm: float) -> Design:
 
 def crotch_designs() -> tuple[Design, ...]:
     """Return the crotch coupons: a trunk with two branches, each with another fillet."""
-    fork = Level(branches=2, length_mm=50.0, fan_rad=math.radians(60.0))
+    fork = Level(branches=2, length_mm=50.0, angle_deg=60.0)
     return tuple(
         Design(
             name=f"CROTCH-R{radius:g}",
@@ -177,7 +177,7 @@ def _part_piece(design: Design, ends: PieceEnds, profile: LaserProfile) -> Coupo
     """Return a part of a design as a coupon, with ticks beside a plug where the socket ends."""
     body = body_paths(design, profile, ends=ends)
     ticks: list[LaserPath] = []
-    if ends.base and Operation.MARK in profile.recipe.operations:
+    if ends.base and Operation.MARK in profile.recipe.by_operation:
         ticks = [
             LaserPath(operation=Operation.MARK, contour=tick, label=f"depth of {design.name}")
             for tick in fold_ticks(design, body.reach_mm)
@@ -190,7 +190,7 @@ def square_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     """Return a 50 mm square for every operation that cuts; the beam runs on the square itself."""
     pieces = []
     for operation in (Operation.WELDCUT, Operation.CUT):
-        if operation not in profile.recipe.operations:
+        if operation not in profile.recipe.by_operation:
             continue
         over = profile.settings(operation).overcut_mm.value
         half, side = SQUARE_MM / 2, SQUARE_MM
@@ -210,7 +210,7 @@ def strip_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
 
     Without an operation that cuts and seals at once there are none.
     """
-    if Operation.WELDCUT not in profile.recipe.operations:
+    if Operation.WELDCUT not in profile.recipe.by_operation:
         return ()
     length, width = STRIP_MM
     over = profile.settings(Operation.WELDCUT).overcut_mm.value
@@ -236,7 +236,7 @@ def _line(operation: Operation, points: Floats, label: str) -> LaserPath:
 
 def text_marks(text: str, corner_mm: tuple[float, float], profile: LaserProfile) -> list[LaserPath]:
     """Return a line of text as marks; none where the recipe cannot mark."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return []
     lines, label = lettered(text, corner_mm, LETTER_MM), f"text {text}"
     return [LaserPath(operation=Operation.MARK, contour=line, label=label) for line in lines]
@@ -300,7 +300,7 @@ def sheet_job(
 def _coupon_facts(profile: LaserProfile) -> dict[str, object]:
     """Return the facts that every coupon file states."""
     facts = recipe_facts(profile)
-    if Operation.WELDCUT in profile.recipe.operations:
+    if Operation.WELDCUT in profile.recipe.by_operation:
         facts["weldcut_offset_mm"] = weldcut_offset_mm(profile)
     return facts
 
@@ -358,7 +358,7 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
 def sealing_operation(profile: LaserProfile) -> Operation:
     """Return the operation by which the laser makes seams."""
     for operation in (Operation.WELDCUT, Operation.WELD):
-        found = profile.recipe.operations.get(operation)
+        found = profile.recipe.by_operation.get(operation)
         if found is not None and found.by_laser:
             return operation
     raise BadInputError(
@@ -374,8 +374,7 @@ def line_settings(
     power = settings.min_power_percent
     power_w = machine.power_w.value * power.value / 100.0
     spot = spot_at_mm(machine.spot_mm.value, focus_mm, machine.rayleigh_mm.value)
-    return replace(
-        settings,
+    return settings.changed(
         power_percent=power,
         min_power_percent=power,
         speed_mm_s=_computed(1000.0 * power_w / energy_mj_mm, f"{energy_mj_mm:.1f} mJ/mm"),
@@ -425,7 +424,7 @@ def _job(
 
 def _zone(left_mm: float, ends_mm: tuple[float, float], profile: LaserProfile) -> list[LaserPath]:
     """Return ticks above and below the lines, between which the seam is judged."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return []
     found = []
     for x in (left_mm, left_mm + ZONE_MM):

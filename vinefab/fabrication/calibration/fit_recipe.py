@@ -200,7 +200,7 @@ def _equation(
             sigma=None if reading.sigma is None else reading.sigma / 2.0,
         )
     makes = _SEALING if measure == "seam" else _CUTTING
-    known = [str(operation) for operation in makes if operation in profile.recipe.operations]
+    known = [str(operation) for operation in makes if operation in profile.recipe.by_operation]
     if reading.setting not in known:
         raise reading.wrong(reading.setting, f"one of {', '.join(known)}, as setting")
     if measure == "seam":
@@ -282,7 +282,7 @@ def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list
 
 
 def _by_laser(operation: Operation, profile: LaserProfile) -> bool:
-    settings = profile.recipe.operations.get(operation)
+    settings = profile.recipe.by_operation.get(operation)
     return settings is not None and settings.by_laser
 
 
@@ -595,7 +595,7 @@ def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeSta
 
 
 def _seal_is_known(numbers: Mapping[str, Estimate], profile: LaserProfile) -> bool:
-    if Operation.WELDCUT in profile.recipe.operations:
+    if Operation.WELDCUT in profile.recipe.by_operation:
         return {"weldcut.kerf_mm", "weldcut.seam_width_mm"} <= set(numbers)
     return "weld.seam_width_mm" in numbers
 

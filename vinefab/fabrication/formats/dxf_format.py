@@ -22,7 +22,6 @@ from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     Colours,
     DrawnPath,
-    LaserFileSpec,
     LaserFormat,
     ReadDrawing,
     Style,
@@ -58,26 +57,24 @@ def dxf_text(
     """
     with _fixed_metadata():
         document = new(RELEASE_12) if r12 else new(VERSION, units=MILLIMETRES)
-        _describe(document, job, colours)
+        document.header["$MEASUREMENT"] = METRIC
+        for key, value in metadata(job, colours).items():
+            document.header.custom_vars.append(key, value)
+        space = document.modelspace()
+        space.reset_limits((0.0, 0.0), (job.sheet_width_mm, job.sheet_height_mm))
+        boxes = np.array([styled.path.contour.box_mm for styled in styled_paths(job, colours)])
+        if len(boxes):
+            low, high = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+            space.reset_extents((*low, 0.0), (*high, 0.0))
         for styled in styled_paths(job, colours):
             _add(document, styled, polyline=polyline)
-        _register_classes(document)
+        if document.dxfversion != AC1009:
+            for name in sorted(document.entitydb.dxf_types_in_use()):
+                document.classes.add_class(name)
         stream = io.StringIO()
         document.write(stream)
     # Group 999 is a comment; at the top every reader skips it, and people see it first.
     return f"999\n{GENERATOR}\n{stream.getvalue()}"
-
-
-def _describe(document: DxfDocument, job: Job, colours: Colours) -> None:
-    document.header["$MEASUREMENT"] = METRIC
-    for key, value in metadata(job, colours).items():
-        document.header.custom_vars.append(key, value)
-    space = document.modelspace()
-    space.reset_limits((0.0, 0.0), (job.sheet_width_mm, job.sheet_height_mm))
-    boxes = np.array([styled.path.contour.box_mm for styled in styled_paths(job, colours)])
-    if len(boxes):
-        low, high = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
-        space.reset_extents((*low, 0.0), (*high, 0.0))
 
 
 def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
@@ -100,13 +97,6 @@ def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
         close=contour.closed,
         dxfattribs={"layer": style.layer, "color": style.aci},
     )
-
-
-def _register_classes(document: DxfDocument) -> None:
-    """List the classes of what the file holds by name; ezdxf would take them from a set."""
-    if document.dxfversion != AC1009:
-        for name in sorted(document.entitydb.dxf_types_in_use()):
-            document.classes.add_class(name)
 
 
 @contextmanager
@@ -190,22 +180,10 @@ def _colour_index(style: Style) -> str:
     return str(style.aci)
 
 
-def _exact(spec: LaserFileSpec) -> str:
-    return dxf_text(spec.job, spec.colours)
-
-
-def _flattened(spec: LaserFileSpec) -> str:
-    return dxf_text(spec.job, spec.colours, polyline=True)
-
-
-def _release_12(spec: LaserFileSpec) -> str:
-    return dxf_text(spec.job, spec.colours, r12=True)
-
-
 DXF = LaserFormat(
     title="DXF with true arcs",
     suffix=".dxf",
-    write=_exact,
+    write=lambda spec: dxf_text(spec.job, spec.colours),
     read=read_dxf,
     tolerance_mm=_TOLERANCE_MM,
     colour=_colour_index,
@@ -213,7 +191,7 @@ DXF = LaserFormat(
 DXF_POLYLINE = LaserFormat(
     title="DXF with chords for arcs",
     suffix="_polyline.dxf",
-    write=_flattened,
+    write=lambda spec: dxf_text(spec.job, spec.colours, polyline=True),
     read=read_dxf,
     tolerance_mm=_TOLERANCE_MM,
     contour=flattened_contour,
@@ -223,7 +201,7 @@ DXF_POLYLINE = LaserFormat(
 DXF_R12 = LaserFormat(
     title="DXF of release 12, which has no unit",
     suffix="_r12.dxf",
-    write=_release_12,
+    write=lambda spec: dxf_text(spec.job, spec.colours, r12=True),
     read=read_dxf,
     tolerance_mm=_TOLERANCE_MM,
     colour=_colour_index,

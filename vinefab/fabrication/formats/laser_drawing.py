@@ -252,22 +252,6 @@ class LaserFileSpec:
         return self.profile
 
 
-def _spec_paths(spec: LaserFileSpec) -> tuple[StyledPath, ...]:
-    return spec.paths
-
-
-def _rgb(style: Style) -> str:
-    return style.rgb
-
-
-def _unchanged(contour: Contour) -> Contour:
-    return contour
-
-
-def _no_settings(_: LaserFileSpec) -> Mapping[str, Mapping[str, str]]:
-    return {}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaserFormat:
     """A kind of laser file: written, read back and compared with its job.
@@ -287,12 +271,14 @@ class LaserFormat:
     read: Callable[[str], ReadDrawing]  # raises `UnreadableFileError` for any other text
     tolerance_mm: float  # largest error of a point, by the rounding of numbers
     # paths that the format holds
-    paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = _spec_paths
-    contour: Callable[[Contour], Contour] = _unchanged  # a contour as the format represents it
+    paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = lambda spec: spec.paths
+    # a contour as the format represents it
+    contour: Callable[[Contour], Contour] = lambda contour: contour
     sagitta_mm: float = 0.0  # largest distance of its chords from the job's arcs
-    colour: Callable[[Style], str] = _rgb  # a style's colour as the format gives it
+    # a style's colour as the format gives it
+    colour: Callable[[Style], str] = lambda style: style.rgb
     # machine settings by layer
-    settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = _no_settings
+    settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = lambda _: {}
     needs_profile: bool = False  # written only where the spec has a profile
     on_request: bool = False  # written only when it is asked for by name
 

@@ -60,7 +60,8 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         root.append(_shape(number, styled, profile))
     notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
     ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
-    return _document(root)
+    ET.indent(root, " ")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def project_paths(job: Job) -> tuple[StyledPath, ...]:
@@ -134,11 +135,6 @@ def _values(parent: ET.Element, pairs: Iterable[tuple[str, str]]) -> None:
         ET.SubElement(parent, name, Value=value)
 
 
-def _document(root: ET.Element) -> str:
-    ET.indent(root, " ")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
 def _number(value: float) -> str:
     return f"{round(float(value), _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")
 
@@ -155,26 +151,23 @@ _COLOURS = {
 def read_lightburn(text: str) -> ReadDrawing:
     """Read a project of ours; it has no sheet."""
     try:
-        return _project(xml_root(text))
+        root = xml_root(text)
+        cuts = sorted(root.findall("CutSetting"), key=lambda cut: int(_value(cut, "priority")))
+        names = {_value(cut, "index"): _value(cut, "name") for cut in cuts}
+        known = {"CutSetting", "Shape", "Notes"}
+        odd = [f"element {element.tag}" for element in root if element.tag not in known]
+        if len(names) != len(cuts):
+            odd.append("two cut settings with one number")
+        shapes = root.findall("Shape")
+        if len({shape.get("VertID") for shape in shapes}) != len(shapes):
+            odd.append("shapes that share their vertices")
+        return ReadDrawing(
+            paths=tuple(_path(shape, names) for shape in shapes),
+            settings={_value(cut, "name"): _settings(cut) for cut in cuts},
+            oddities=tuple(odd),
+        )
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:
         raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from error
-
-
-def _project(root: ET.Element) -> ReadDrawing:
-    cuts = sorted(root.findall("CutSetting"), key=lambda cut: int(_value(cut, "priority")))
-    names = {_value(cut, "index"): _value(cut, "name") for cut in cuts}
-    known = {"CutSetting", "Shape", "Notes"}
-    odd = [f"element {element.tag}" for element in root if element.tag not in known]
-    if len(names) != len(cuts):
-        odd.append("two cut settings with one number")
-    shapes = root.findall("Shape")
-    if len({shape.get("VertID") for shape in shapes}) != len(shapes):
-        odd.append("shapes that share their vertices")
-    return ReadDrawing(
-        paths=tuple(_path(shape, names) for shape in shapes),
-        settings={_value(cut, "name"): _settings(cut) for cut in cuts},
-        oddities=tuple(odd),
-    )
 
 
 def _settings(cut: ET.Element) -> dict[str, str]:
@@ -208,14 +201,6 @@ def _path(shape: ET.Element, names: dict[str, str]) -> DrawnPath:
     )
 
 
-def _write_project(spec: LaserFileSpec) -> str:
-    return lightburn_text(spec.job, spec.recipe_profile)
-
-
-def _held_paths(spec: LaserFileSpec) -> tuple[StyledPath, ...]:
-    return project_paths(spec.job)
-
-
 def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
     """Return what each layer of a project has to run with; a tool layer is never run."""
     found = {}
@@ -229,10 +214,10 @@ def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
 LIGHTBURN = LaserFormat(
     title="LightBurn project, settings included",
     suffix=".lbrn2",
-    write=_write_project,
+    write=lambda spec: lightburn_text(spec.job, spec.recipe_profile),
     read=read_lightburn,
     tolerance_mm=_TOLERANCE_MM,
-    paths=_held_paths,
+    paths=lambda spec: project_paths(spec.job),
     contour=flattened_contour,
     sagitta_mm=FLATTEN_MM,
     settings=_project_settings,

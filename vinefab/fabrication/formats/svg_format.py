@@ -17,7 +17,6 @@ from vinefab.fabrication.formats.laser_drawing import (
     HAIRLINE_MM,
     Colours,
     DrawnPath,
-    LaserFileSpec,
     LaserFormat,
     ReadDrawing,
     StyledPath,
@@ -103,24 +102,21 @@ def _path(
 ) -> svgwrite.path.Path:
     rgb, width = styled.style.rgb, f"{hairline_mm:g}"
     extra = {"inkscape:label": one_line(styled.path.label)} if styled.path.label else {}
-    return drawing.path(
-        d=_commands(svg_contour(styled.path.contour), height_mm),
-        fill="none",
-        stroke=rgb,
-        stroke_width=width,
-        style=f"fill:none;stroke:{rgb};stroke-width:{width}",
-        **extra,
-    )
-
-
-def _commands(contour: Contour, height_mm: float) -> str:
+    contour = svg_contour(styled.path.contour)
     segments = list(contour.segments)
     words = ["M", *_point(segments[0].start_mm, height_mm)]
     for segment in segments[:-1]:
         words.extend(_command(segment, height_mm))
     if not contour.closed or segments[-1].bulge:
         words.extend(_command(segments[-1], height_mm))
-    return " ".join([*words, "Z"] if contour.closed else words)
+    return drawing.path(
+        d=" ".join([*words, "Z"] if contour.closed else words),
+        fill="none",
+        stroke=rgb,
+        stroke_width=width,
+        style=f"fill:none;stroke:{rgb};stroke-width:{width}",
+        **extra,
+    )
 
 
 def _command(segment: Segment, height_mm: float) -> list[str]:
@@ -280,14 +276,10 @@ def _value(word: str) -> float:
     return float(word)
 
 
-def _write(spec: LaserFileSpec) -> str:
-    return svg_text(spec.job, spec.colours, hairline_mm=spec.hairline_mm)
-
-
 SVG = LaserFormat(
     title="SVG in millimetres",
     suffix=".svg",
-    write=_write,
+    write=lambda spec: svg_text(spec.job, spec.colours, hairline_mm=spec.hairline_mm),
     read=read_svg,
     tolerance_mm=SVG_TOLERANCE_MM,
     contour=svg_contour,

@@ -165,7 +165,7 @@ def _single_placement(design: Design, body: BodyPaths, profile: LaserProfile) ->
     """Return the placement of one robot, with room for its fold line if possible."""
     room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
     contours = [path.contour for path in body.paths]
-    if Operation.MARK in profile.recipe.operations:
+    if Operation.MARK in profile.recipe.by_operation:
         marked = place_contours([*contours, *fold_ticks(design, body.reach_mm)], room, corner)
         if marked.fits:
             return marked

@@ -71,10 +71,6 @@ _STROKES = {
 }
 
 
-def _points(word: str) -> list[tuple[int, int]]:
-    return [(int(word[i]), int(word[i + 1])) for i in range(0, len(word), 2)]
-
-
 def unwritten(text: str) -> str:
     """Return the letters of a text that the font lacks, each once.
 
@@ -99,7 +95,7 @@ def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
     """
     unit = height_mm / _HEIGHT
     return [
-        (np.array(_points(word)) + np.array([_ADVANCE * place, 0.0])) * unit
+        (np.array([*map(int, word)]).reshape(-1, 2) + np.array([_ADVANCE * place, 0.0])) * unit
         for place, letter in enumerate(text.upper())
         for word in _STROKES.get(letter, "").split()
     ]
@@ -348,16 +344,15 @@ def _written(
     height, box, upright = place
     free.take(shapely.box(*box))
     strokes = _strokes(lines, height, box, upright=upright)
-    return tuple(_mark(stroke, target.label, target.name) for stroke in strokes)
+    return tuple(
+        mark(Contour.polyline(stroke, closed=False), target.label, target.name)
+        for stroke in strokes
+    )
 
 
 def mark(contour: Contour, label: str, name: str) -> LaserPath:
     """Return a contour as a path to be marked."""
     return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
-
-
-def _mark(points_mm: Floats, label: str, name: str) -> LaserPath:
-    return mark(Contour.polyline(points_mm, closed=False), label, name)
 
 
 def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) -> list[Floats]:
@@ -404,7 +399,7 @@ def marks_of(
     robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
 ) -> Marking:
     """Return fold lines and labels of robots, as far as there is room."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     placed = [robot for robot in robots if robot.placement]
     areas = [body_area(robot) for robot in placed]

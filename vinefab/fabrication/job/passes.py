@@ -127,7 +127,7 @@ def seal_offset_mm(profile: LaserProfile) -> float:
 
 def in_one_pass(profile: LaserProfile) -> bool:
     """Whether a recipe cuts and seals in one pass; else it welds and cuts separately."""
-    operations = profile.recipe.operations
+    operations = profile.recipe.by_operation
     return Operation.WELDCUT in operations or Operation.WELD not in operations
 
 

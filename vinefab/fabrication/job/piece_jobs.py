@@ -48,7 +48,17 @@ def pieces_job(
         other = sheet.beside[0].name
         raise BadInputError("--with", other, f"nothing: {design.name} is cut in pieces of its own")
     parts = _parts(design, profile, sheet, partition)
-    sheets = _on_sheets(parts, profile)
+    room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
+    left, sheets = list(parts), list[list[SheetRobot]]()
+    while left:
+        contours = [tuple(path.contour for path in part.body.paths) for part in left]
+        placements: list[BedPlacement | None] = nest(contours, room, corner, once=True)
+        if not any(placements):
+            # One that fits no bed: it lies there all the same, and rule VF-S01 says so.
+            placements[0] = place_contours(contours[0], room, corner)
+        pairs = list(zip(left, placements, strict=True))
+        sheets.append([replace(part, placement=place) for part, place in pairs if place])
+        left = [part for part, place in pairs if not place]
     wide, high = profile.machine.bed_width_mm.value, profile.machine.bed_height_mm.value
     jobs = [
         _sheet_job(design, profile, (number, len(sheets)), robots, partition)
@@ -109,22 +119,6 @@ def _parts(
         for copy in range(1, sheet.copies + 1)
         for piece, body in zip(partition.pieces, bodies, strict=True)
     ]
-
-
-def _on_sheets(parts: Sequence[SheetRobot], profile: LaserProfile) -> list[list[SheetRobot]]:
-    """Return the parts on each sheet, placed: each sheet takes all that still fits on it."""
-    room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
-    left, sheets = list(parts), list[list[SheetRobot]]()
-    while left:
-        contours = [tuple(path.contour for path in part.body.paths) for part in left]
-        placements: list[BedPlacement | None] = nest(contours, room, corner, once=True)
-        if not any(placements):
-            # One that fits no bed: it lies there all the same, and rule VF-S01 says so.
-            placements[0] = place_contours(contours[0], room, corner)
-        pairs = list(zip(left, placements, strict=True))
-        sheets.append([replace(part, placement=place) for part, place in pairs if place])
-        left = [part for part, place in pairs if not place]
-    return sheets
 
 
 def _sheet_job(

@@ -28,7 +28,6 @@ from vinefab.fabrication.job.marks import (
 from vinefab.fabrication.job.placement import SheetRobot
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.outline.stroke import LocalFrame, Point, placed
-from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
@@ -55,7 +54,7 @@ def marks_of_pieces(
     partition: Partition,
 ) -> Marking:
     """Return the marks of the pieces on one sheet, as far as there is room."""
-    if Operation.MARK not in profile.recipe.operations:
+    if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     # What seals a piece with stubs is several open paths: its outline encloses it.
     taken = [path for path in bodies if path.operation is Operation.CUT]
@@ -150,7 +149,13 @@ def _piece(
     near = _on_sheet(robot, placed((middle, 0.0), _frame(layout, root)))
     label = piece_mark(robot.title)
     target = LabelTarget(near_mm=near, label=label, name=robot.of, own=own)
-    full = _label_lines(robot.design, robot, profile, len(partition.pieces))
+    copy = f" copy {robot.number} of {robot.count}" if robot.count > 1 else ""
+    full = [
+        f"{robot.piece} of {counted(len(partition.pieces), 'piece')}{copy}",
+        short_name(robot.design.name),
+        short_name(profile.recipe.name),
+        GENERATOR.removeprefix("written by "),
+    ]
     paths = label_paths(full, free, target)
     if paths:
         blank = unwritten("".join(full))
@@ -159,15 +164,3 @@ def _piece(
     paths = label_paths([robot.piece], free, target)
     what = f"room only for the letter in the {label}" if paths else f"no room for the {label}"
     return Marking(paths=paths, left_out=(what,))
-
-
-def _label_lines(design: Design, robot: SheetRobot, profile: LaserProfile, count: int) -> list[str]:
-    """Return the lines of a piece's label: its letter, name, recipe and version."""
-    copy = f" copy {robot.number} of {robot.count}" if robot.count > 1 else ""
-    version = GENERATOR.removeprefix("written by ")
-    return [
-        f"{robot.piece} of {counted(count, 'piece')}{copy}",
-        short_name(design.name),
-        short_name(profile.recipe.name),
-        version,
-    ]

@@ -103,10 +103,19 @@ def place_contours(
     corner_mm
         Both coordinates of the room's lower left corner.
     """
-    hull = _hull_mm(np.concatenate([contour.flattened_mm() for contour in contours]))
-    steps, flush = _steps_rad(), _flush_rad(hull)
-    turns = np.concatenate([steps, flush])
-    excess = _excess_mm(hull, turns, room_mm)
+    points = np.concatenate([contour.flattened_mm() for contour in contours])
+    hull = shapely.get_coordinates(shapely.MultiPoint(points).convex_hull)
+    # Turns by round steps, and those that lay an edge of the hull along a side of the room.
+    count = round(math.pi / 2 / STEP_RAD)
+    steps = np.arange(-count, count + 1, dtype=np.float64) * STEP_RAD
+    edges = np.diff(hull, axis=0)
+    flush = -np.arctan2(edges[:, 1], edges[:, 0])
+    flush = np.remainder(flush[:, None] + np.arange(4) * math.pi / 2, math.tau) - math.pi
+    turns = np.concatenate([steps, flush[np.abs(flush) <= math.pi / 2]])
+    cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
+    x, y = hull[:, 0], hull[:, 1]
+    wide, high = np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)
+    excess = np.maximum(wide - room_mm[0], high - room_mm[1])
     # A rotation that fits counts as 0, however much room it leaves: then the smallest round one
     # wins, and those of single edges count only where nothing else fits.
     badness = np.where(excess <= FIT_TOLERANCE_MM, 0.0, excess)
@@ -134,35 +143,6 @@ def _placed(
         height_mm=height,
         fits=max(width - room_mm[0], height - room_mm[1]) <= FIT_TOLERANCE_MM,
     )
-
-
-def _hull_mm(points_mm: Floats) -> Floats:
-    """Return the convex hull's corners, shape (k, 2)."""
-    corners: Floats = shapely.get_coordinates(shapely.MultiPoint(points_mm).convex_hull)
-    return corners
-
-
-def _steps_rad() -> Floats:
-    """Return round rotations from -pi/2 to pi/2, 0 included."""
-    count = round(math.pi / 2 / STEP_RAD)
-    return np.arange(-count, count + 1, dtype=np.float64) * STEP_RAD
-
-
-def _flush_rad(hull_mm: Floats) -> Floats:
-    """Return the rotations from -pi/2 to pi/2 that align an edge of a hull to an axis."""
-    edges = np.diff(hull_mm, axis=0)
-    turns = -np.arctan2(edges[:, 1], edges[:, 0])
-    turns = np.remainder(turns[:, None] + np.arange(4) * math.pi / 2, math.tau) - math.pi
-    return turns[np.abs(turns) <= math.pi / 2]
-
-
-def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float]) -> Floats:
-    """Return by how much the hull exceeds the room after each rotation, shape (rotations,)."""
-    cos, sin = np.cos(turns_rad)[:, None], np.sin(turns_rad)[:, None]
-    x, y = hull_mm[:, 0], hull_mm[:, 1]
-    wide, high = np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)
-    excess: Floats = np.maximum(wide - room_mm[0], high - room_mm[1])
-    return excess
 
 
 def piece_name(design: str, piece: str) -> str:

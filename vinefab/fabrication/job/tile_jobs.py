@@ -75,7 +75,15 @@ def tiled(
     for row, turn in enumerate(
         dict.fromkeys((best.angle_rad, *(() if pass_through else _TURNS_RAD)))
     ):
-        placement = _laid(contours, turn, margin)
+        x0, y0, x1, y1 = box_around_mm(contour.moved(turn, 0.0, 0.0) for contour in contours)
+        placement = BedPlacement(
+            angle_rad=turn,
+            dx_mm=margin - x0,
+            dy_mm=margin - y0,
+            width_mm=x1 - x0,
+            height_mm=y1 - y0,
+            fits=False,
+        )
         paths = [_moved(path, placement) for path in body.paths]
         try:
             tiles = film_tiles(_axes(design, placement), paths, room, pass_through=pass_through)
@@ -166,7 +174,7 @@ def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
     """
     made = [mark(line, TARGET, "") for line in _crosses(tile.made_mm)]
     verifying: list[LaserPath] = []
-    if Operation.MARK in profile.recipe.operations:
+    if Operation.MARK in profile.recipe.by_operation:
         settings = profile.settings(Operation.MARK)
         verifying = [
             replace(mark(line, VERIFICATION, ""), variant=VERIFY, settings=settings)
@@ -195,7 +203,9 @@ def tile_jobs(
                 name=f"{name}_tile_{number}",
                 sheet_width_mm=machine.bed_width_mm.value,
                 sheet_height_mm=machine.bed_height_mm.value,
-                paths=in_order(_shifted(path, shift) for path in own),
+                paths=in_order(
+                    replace(path, contour=path.contour.moved(0.0, *shift)) for path in own
+                ),
                 facts={
                     **facts,
                     "tile": number,
@@ -227,24 +237,8 @@ def _axes(design: Design, placement: BedPlacement) -> BranchAxes:
     )
 
 
-def _laid(contours: Sequence[Contour], turn_rad: float, corner_mm: float) -> BedPlacement:
-    x0, y0, x1, y1 = box_around_mm(contour.moved(turn_rad, 0.0, 0.0) for contour in contours)
-    return BedPlacement(
-        angle_rad=turn_rad,
-        dx_mm=corner_mm - x0,
-        dy_mm=corner_mm - y0,
-        width_mm=x1 - x0,
-        height_mm=y1 - y0,
-        fits=False,
-    )
-
-
 def _moved(path: LaserPath, placement: BedPlacement) -> LaserPath:
     return replace(path, contour=placement.moved(path.contour))
-
-
-def _shifted(path: LaserPath, shift_mm: Point) -> LaserPath:
-    return replace(path, contour=path.contour.moved(0.0, *shift_mm))
 
 
 def _reg(contour: Contour) -> LaserPath:

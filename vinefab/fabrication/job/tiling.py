@@ -180,7 +180,9 @@ def film_tiles(
 ) -> list[FilmTile]:
     """Return the tiles of a robot in the order of cutting, the mouth's first; see `register`."""
     contours = [path.contour for path in paths]
-    _refuse_many(_least_tiles(contours, room_mm, pass_through=pass_through))
+    whole = reduce(union_box, (contour.box_mm for contour in contours))
+    wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
+    _refuse_many(wide if pass_through else max(wide, high))
     places = stations_mm(axes, contours)
     parted = [stretches(axes, contour, places) for contour in contours]
     boxes: dict[Piece, Box] = {}
@@ -205,13 +207,6 @@ def film_tiles(
     ordered = _ordered(axes, places, tiles)
     _place_windows(ordered, room_mm, boxes, pass_through=pass_through)
     return ordered
-
-
-def _least_tiles(contours: Sequence[Contour], room_mm: Point, *, pass_through: bool) -> float:
-    """Return a lower bound of the number of tiles."""
-    whole = reduce(union_box, (contour.box_mm for contour in contours))
-    wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
-    return wide if pass_through else max(wide, high)
 
 
 def _refuse_many(count: float) -> None:

@@ -172,16 +172,6 @@ class _Walk:
         lean = taper_rad(half, end, float(layout.tree.length_mm[branch]))
         return BranchSide(half_mm=half + self.pattern.offset_mm, lean_rad=lean)
 
-    def _stub(self, branch: int) -> None:
-        """Walk along the stub of a branch, across its open end, and back to its own side."""
-        end = self._branch_side(branch).end_mm(self.piece.stubs[branch], self.pattern.offset_mm)
-        frame, owner = self._base_frame(branch), (self.ids[branch],)
-        right, left = _reversed(end), _across_axis(end)
-        self._side(placed(right.start_mm, frame), branch)
-        self.pen.pieces(right, frame, owner)
-        self.pen.go_to(placed(left.start_mm, frame), Part.MOUTH, self.ids[branch])
-        self.pen.pieces(left, frame, owner)
-
     def _from_tail(self) -> Contour:
         """Walk from the right corner of the tail's mouth around the body to the left corner."""
         tail, name = self.pattern.tail, self.ids[0]
@@ -198,7 +188,14 @@ class _Walk:
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""
         if branch in self.piece.stubs:
-            self._stub(branch)
+            # Along the stub to its mouth, and back.
+            end = self._branch_side(branch).end_mm(self.piece.stubs[branch], self.pattern.offset_mm)
+            frame, owner = self._base_frame(branch), (self.ids[branch],)
+            right, left = _reversed(end), _across_axis(end)
+            self._side(placed(right.start_mm, frame), branch)
+            self.pen.pieces(right, frame, owner)
+            self.pen.go_to(placed(left.start_mm, frame), Part.MOUTH, self.ids[branch])
+            self.pen.pieces(left, frame, owner)
             return
         if not self.children[branch]:
             frame = LocalFrame(self.ends[branch], self.heading[branch])

@@ -224,7 +224,14 @@ def pouch_tip(
         fillet_mm=fillet if fillet >= least_fillet_mm else 0.0,
     )
     if round_pouch:
-        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, drawn)
+        pouch_mm = (pouch.radius_mm or 0.0) + offset_mm
+        half, lean = drawn.half_mm, drawn.lean_rad
+        found = neck(half, pouch_mm, drawn.fillet_mm)
+        start = turned((-found.used_mm, -half), lean)
+        enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
+        right = _neck_fillet(found, enter)
+        turn = 2.0 * (math.pi - found.angle_rad - lean)
+        return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH), lean)
     return _rectangle(pouch, corner_radii_mm(pouch, leaf)[1], drawn, offset_mm)
 
 
@@ -240,16 +247,6 @@ def _mirrored(
     return TipStroke(
         run=StrokeRun(start, (*right, *middle, *left)), used_mm=-turned(start, -lean_rad)[0]
     )
-
-
-def _round_pouch(pouch_mm: float, drawn: Leaf) -> TipStroke:
-    half, lean = drawn.half_mm, drawn.lean_rad
-    found = neck(half, pouch_mm, drawn.fillet_mm)
-    start = turned((-found.used_mm, -half), lean)
-    enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
-    right = _neck_fillet(found, enter)
-    turn = 2.0 * (math.pi - found.angle_rad - lean)
-    return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH), lean)
 
 
 def _neck_fillet(found: Neck, enter: Point) -> list[StrokeSegment]:

@@ -319,7 +319,10 @@ def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     """
     given = _Given(core=core, fillet_mm=fillet_mm)
     one, two = _contacts(first, second, given)
-    hidden = one is not None and two is not None and _shown_mm(one, two) < LEAST_SEGMENT_MM
+    # Too little of the parent's end would show between the two.
+    hidden = (
+        one is not None and two is not None and two.position_mm - one.position_mm < LEAST_SEGMENT_MM
+    )
     if hidden:
         return _between_children(first, second, given)
     return _past_core((first, second), (one, two), given)
@@ -345,11 +348,6 @@ def _contacts(first: Strip, second: Strip, given: _Given) -> tuple[Contact | Non
     if two is None or two.zone == LEFT:
         one = rest(first, LEFT, LEAST_SEGMENT_MM)
     return one, two
-
-
-def _shown_mm(one: Contact, two: Contact) -> float:
-    """Return how much of the core shows between two contacts, negative if they are crossed."""
-    return two.position_mm - one.position_mm
 
 
 def _past_core(

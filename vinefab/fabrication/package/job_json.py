@@ -1,10 +1,8 @@
 """Every setting of a job as JSON: ``vinefab/job-1``."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 
 from vinefab.core.jsontext import json_text
-from vinefab.core.units import deg
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
 from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
@@ -22,6 +20,7 @@ from vinefab.model.laser import (
     OperationSettings,
     Quantity,
     Recipe,
+    quantities,
 )
 
 _SCHEMA = "vinefab/job-1"
@@ -49,8 +48,8 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "title": recipe.title,
                 "status": str(recipe.status),
                 "source": recipe.source,
-                "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
-                "windows": [window.words() for window in recipe.windows],
+                "coupons": {k: plain_quantity(q) for k, q in quantities(recipe.coupons).items()},
+                "windows": [window.words() for window in recipe.coupons.windows],
                 **_lap(job, recipe),
             },
             "operations": [
@@ -124,8 +123,8 @@ def _design(design: Design) -> dict[str, object]:
         {
             "branches": level.branches,
             "length_mm": level.length_mm,
-            "angle_deg": deg(level.fan_rad),
-            "growth_percent": round(100.0 * level.growth, 9),
+            "angle_deg": level.angle_deg,
+            "growth_percent": level.growth_percent,
         }
         for level in design.levels
     ]
@@ -147,11 +146,11 @@ def _build(build: Build) -> dict[str, object]:
         "pressure_kpa": build.pressure_kpa,
         "mounting": build.mounting,
         "faces": face_words(build),
-        "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
+        "pouch": None if pouch is None else pouch.model_dump(),
         "collar": None
         if collar is None
         else {
-            **{f.name: getattr(collar, f.name) for f in fields(collar)},
+            **collar.model_dump(),
             "flat_width_mm": collar.flat_width_mm,
         },
     }
@@ -203,8 +202,12 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
 
 
 def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
-    values = {field.name: getattr(noun, field.name) for field in fields(noun)}
-    return {name: _plain(value) for name, value in values.items() if value is not NO_SHRINKAGE}
+    values = noun.record() if isinstance(noun, OperationSettings) else dict(noun)
+    return {
+        name: _plain(value)
+        for name, value in values.items()
+        if name != "schema_" and value is not NO_SHRINKAGE
+    }
 
 
 def _plain(value: object) -> object:

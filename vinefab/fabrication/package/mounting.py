@@ -25,18 +25,6 @@ def face_words(build: Build) -> str:
     return "Deployed, the face that lies inside as cut is outside"
 
 
-def mounting_steps(build: Build) -> list[str]:
-    """Return how a robot is put on its base, from the film as cut."""
-    turn = "First turn the whole robot inside out, tips first through the mouth, without twisting."
-    return [
-        "The mouth is the open end of the tail, the straight part before the first joint.",
-        f"{face_words(build)} (build.mounting = {build.mounting}; assembly.svg draws it).",
-        *([turn] if build.mounting == "turned" else []),
-        f"Invert the tail ({build.tail_mm:g} mm) over the base and clamp it airtight.",
-        "Push the branches in, tips last, without twisting; crumple the body into the base.",
-    ]
-
-
 def draw_faces(axes: Axes, build: Build, sides_pt: tuple[float, float], y: float) -> None:
     """Draw a tube lengthwise, each face in its colour: as cut, mounted, while it grows.
 

@@ -1,7 +1,6 @@
 """Sections on how a design is made: sheet, rules, pressure, bill of materials, assumptions."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 
 import numpy as np
 import shapely
@@ -28,6 +27,7 @@ from vinefab.model.laser import (
     OperationSettings,
     Quantity,
     Standing,
+    quantities,
 )
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
@@ -293,13 +293,12 @@ def _numbers(profile: LaserProfile) -> Iterator[tuple[str, Quantity]]:
     owned: list[tuple[str, Machine | Material | OperationSettings]] = [
         ("machine", profile.machine),
         ("material", profile.material),
-        *profile.recipe.operations.items(),
+        *profile.recipe.by_operation.items(),
     ]
     for owner, noun in owned:
-        for field in fields(noun):
-            value = getattr(noun, field.name)
-            if isinstance(value, Quantity) and value is not NO_SHRINKAGE:
-                yield f"{owner}.{field.name}", value
+        for name, value in quantities(noun).items():
+            if value is not NO_SHRINKAGE:
+                yield f"{owner}.{name}", value
 
 
 def _finding_row(finding: Finding) -> tuple[str, ...]:

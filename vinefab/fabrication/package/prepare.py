@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Fact, Section, Tone
 from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
@@ -37,7 +38,6 @@ from vinefab.fabrication.package.package_page import (
     pressure_section,
     sheet_section,
 )
-from vinefab.fabrication.package.piece_joining import joining_words
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.exploded import piece_lumens
@@ -56,7 +56,7 @@ from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
-from vinefab.pages.html import Report, Section, Tone, page_html
+from vinefab.pages.html import Report, page_html
 
 ANIMATION_NAME = "animation.svg"
 
@@ -242,14 +242,12 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
     design, partition = content.design, content.partition
-    joining, joints, outlines = None, tuple[BomLine, ...](), dict[str, Contour]()
+    joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
-        robots = robot_count(job)
-        joining = joining_words(design, partition, profile, robots=robots)
-        joints = joint_lines(design, partition, profile, robots=robots)
+        joints = joint_lines(design, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(design, partition)
     files = {
-        "README.txt": readme_text(design, job, profile, colours, joining).encode(),
+        "README.txt": readme_text(design, job, profile, colours, partition).encode(),
         **_designs(design, content.others),
         "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),
@@ -390,16 +388,19 @@ def _no_predictions() -> Section:
     return Section(title="Predictions", paragraphs=(note,))
 
 
-def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (
-        ("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
-        ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
-        ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
-        ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
-        ("film", profile.material.title),
-        ("machine", profile.machine.title),
-        ("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+        Fact("branches", f"{len(tree)} on {counted(design.depth, 'level')}"),
+        Fact("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
+        Fact(
+            "widths, lay-flat",
+            ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm",
+        ),
+        Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
+        Fact("film", profile.material.title),
+        Fact("machine", profile.machine.title),
+        Fact("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
     )

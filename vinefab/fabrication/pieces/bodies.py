@@ -11,7 +11,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.core.validation import Floats, Ints
+from vinefab.core.validation import Floats
 from vinefab.fabrication.job.sleeve import (
     BESIDE_MM,
     STRAIGHT_AFTER_MM,
@@ -52,13 +52,17 @@ def straight_sides(
     """Return where the sides of every branch are straight in outlines at all of some offsets."""
     tree = layout.tree
     starts, ends = np.zeros(len(tree)), np.zeros(len(tree))
-    siblings = _siblings(tree.parent)
+    siblings, seen = [0] * len(tree), [0] * len(tree)
+    for row, above in enumerate(tree.parent.tolist()):
+        if above >= 0:
+            siblings[row] = seen[above]
+            seen[above] += 1
     half, far = layout.width_mm / 2.0, layout.end_width_mm / 2.0
     lean = np.array([taper_rad(*one) for one in zip(half, far, tree.length_mm, strict=True)])
     for offset in offsets_mm:
         pattern = pattern_of(design, offset)
         for row in range(len(tree)):
-            level, sibling = int(tree.level[row]), int(siblings[row])
+            level, sibling = int(tree.level[row]), siblings[row]
             base = _base_used_mm(pattern, level, sibling)
             tip = _end_used_mm(pattern, level, sibling)
             cos, sin = np.cos(lean[row]), np.sin(lean[row])
@@ -68,16 +72,6 @@ def straight_sides(
             end = (side - tip) * cos + along
             ends[row] = end if offset == offsets_mm[0] else min(ends[row], end)
     return StraightSides(start_mm=starts, end_mm=ends)
-
-
-def _siblings(parent: Ints) -> Ints:
-    """Return the number of each branch among the children of its parent, from 0, shape (n,)."""
-    number, seen = np.zeros(len(parent), dtype=np.int64), [0] * len(parent)
-    for row, above in enumerate(parent.tolist()):
-        if above >= 0:
-            number[row] = seen[above]
-            seen[above] += 1
-    return number
 
 
 def _base_used_mm(pattern: Pattern, level: int, sibling: int) -> float:

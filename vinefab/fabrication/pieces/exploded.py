@@ -146,7 +146,12 @@ class _Page:
         if len(free):
             crossed = self._crossed(shapes[free], stub_mm, spots[free])
             cost[free] += _CROSSING_COST * self.lead_mm * crossed
-            cost[free] += _GROWTH_COST * self._growth(shapes[free])
+            around = shapely.total_bounds(np.array(self.pieces))
+            boxes = shapely.bounds(shapes[free])
+            low, high = np.minimum(boxes[:, :2], around[:2]), np.maximum(boxes[:, 2:], around[2:])
+            # How much larger the page becomes.
+            growth = (high - low - (around[2:] - around[:2])).sum(axis=1)
+            cost[free] += _GROWTH_COST * growth
         return cost
 
     def _crossed(self, shapes: Shapes, stub_mm: Floats, spots: Floats) -> Floats:
@@ -162,10 +167,3 @@ class _Page:
         for line in self.lines:
             crossed += shapely.intersects(line, shapes)
         return np.asarray(crossed)
-
-    def _growth(self, shapes: Shapes) -> Floats:
-        """Return by how much shapes make the picture's width and height larger, summed."""
-        around = shapely.total_bounds(np.array(self.pieces))
-        boxes = shapely.bounds(shapes)
-        low, high = np.minimum(boxes[:, :2], around[:2]), np.maximum(boxes[:, 2:], around[2:])
-        return np.asarray((high - low - (around[2:] - around[:2])).sum(axis=1))

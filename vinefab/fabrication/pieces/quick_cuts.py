@@ -216,9 +216,20 @@ class _TreeCuts:
 
     def found(self) -> QuickCuts:
         """Return the cuts, and what is left."""
-        fewest = _FewestCuts(self, self.limits.most_cuts).best
-        if fewest is not None:
-            return self._fitted(fewest)
+        cut = _FewestCuts(self, self.limits.most_cuts).best
+        if cut is not None:
+            # More cuts as long as they help.
+            left = self.left(cut)
+            while left > 0.0 and len(cut) < self.limits.most_cuts:
+                chosen, least = -1, math.inf
+                for row in sorted(self.stub.keys() - cut):
+                    trial = self.left(cut | {row})
+                    if trial < least * _PARTED:
+                        chosen, least = row, trial
+                if least >= left * _PARTED:
+                    break
+                cut, left = cut | {chosen}, least
+            return QuickCuts(branches=tuple(sorted(cut)), left=left)
         cut = self._deepest()
         return QuickCuts(branches=tuple(sorted(cut)), left=self.left(cut))
 
@@ -367,20 +378,6 @@ class _TreeCuts:
 
     # --- further cuts ----------------------------------------------------------------------------
 
-    def _fitted(self, cut: set[int]) -> QuickCuts:
-        """Return the cuts with further ones, for pieces that are larger than the sheet."""
-        left = self.left(cut)
-        while left > 0.0 and len(cut) < self.limits.most_cuts:
-            chosen, least = -1, math.inf
-            for row in sorted(self.stub.keys() - cut):
-                trial = self.left(cut | {row})
-                if trial < least * _PARTED:
-                    chosen, least = row, trial
-            if least >= left * _PARTED:
-                break
-            cut, left = cut | {chosen}, least
-        return QuickCuts(branches=tuple(sorted(cut)), left=left)
-
     def _deepest(self) -> set[int]:
         """Return cuts that part the deepest conflicts, one after the other."""
         cut = set[int]()
@@ -410,7 +407,7 @@ class _FewestCuts:
 
     def _visit(self, cut: set[int], banned: set[int]) -> None:
         """Part the first conflict that some cuts leave by each branch that is not banned."""
-        if self._steps == MOST_STEPS or self._is_least():
+        if self._steps == MOST_STEPS or (self.best is not None and len(self.best) <= self._bound):
             return
         self._steps += 1
         ways = self._ways(cut, banned)
@@ -422,9 +419,6 @@ class _FewestCuts:
                 return
             self._visit(cut | {way}, banned)
             banned = banned | {way}  # all sets of cuts with it were tried
-
-    def _is_least(self) -> bool:
-        return self.best is not None and len(self.best) <= self._bound
 
     def _ways(self, cut: set[int], banned: set[int]) -> list[int] | None:
         """Return the branches that may part the first conflict, None if there is no conflict.

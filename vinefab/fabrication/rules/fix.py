@@ -11,7 +11,7 @@ search finds, not proven to be the smallest there is.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg, rad
+from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.fix_targets import FixTargets, change_cost, pruning_cost
 from vinefab.model.design import Build, Design, Level, Pouch
@@ -130,7 +130,7 @@ class FixSpace:
         )
         build = self._build(depth, scale)
         trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale.get("length", {}).get(0, 1.0))
-        changed = replace(self.design, trunk_length_mm=trunk_mm, levels=levels, build=build)
+        changed = self.design.changed(trunk_length_mm=trunk_mm, levels=levels, build=build)
         return self.targets.settled(changed)
 
     def penalty(self, x: Floats) -> float:
@@ -162,13 +162,13 @@ class FixSpace:
         old = self.design.levels[number - 1]
         growth = scale.get("growth", {}).get(number, 1.0)
         turn_rad = turned.get(number, 0.0)
-        fan_rad = min(math.tau, max(0.0, rad(round(deg(old.fan_rad + turn_rad), _DECIMALS))))
-        grown = min(100.0, max(0.001, round(old.growth * growth, 2 + _DECIMALS)))
+        angle_deg = min(360.0, max(0.0, round(deg(old.fan_rad + turn_rad), _DECIMALS)))
+        percent = min(10_000.0, max(0.1, round(old.growth_percent * growth, _DECIMALS)))
         return Level(
             branches=self.branches[number - 1],
             length_mm=_scaled_mm(old.length_mm, scale.get("length", {}).get(number, 1.0)),
-            fan_rad=fan_rad if turn_rad else old.fan_rad,
-            growth=old.growth if growth == 1.0 else grown,
+            angle_deg=angle_deg if turn_rad else old.angle_deg,
+            growth_percent=old.growth_percent if growth == 1.0 else percent,
         )
 
     def _build(self, depth: int, scale: dict[str, dict[int, float]]) -> Build:
@@ -179,8 +179,7 @@ class FixSpace:
             numbered = enumerate(values_mm, start=first)
             return tuple(_scaled_mm(value, factors.get(level, 1.0)) for level, value in numbered)
 
-        return replace(
-            old,
+        return old.changed(
             widths_mm=scaled("width", old.widths_mm[:depth]),
             fillet_mm=scaled("fillet", old.fillet_mm[: depth - 1], first=1),
             taper=_tapers(old.taper[:depth], depth, scale.get("taper", {})),
@@ -230,11 +229,8 @@ def _scaled_mm(value_mm: float, factor: float) -> float:
 def _scaled(pouch: Pouch | None, factor: float) -> Pouch | None:
     if pouch is None or factor == 1.0:
         return pouch
-    sizes_mm = (pouch.radius_mm, pouch.length_mm, pouch.width_mm)
-    radius_mm, length_mm, width_mm = (
-        None if size_mm is None else _scaled_mm(size_mm, factor) for size_mm in sizes_mm
-    )
-    return Pouch(shape=pouch.shape, radius_mm=radius_mm, length_mm=length_mm, width_mm=width_mm)
+    sizes_mm = {name: value for name, value in pouch if name != "shape" and value is not None}
+    return pouch.changed(**{name: _scaled_mm(mm, factor) for name, mm in sizes_mm.items()})
 
 
 MOST_PRUNINGS = 12

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
@@ -96,11 +96,9 @@ def planned_length_mm(trunk_mm: float, levels: tuple[Level, ...]) -> float:
 def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
     """Return the cost of keeping only some branches, by the planned length that is left."""
     kept = tuple(
-        Level(
+        level.changed(
             branches=count,
             length_mm=level.length_mm * (1.0 if count > 1 else _mean_share(level)),
-            growth=level.growth,
-            fan_rad=level.fan_rad,
         )
         for level, count in zip(before.levels, branches, strict=False)
     )
@@ -281,15 +279,14 @@ class FixTargets:
             max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
             for radius, width in zip(build.fillet_mm, build.widths_mm[1:], strict=True)
         )
-        settled = replace(
-            build,
+        settled = build.changed(
             fillet_mm=fillets_mm,
             tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
             pressure_kpa=min(
                 max(build.pressure_kpa, self._least_kpa(design)), self.most_kpa(build)
             ),
         )
-        return replace(design, build=settled)
+        return design.changed(build=settled)
 
     def most_kpa(self, build: Build) -> float:
         """Return the largest working pressure that the seams stand at a build's widths."""

@@ -58,7 +58,7 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
                 limit=broken.limit,
                 aspect=mark.label,
             )
-    can_mark = Operation.MARK in subject.profile.recipe.operations
+    can_mark = Operation.MARK in subject.profile.recipe.by_operation
     note = "" if can_mark else "the recipe has no mark: no fold line, no label"
     return RuleApplied(
         checked=len(marks), violations=(*violations.values(), *_left_out(subject.job)), note=note
@@ -261,7 +261,7 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicab
     """VF-L04: the film is one that the recipe's laser can weld."""
     if subject.profile is None:
         return _NO_RECIPE
-    if not all(settings.by_laser for settings in subject.profile.recipe.operations.values()):
+    if not all(settings.by_laser for settings in subject.profile.recipe.by_operation.values()):
         return RuleNotApplicable(
             reason="an impulse sealer makes the seams of this recipe, not the laser"
         )
@@ -284,7 +284,8 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
         return _NO_RECIPE
     machine = subject.profile.machine
     violations = []
-    for operation, settings in subject.profile.recipe.operations.items():
+    operations = subject.profile.recipe.by_operation
+    for operation, settings in operations.items():
         speed = settings.speed_mm_s.value
         top = machine.speed_max_mm_s.value
         if speed > top:
@@ -296,7 +297,7 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
             message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
             message += f" there and burns; run it at {fit:.0f} mm/s or less"
             violations.append(_warning(message, f"arcs {operation}", (speed, fit)))
-    return RuleApplied(checked=len(subject.profile.recipe.operations), violations=tuple(violations))
+    return RuleApplied(checked=len(operations), violations=tuple(violations))
 
 
 def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -308,13 +309,13 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     if recipe.status is RecipeStatus.UNVERIFIED:
         message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
         violations.insert(0, _warning(message, ""))
-    return RuleApplied(checked=1 + len(recipe.windows), violations=tuple(violations))
+    return RuleApplied(checked=1 + len(recipe.coupons.windows), violations=tuple(violations))
 
 
 def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
     """Yield a violation for each operation whose energy failed on the coupons."""
-    for window in profile.recipe.windows:
-        settings = profile.recipe.operations.get(window.operation)
+    for window in profile.recipe.coupons.windows:
+        settings = profile.recipe.by_operation.get(window.operation)
         if settings is None or settings.focus_offset_mm.value != window.focus_mm:
             continue
         energy = settings.line_energy_mj_mm(profile.machine)
@@ -325,7 +326,7 @@ def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
 
 def _kerf_violations(recipe: Recipe, limits: Limits) -> Iterator[Violation]:
     """Yield a violation where one pass removes a wider band of film than it fuses beside it."""
-    settings = recipe.operations.get(Operation.WELDCUT)
+    settings = recipe.by_operation.get(Operation.WELDCUT)
     if settings is None:
         return
     kerf, seam = settings.kerf_mm, settings.seam_width_mm

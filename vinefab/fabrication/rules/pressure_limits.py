@@ -20,11 +20,17 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Build
 from vinefab.model.finding import Severity
-from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+from vinefab.model.laser import (
+    GrowthConstants,
+    LaserProfile,
+    Material,
+    Quantity,
+    Standing,
+    quantities,
+)
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
-    GrowthConstants,
     GrowthPath,
     grown_paths,
     planned_paths,
@@ -181,20 +187,25 @@ class GrowthConstantsRange:
     @classmethod
     def of(cls, profile: LaserProfile, limits: Limits) -> "GrowthConstantsRange":
         """Return the recipe's own fit, or the published one with the rule's range of tension."""
-        own = dict(profile.recipe.growth)
-        if own:
-            diameter_mm = inflated_diameter_mm(own.pop("width_mm").value)
-            fit = GrowthConstants(**own)
+        own = profile.recipe.growth
+        if own is not None:
+            diameter_mm = inflated_diameter_mm(own.width_mm.value)
             source = "fit of the recipe, scaled by 1/D (assumed)"
             return cls(
-                loose=fit,
-                tight=fit,
+                loose=own,
+                tight=own,
                 diameter_mm=diameter_mm,
                 source=source,
-                measured=_are_measured(profile.recipe.growth.values()),
+                measured=_are_measured(quantities(own).values()),
             )
         loose, tight = (
-            FITTED.with_storage(Quantity(value=limits[name], standing=Standing.ASSUMED))
+            FITTED.model_copy(
+                update={
+                    "storage_kpa": Quantity(
+                        value=limits[name], standing=Standing.ASSUMED, source="limit of VF-P03"
+                    )
+                }
+            )
             for name in ("loose_kpa", "tight_kpa")
         )
         return cls(

@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely import LinearRing, Polygon
-from shapely.geometry.base import BaseGeometry
+from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
@@ -152,7 +151,10 @@ def assemble(
         environment="import",
         facts={
             **facts,
-            **_settings(options, enclosed),
+            "join_mm": options.join_mm,
+            "sliver_mm2": options.sliver_mm2,
+            **({} if options.wall_mm is None else {"wall_mm": options.wall_mm}),
+            "bounds_are": enclosed.how,
             **({"origin_at_source": [frame.x, frame.y]} if frame.x or frame.y else {}),
             **changes.counts,
             **free_facts,
@@ -167,7 +169,15 @@ def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
         return enclosed_by(found, options.start, options.sliver_mm2, changes)
     parts = _regions(shapes, options, changes)
     advice = ""
-    if _may_be_free(parts, options):
+    # Whether reading areas as obstacles must fail, and as free space may not.
+    may_be_free = (
+        options.drawn is None
+        and options.wall_mm is None
+        and options.bounds is None
+        and all(part.role is None for part in parts)
+        and not contained(parts, options.join_mm)
+    )
+    if may_be_free:
         own = Changes(changes.frame)
         areas = different_parts(_regions(as_areas(shapes), options, own), options.join_mm, own)
         found = free_areas(areas, options.join_mm, own)
@@ -187,15 +197,6 @@ def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
     )
 
 
-def _may_be_free(parts: list[SolidRegion], options: AssembleOptions) -> bool:
-    """Return whether reading areas as obstacles must fail, and as free space may not."""
-    if options.drawn is not None or options.wall_mm is not None:
-        return False
-    if options.bounds is not None or any(part.role is not None for part in parts):
-        return False
-    return not contained(parts, options.join_mm)
-
-
 def _regions(
     shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
@@ -205,13 +206,6 @@ def _regions(
         value = f"no outlines but {dropped} without area" if dropped else "no outlines"
         raise BadInputError("drawing", value, "at least one closed outline")
     return found
-
-
-def _settings(options: AssembleOptions, enclosed: Enclosed) -> dict[str, object]:
-    given = {"join_mm": options.join_mm, "sliver_mm2": options.sliver_mm2}
-    if options.wall_mm is not None:
-        given["wall_mm"] = options.wall_mm
-    return {**given, "bounds_are": enclosed.how}
 
 
 def _filled(
@@ -231,7 +225,10 @@ def _filled(
         )
         shells = _shells(rings)
         area = painted(shells)
-        changes.add("overlapping_rings_merged", len(shells) - len(_rings_of(area)))
+        changes.add(
+            "overlapping_rings_merged",
+            len(shells) - len(shapely.get_rings(shapely.get_parts(area))),
+        )
         if holes:
             area = shapely.difference(area, shapely.union_all(holes))
         found += [
@@ -239,10 +236,6 @@ def _filled(
             for polygon in polygons_of(area, options.sliver_mm2)
         ]
     return found
-
-
-def _rings_of(area: BaseGeometry) -> list[LinearRing]:
-    return [ring for part in polygons_of(area) for ring in shapely.get_rings(part)]
 
 
 def _shells(polygons: list[Polygon]) -> list[Polygon]:
@@ -280,12 +273,6 @@ def _outlines(
         return [
             SolidRegion(polygon=wall, where="a wall", filled=True, wall=True) for wall in walls
         ] + [found for line, shape in rings for found in _solid(line, shape, options, changes)]
-    joined = _joined(loose, options, changes)
-    rings += [(line, Shape(rings=(), where=line.where)) for line in joined]
-    return [found for line, shape in rings for found in _solid(line, shape, options, changes)]
-
-
-def _joined(loose: list[Line], options: AssembleOptions, changes: Changes) -> list[Line]:
     joined = join(loose, options.join_mm, changes)
     if joined.open and options.open_lines == "refuse":
         closing_mm = closing_gap_mm(loose, joined.open, options.most_join_mm, changes)
@@ -293,7 +280,8 @@ def _joined(loose: list[Line], options: AssembleOptions, changes: Changes) -> li
     if joined.open:
         changes.add("open_lines_left_out", len(joined.open))
         changes.counts["open_lines"] = open_places(joined.open[:_MOST_NAMED], changes)
-    return joined.rings
+    rings += [(line, Shape(rings=(), where=line.where)) for line in joined.rings]
+    return [found for line, shape in rings for found in _solid(line, shape, options, changes)]
 
 
 def _solid(
@@ -346,17 +334,6 @@ def _on_grid(polygons: list[Polygon], sliver_mm2: float, changes: Changes) -> li
     return kept
 
 
-def _roomiest(region: Polygon, size_mm: float) -> Start:
-    accuracy_mm = max(1e-3 * size_mm, 1e-3)
-    radius = shapely.maximum_inscribed_circle(region, accuracy_mm)
-    clearance_mm = radius.length
-    if clearance_mm < _LEAST_CLEARANCE_MM:
-        raise BadInputError(
-            "drawing", f"free space {2.0 * clearance_mm:.2g} mm wide", "room for a start"
-        )
-    return roomiest_start(region, radius)
-
-
 def _free_regions(world: Map) -> list[Polygon]:
     # Ten times faster than Map.free_space for scattered obstacles.
     obstacles = np.array(world.obstacles, dtype=np.object_)
@@ -392,7 +369,13 @@ def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, objec
             "largest_free_region_share": round(max(areas) / math.fsum(areas), 4),
         }
     if options.start is None:
-        return _roomiest(regions[int(np.argmax(areas))], max(world.size_mm)), facts
+        largest = regions[int(np.argmax(areas))]
+        radius = shapely.maximum_inscribed_circle(largest, max(1e-3 * max(world.size_mm), 1e-3))
+        if radius.length < _LEAST_CLEARANCE_MM:
+            raise BadInputError(
+                "drawing", f"free space {2.0 * radius.length:.2g} mm wide", "room for a start"
+            )
+        return roomiest_start(largest, radius), facts
     spot = shapely.points(options.start.x_mm, options.start.y_mm)
     if not shapely.intersects(regions, spot).any():
         place = f"({options.start.x_mm:g}, {options.start.y_mm:g}) mm"

@@ -48,33 +48,6 @@ def _feet_on_lines(points: Floats, on_line: Floats, direction: Floats) -> Floats
     return np.asarray(on_line + along[:, None] * direction)
 
 
-def _principal_directions(centred: Floats, starts: Ints) -> Floats:
-    """Return the direction of the largest second moment of each run of centred points."""
-    x, y = centred.T
-    xx, yy, xy = (np.add.reduceat(values, starts) for values in (x * x, y * y, x * y))
-    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    return np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _meeting_points(
-    first: tuple[Floats, Floats], second: tuple[Floats, Floats], near: Floats
-) -> Floats:
-    """Return where pairs of lines meet.
-
-    Parameters
-    ----------
-    near
-        For lines within 12 degrees of parallel the answer is the middle of this point's two
-        feet: where they meet says nothing then.
-    """
-    sine = _cross_products(first[1], second[1])
-    parallel = np.abs(sine) < _PARALLEL_SINE
-    along = _cross_products(second[0] - first[0], second[1]) / np.where(parallel, 1.0, sine)
-    meeting = first[0] + along[:, None] * first[1]
-    between = 0.5 * (_feet_on_lines(near, *first) + _feet_on_lines(near, *second))
-    return np.where(parallel[:, None], between, meeting)
-
-
 _STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 """Directions counter-clockwise: right, up, left, down."""
 
@@ -94,7 +67,20 @@ def boundary_loops(region: Mask) -> list[Floats]:
         Joined up, the midpoints make loops that never touch themselves or each other and stay
         within ``CORNER_CUT`` of the exact boundary.
     """
-    starts, directions = _directed_edges(np.pad(region, 1))
+    padded = np.pad(region, 1)
+    rises = padded[1:].astype(np.int8) - padded[:-1]
+    widens = padded[:, 1:].astype(np.int8) - padded[:, :-1]
+    begins, ways = [], []
+    for step, change, sign, (d_row, d_column) in (
+        (0, rises, 1, (1, 0)),
+        (1, widens, -1, (0, 1)),
+        (2, rises, -1, (1, 1)),
+        (3, widens, 1, (1, 1)),
+    ):
+        row, column = np.nonzero(change == sign)
+        begins.append(np.column_stack([column + d_column, row + d_row]))
+        ways.append(np.full(len(row), step))
+    starts, directions = np.concatenate(begins), np.concatenate(ways)
     after = _following(starts, directions, region.shape[1] + 3)
     midpoints = starts + 0.5 * _STEPS[directions] - 1.0
     return [midpoints[order] for order in _cycles(after)]
@@ -114,23 +100,6 @@ def corners_between(midpoints: Floats, ahead: Floats) -> Floats:
     x = np.where(lies_flat, ahead[:, 0], midpoints[:, 0])
     y = np.where(lies_flat, midpoints[:, 1], ahead[:, 1])
     return np.where(turns[:, None], np.column_stack([x, y]), 0.5 * (midpoints + ahead))
-
-
-def _directed_edges(padded: Mask) -> tuple[Ints, Ints]:
-    """Return start lattice point (column, row) and direction of every boundary edge."""
-    rises = padded[1:].astype(np.int8) - padded[:-1]
-    widens = padded[:, 1:].astype(np.int8) - padded[:, :-1]
-    starts, directions = [], []
-    for step, change, sign, (d_row, d_column) in (
-        (0, rises, 1, (1, 0)),
-        (1, widens, -1, (0, 1)),
-        (2, rises, -1, (1, 1)),
-        (3, widens, 1, (1, 1)),
-    ):
-        row, column = np.nonzero(change == sign)
-        starts.append(np.column_stack([column + d_column, row + d_row]))
-        directions.append(np.full(len(row), step))
-    return np.concatenate(starts), np.concatenate(directions)
 
 
 def _following(starts: Ints, directions: Ints, width: int) -> Ints:
@@ -299,7 +268,18 @@ class CellWalls:
         sizes, sizes_before = self.sizes, self.sizes[before]
         longer = np.where(sizes_before > sizes, before, np.arange(len(before)))
         foot = _feet_on_lines(on_break, point[longer], direction[longer])
-        meeting = _meeting_points((point[before], direction[before]), (point, direction), on_break)
+        behind, arriving = point[before], direction[before]
+        sine = _cross_products(arriving, direction)
+        parallel = np.abs(sine) < _PARALLEL_SINE
+        along = _cross_products(point - behind, direction) / np.where(parallel, 1.0, sine)
+        feet = (
+            _feet_on_lines(on_break, behind, arriving),
+            _feet_on_lines(on_break, point, direction),
+        )
+        # Where nearly parallel lines meet says nothing.
+        meeting = np.where(
+            parallel[:, None], 0.5 * (feet[0] + feet[1]), behind + along[:, None] * arriving
+        )
         trust = _REACH[np.searchsorted(_SIZES, np.minimum(sizes, sizes_before))]
         reach = np.minimum(self.tolerance[self.loop], trust)
         self.corners = on_break
@@ -343,38 +323,32 @@ class CellWalls:
         needed = np.zeros(len(self.breaks), dtype=np.bool_)
         needed[self.opening] = True
         while True:
-            dropped = self._hardly_turning(needed)
+            after, before = self.after, self.before
+            turn = self.turns_rad()
+            turn[needed | (self.holds > 0)] = np.inf
+            dropped = (turn <= turn[before]) & (turn < turn[after]) & (turn < _HARDLY_RAD)
+            left = np.bincount(self.loop, weights=~dropped, minlength=len(self.first))
+            # No two neighbours, and every loop keeps enough.
+            dropped = dropped & (left >= FEWEST_CORNERS)[self.loop]
             if not dropped.any():
                 return
-            needed = self._without(dropped, needed)
-
-    def _hardly_turning(self, needed: Mask) -> Mask:
-        """Return breaks that might be dropped, no two neighbours, loops keeping enough."""
-        after, before = self.after, self.before
-        turn = self.turns_rad()
-        turn[needed | (self.holds > 0)] = np.inf
-        dropped = (turn <= turn[before]) & (turn < turn[after]) & (turn < _HARDLY_RAD)
-        left = np.bincount(self.loop, weights=~dropped, minlength=len(self.first))
-        return np.asarray(dropped & (left >= FEWEST_CORNERS)[self.loop])
-
-    def _without(self, dropped: Mask, needed: Mask) -> Mask:
-        """Drop some breaks, put back those that were needed; return the needed ones' flags."""
-        kept = ~dropped
-        trial = CellWalls(
-            midpoints=self.midpoints,
-            first=self.first,
-            tolerance=self.tolerance,
-            breaks=self.breaks[kept],
-            holds=self.holds[kept],
-        )
-        parts = np.add.reduceat(self._misfit(), np.flatnonzero(kept))
-        bad = trial.strays() | (trial._misfit() > parts + _WORTH_A_BREAK)
-        owner = np.searchsorted(trial.breaks, self.breaks[dropped], side="right") - 1
-        back = np.flatnonzero(dropped)[bad[owner]]
-        kept[back] = needed[back] = True
-        self.breaks, self.holds = self.breaks[kept], self.holds[kept]
-        self.fit()
-        return np.asarray(needed[kept])
+            kept = ~dropped
+            # Breaks that were needed are put back.
+            trial = CellWalls(
+                midpoints=self.midpoints,
+                first=self.first,
+                tolerance=self.tolerance,
+                breaks=self.breaks[kept],
+                holds=self.holds[kept],
+            )
+            parts = np.add.reduceat(self._misfit(), np.flatnonzero(kept))
+            bad = trial.strays() | (trial._misfit() > parts + _WORTH_A_BREAK)
+            owner = np.searchsorted(trial.breaks, self.breaks[dropped], side="right") - 1
+            back = np.flatnonzero(dropped)[bad[owner]]
+            kept[back] = needed[back] = True
+            self.breaks, self.holds = self.breaks[kept], self.holds[kept]
+            self.fit()
+            needed = needed[kept]
 
     def _misfit(self) -> Floats:
         """Return for every section the sum of squared distances of its midpoints to its line."""
@@ -400,7 +374,10 @@ class CellWalls:
         short = (count < _ENOUGH_TO_FIT)[:, None]
         number = np.where(short[:, 0], count + 2, count)[:, None]
         middle = (total + np.where(short, chord, 0.0)) / number
-        direction = _principal_directions((local - middle[section]) * inner, self.breaks)
+        x, y = ((local - middle[section]) * inner).T
+        xx, yy, xy = (np.add.reduceat(values, self.breaks) for values in (x * x, y * y, x * y))
+        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        direction = np.column_stack([np.cos(angle), np.sin(angle)])
         direction = np.where(short, unit(chord), direction)
         direction *= np.where(np.sum(direction * chord, axis=1) < 0.0, -1.0, 1.0)[:, None]
         return middle + on_break, direction

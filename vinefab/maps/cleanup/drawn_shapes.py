@@ -251,17 +251,17 @@ def ring_polygons(
         if polygon.is_valid and polygon.area > sliver_mm2:
             return [polygon]
         if not polygon.is_valid:
-            polygons = _repaired(polygon, where, sliver_mm2, changes, even_odd=even_odd)
+            refuse_tangle([shapely.get_coordinates(polygon)], where)
+            odd = shapely.make_valid(polygon, method="linework")
+            whole = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
+            polygons = polygons_of(odd if even_odd else whole, sliver_mm2)
             if polygons:
+                changes.add("self_crossings_repaired")
+                twice_mm2 = float(whole.area - odd.area)
+                if twice_mm2 > sliver_mm2:
+                    name = "outside_by_even_odd" if even_odd else "inside_by_nonzero"
+                    changes.total(f"enclosed_twice_{name}_mm2", twice_mm2)
                 return polygons
-    _drop(points, where, sliver_mm2, changes, may_be_line=may_be_line)
-    return []
-
-
-def _drop(
-    points: Floats, where: str, sliver_mm2: float, changes: Changes, *, may_be_line: bool
-) -> None:
-    """Drop a ring without area; refuse a long one that was surely meant as something else."""
     size_mm = float(max(np.ptp(points, axis=0)))
     if may_be_line and size_mm > 10.0 * sliver_mm2**0.5:
         raise BadInputError(
@@ -271,22 +271,7 @@ def _drop(
         )
     changes.add("slivers_dropped")
     changes.most("largest_sliver_dropped_mm", size_mm)
-
-
-def _repaired(
-    polygon: Polygon, where: str, sliver_mm2: float, changes: Changes, *, even_odd: bool
-) -> list[Polygon]:
-    refuse_tangle([shapely.get_coordinates(polygon)], where)
-    odd = shapely.make_valid(polygon, method="linework")
-    whole = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-    found = polygons_of(odd if even_odd else whole, sliver_mm2)
-    if found:
-        changes.add("self_crossings_repaired")
-        twice_mm2 = float(whole.area - odd.area)
-        if twice_mm2 > sliver_mm2:
-            name = "outside_by_even_odd" if even_odd else "inside_by_nonzero"
-            changes.total(f"enclosed_twice_{name}_mm2", twice_mm2)
-    return found
+    return []
 
 
 def polygons_of(geometry: BaseGeometry, least_mm2: float = 0.0) -> list[Polygon]:

@@ -53,7 +53,11 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
     areas = np.array([*fills, *outer], dtype=np.object_)
     if len(areas) == 0:
         raise BadInputError("drawing", "no areas", "at least one filled area or closed outline")
-    union = _united(areas, join_mm, changes)
+    rings = shapely.get_rings(areas)
+    refuse_tangle([shapely.get_coordinates(ring) for ring in rings], "areas")
+    patches = _patches(areas, join_mm) if join_mm > 0.0 else []
+    changes.add("gaps_between_areas_closed", len(patches))
+    union = shapely.union_all([*areas, *patches])
     if rocks or inner:
         union = shapely.difference(union, shapely.union_all([*rocks, *inner]))
     found = sorted(polygons_of(union), key=lambda part: -part.area)
@@ -93,14 +97,6 @@ def _told_apart(
         [item for index, item in enumerate(outlines) if index in found],
         [item for index, item in enumerate(outlines) if index not in found],
     )
-
-
-def _united(areas: NDArray[np.object_], join_mm: float, changes: Changes) -> BaseGeometry:
-    rings = shapely.get_rings(areas)
-    refuse_tangle([shapely.get_coordinates(ring) for ring in rings], "areas")
-    patches = _patches(areas, join_mm) if join_mm > 0.0 else []
-    changes.add("gaps_between_areas_closed", len(patches))
-    return shapely.union_all([*areas, *patches])
 
 
 def _patches(areas: NDArray[np.object_], join_mm: float) -> list[BaseGeometry]:
@@ -157,7 +153,16 @@ def enclosed_by(
         kept = next((part for part in parts if part.intersects(spot)), kept)
     changes.add("areas_united", found.united)
     if len(parts) > 1:
-        _say_parts(parts, kept, changes)
+        whole_mm2 = math.fsum(part.area for part in parts)
+        others = [part for part in parts if part is not kept][:_MOST_NAMED]
+        spots = shapely.get_coordinates(shapely.point_on_surface(others))
+        gaps_mm = shapely.distance(kept, others)
+        changes.counts["separate_parts"] = len(parts)
+        changes.counts["connected_share"] = round(kept.area / whole_mm2, 4)
+        changes.counts["parts_left_out"] = [
+            f"{part.area:.4g} mm2 at {changes.frame.place(spot)}, {gap:.4g} mm away"
+            for part, spot, gap in zip(others, spots, gaps_mm, strict=True)
+        ]
     holes = [Polygon(ring) for ring in kept.interiors]
     large = [hole for hole in holes if hole.area > sliver_mm2]
     changes.add("pinholes_left_free", len(holes) - len(large))
@@ -166,19 +171,3 @@ def enclosed_by(
     return Enclosed(
         bounds=Polygon(kept.exterior), obstacles=large, how=f"the outline of {areas}{which}"
     )
-
-
-def _say_parts(parts: list[Polygon], kept: Polygon, changes: Changes) -> None:
-    whole_mm2 = math.fsum(part.area for part in parts)
-    others = [part for part in parts if part is not kept]
-    gaps_mm = shapely.distance(kept, others)
-    changes.counts["separate_parts"] = len(parts)
-    changes.counts["connected_share"] = round(kept.area / whole_mm2, 4)
-    changes.counts["parts_left_out"] = [
-        f"{part.area:.4g} mm2 at {changes.frame.place(_spot(part))}, {gap:.4g} mm away"
-        for part, gap in zip(others[:_MOST_NAMED], gaps_mm[:_MOST_NAMED], strict=True)
-    ]
-
-
-def _spot(part: Polygon) -> NDArray[np.float64]:
-    return np.asarray(shapely.get_coordinates(shapely.point_on_surface(part))[0])

@@ -46,8 +46,12 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     Ends within `SAME_POINT_MM` meet. Of the loose ends, pairs within ``join_mm`` are joined, the
     nearest first: where their lines meet if that is within ``join_mm`` too, else halfway.
     """
-    exact = _chains(_without_repeated(lines, changes))
-    return _chains(_bridged(exact, join_mm, changes))
+    found: dict[bytes, Line] = {}
+    for line in lines:
+        cells = np.round(line.points_mm / (2.0 * SAME_POINT_MM)) + 0.0
+        found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
+    changes.add("repeated_lines_removed", len(lines) - len(found))
+    return _chains(_bridged(_chains(list(found.values())), join_mm, changes))
 
 
 def _near_pairs(ends: Floats, near_mm: float) -> Ints:
@@ -68,15 +72,6 @@ def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     pairs = _near_pairs(ends, same_mm)
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64).reshape(-1, 2)
-
-
-def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
-    found: dict[bytes, Line] = {}
-    for line in lines:
-        cells = np.round(line.points_mm / (2.0 * SAME_POINT_MM)) + 0.0
-        found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
-    changes.add("repeated_lines_removed", len(lines) - len(found))
-    return list(found.values())
 
 
 def _chains(lines: list[Line]) -> list[Line]:
@@ -155,7 +150,11 @@ def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     taken: set[int] = set()
     for order in np.argsort(gaps, kind="stable").tolist():
         one, other = (int(index) for index in pairs[order])
-        if taken & {one, other} or _too_short(lines, loose[one], loose[other], gaps[order]):
+        own = lines[loose[one] // 2]
+        folds = loose[one] // 2 == loose[other] // 2 and (
+            len(own.points_mm) < 4 or own.length_mm < 3.0 * gaps[order]
+        )  # a short line onto itself
+        if folds or taken & {one, other}:
             continue
         taken |= {one, other}
         corner = _corner(_leg(lines, loose[one]), _leg(lines, loose[other]), join_mm)
@@ -184,12 +183,6 @@ def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
     meeting = one[0] + share * along
     far = max(float(np.hypot(*(meeting - leg[0]))) for leg in (one, other))
     return np.asarray(meeting if far <= join_mm else middle)
-
-
-def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
-    """Return whether joining two ends would only fold a short line onto itself."""
-    line = lines[one // 2]
-    return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
 
 
 def _loose_ends(lines: list[Line]) -> list[int]:
@@ -238,27 +231,14 @@ def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
     refuse_tangle([line.points_mm for line in lines], "open lines")
-    extended = _extended_onto_lines(lines, join_mm, changes)
-    noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
-    faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
-    parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
-    long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
-    trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
-    changes.add("overshoots_trimmed", len(trimmed))
-    rings = shapely.get_rings(shapely.get_parts(faces))
-    enclosing, left = (
-        _named([shapely.get_coordinates(part) for part in found], lines)
-        for found in (rings, parts[long])
-    )
-    return enclosing, left
-
-
-def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
-    """Return lines with loose ends extended onto the nearest line, and slightly beyond it."""
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
     tree = shapely.STRtree(strings)
-    for end in _ends_near_lines(lines, tree, join_mm):
+    loose = np.array(_loose_ends(lines), dtype=np.int64)
+    spots = shapely.points(np.array([_end(lines, end) for end in loose]).reshape(-1, 2))
+    found, line = tree.query(spots, predicate="dwithin", distance=join_mm)
+    # Only ends that are near a line other than their own.
+    for end in np.unique(loose[found[line != loose[found] // 2]]).tolist():
         own, last = end // 2, end % 2 == 1
         spot = lines[own].points_mm[-1 if last else 0]
         near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
@@ -274,15 +254,21 @@ def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) ->
         points[own] = np.insert(points[own], len(points[own]) if last else 0, beyond, axis=0)
         changes.add("ends_led_onto_lines")
         changes.most("largest_gap_joined_mm", gap_mm)
-    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
-
-
-def _ends_near_lines(lines: list[Line], tree: shapely.STRtree, join_mm: float) -> list[int]:
-    """Return the loose ends that are near a line other than their own."""
-    loose = np.array(_loose_ends(lines), dtype=np.int64)
-    spots = shapely.points(np.array([_end(lines, end) for end in loose]).reshape(-1, 2))
-    end, line = tree.query(spots, predicate="dwithin", distance=join_mm)
-    return [int(index) for index in loose[np.unique(end[line != loose[end] // 2])]]
+    extended = [
+        Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)
+    ]
+    noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
+    faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
+    parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
+    long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
+    trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
+    changes.add("overshoots_trimmed", len(trimmed))
+    rings = shapely.get_rings(shapely.get_parts(faces))
+    enclosing, left = (
+        _named([shapely.get_coordinates(part) for part in found], lines)
+        for found in (rings, parts[long])
+    )
+    return enclosing, left
 
 
 def _direction(points: Floats, *, last: bool) -> Floats:
@@ -347,26 +333,17 @@ def walls_along(
     chains = chained(lines, join_mm, changes)
     if chains:
         refuse_tangle([line.points_mm for line in chains], "lines that are walls")
-    meeting = _ends_at_corners(chains)
+    loose = set(_loose_ends(chains))
+    meeting = [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
     walls: list[BaseGeometry] = []
     for index, line in enumerate(chains):
-        points = _lengthened(line.points_mm, 0.5 * wall_mm, meeting[2 * index : 2 * index + 2])
+        points = line.points_mm.copy()
+        if meeting[2 * index]:
+            points[0] = points[0] + 0.5 * wall_mm * _direction(points, last=False)
+        if meeting[2 * index + 1]:
+            points[-1] = points[-1] + 0.5 * wall_mm * _direction(points, last=True)
         middle = shapely.LinearRing(points) if line.closed else LineString(points)
         wall = shapely.buffer(middle, 0.5 * wall_mm, cap_style="flat", join_style="mitre")
         walls.append(wall)
     changes.add("lines_made_walls", len(chains))
     return polygons_of(shapely.union_all(walls))
-
-
-def _ends_at_corners(chains: list[Line]) -> list[bool]:
-    loose = set(_loose_ends(chains))
-    return [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
-
-
-def _lengthened(points: Floats, by_mm: float, ends: list[bool]) -> Floats:
-    points = points.copy()
-    if ends[0]:
-        points[0] = points[0] + by_mm * _direction(points, last=False)
-    if ends[1]:
-        points[-1] = points[-1] + by_mm * _direction(points, last=True)
-    return points

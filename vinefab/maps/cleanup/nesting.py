@@ -36,12 +36,7 @@ def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
         first.setdefault(ring, number)
     again = np.ones(len(every), dtype=np.bool_)
     again[list(first.values())] = False
-    again[~again] = _repeats_by_distance(every[~again], near_mm)
-    return again
-
-
-def _repeats_by_distance(rings: _Geometries, near_mm: float) -> NDArray[np.bool_]:
-    """Return for every ring whether it repeats an earlier one."""
+    rings = every[~again]
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
     refuse_crowd(low, 2.0 * near_mm)
@@ -51,7 +46,8 @@ def _repeats_by_distance(rings: _Geometries, near_mm: float) -> NDArray[np.bool_
     alike = shapely.hausdorff_distance(rings[later], rings[earlier]) <= near_mm
     repeated = np.zeros(len(rings), dtype=np.bool_)
     repeated[later[alike]] = True
-    return repeated
+    again[~again] = repeated
+    return again
 
 
 def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
@@ -128,18 +124,14 @@ class _Nest:
         mixed = np.zeros(count, dtype=np.bool_)
         # Also at a shared corner: the inner outline may be a hole or a notch.
         mixed[first] = mixed[second] = True
-        return cls(parent, depth, _unclear(parent, depth, mixed))
-
-
-def _unclear(parent: Ints, depth: Ints, mixed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    unclear = np.zeros(len(parent), dtype=np.bool_)
-    for index in np.argsort(depth, kind="stable").tolist():
-        if depth[index] == 0:
-            continue
-        outer = int(parent[index])
-        broken = depth[outer] != depth[index] - 1
-        unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
-    return unclear
+        unclear = np.zeros(len(parent), dtype=np.bool_)
+        for index in np.argsort(depth, kind="stable").tolist():
+            if depth[index] == 0:
+                continue
+            outer = int(parent[index])
+            broken = depth[outer] != depth[index] - 1
+            unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
+        return cls(parent, depth, unclear)
 
 
 def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Polygon]:
@@ -153,7 +145,9 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     one, other = shapely.STRtree(items).query(items, predicate="dwithin", distance=gap_mm)
     one, other = one[one < other], other[one < other]
     apart = shapely.distance(items[one], items[other]) > 0.0
-    joined = apart | _overlapping(items[one], items[other])
+    joined = apart.copy()
+    for pattern in (_OVERLAP, _SHARED_EDGE):
+        joined |= shapely.relate_pattern(items[one], items[other], pattern)
     one, other, apart = one[joined], other[joined], apart[joined]
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(items), len(items)))
     count, group = connected_components(graph, directed=False)
@@ -168,12 +162,6 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
         changes.add("overlapping_obstacles_merged", len(members))
     changes.add("gaps_between_obstacles_closed", int(gaps.sum()))
     return result
-
-
-def _overlapping(one: _Geometries, other: _Geometries) -> NDArray[np.bool_]:
-    """Return which pairs overlap or share a part of an edge."""
-    overlap = shapely.relate_pattern(one, other, _OVERLAP)
-    return np.asarray(overlap | shapely.relate_pattern(one, other, _SHARED_EDGE))
 
 
 def _united(items: _Geometries, gap_mm: float) -> list[Polygon]:
@@ -238,39 +226,49 @@ def enclose(
     if len(named) > 1:
         raise BadInputError("bounds", counted(len(named), "outline"), "exactly one")
     if mode == "box" and not named:
-        return _in_box(parts, margin_mm, join_mm, changes)
+        x_min, y_min, x_max, y_max = shapely.total_bounds([part.polygon for part in parts])
+        box = shapely.box(
+            x_min - margin_mm, y_min - margin_mm, x_max + margin_mm, y_max + margin_mm
+        )
+        return Enclosed(
+            bounds=box,
+            obstacles=merged(_solid_polygons(parts, changes), join_mm, changes),
+            how=f"a rectangle around everything, {margin_mm:.6g} mm beyond it",
+        )
     outer = named[0] if named else max(parts, key=lambda part: float(part.shell.area))
     wall = not named and (mode == "wall" or outer.wall)
     rest = [part for part in parts if part is not outer]
     if named or mode == "largest":
-        rest = _cut_off(outer.shell, rest, changes)
+        shapely.prepare(outer.shell)
+        inside = [
+            part for part in rest if shapely.relate_pattern(outer.shell, part.polygon, "T********")
+        ]
+        changes.add("outlines_outside_left_out", len(rest) - len(inside))
+        reaching = [part for part in inside if not shapely.covers(outer.shell, part.polygon)]
+        if reaching:
+            cut = np.array([part.polygon for part in reaching[:_MOST_NAMED]], dtype=np.object_)
+            outside_mm2 = shapely.area(shapely.difference(cut, outer.shell))
+            shares = outside_mm2 / np.maximum(shapely.area(cut), 1e-300)
+            changes.counts["reaching_over_bounds"] = [
+                f"{part.where}: {100.0 * share:.3g} % of it outside"
+                for part, share in zip(reaching[:_MOST_NAMED], shares.tolist(), strict=True)
+            ]
+        rest = inside
     else:
         _refuse_outside(outer.shell, rest, join_mm, changes, advice)
-    rest += [outer] if wall else _holes_of(outer)
+    rest += (
+        [outer]
+        if wall
+        else [
+            SolidRegion(polygon=Polygon(ring), where=outer.where)
+            for ring in outer.polygon.interiors
+        ]
+    )
     obstacles = merged(_solid_polygons(rest, changes), join_mm, changes)
-    return Enclosed(
-        bounds=outer.shell,
-        obstacles=_cut(obstacles, outer.shell, changes),
-        how=_how(outer, wall=wall),
-    )
-
-
-def _how(outer: SolidRegion, *, wall: bool) -> str:
-    if outer.role == "bounds":
-        return f"{outer.where}, which the source calls bounds"
-    return f"{'the outer face of a wall' if wall else 'the largest outline'}, {outer.where}"
-
-
-def _in_box(
-    parts: list[SolidRegion], margin_mm: float, join_mm: float, changes: Changes
-) -> Enclosed:
-    x_min, y_min, x_max, y_max = shapely.total_bounds([part.polygon for part in parts])
-    box = shapely.box(x_min - margin_mm, y_min - margin_mm, x_max + margin_mm, y_max + margin_mm)
-    return Enclosed(
-        bounds=box,
-        obstacles=merged(_solid_polygons(parts, changes), join_mm, changes),
-        how=f"a rectangle around everything, {margin_mm:.6g} mm beyond it",
-    )
+    how = f"{'the outer face of a wall' if wall else 'the largest outline'}, {outer.where}"
+    if named:
+        how = f"{outer.where}, which the source calls bounds"
+    return Enclosed(bounds=outer.shell, obstacles=_cut(obstacles, outer.shell, changes), how=how)
 
 
 def different_parts(
@@ -293,17 +291,15 @@ def _different_fills(
     again = repeats([part.shell for part in filled], join_mm)
     found: list[SolidRegion] = []
     for part, alike in zip(filled, again, strict=True):
-        if alike and any(_same(part.polygon, other.polygon, join_mm) for other in found):
+        if alike and any(
+            len(part.polygon.interiors) == len(other.polygon.interiors)
+            and shapely.hausdorff_distance(part.polygon.boundary, other.polygon.boundary) <= join_mm
+            for other in found
+        ):
             changes.add("repeated_outlines_removed")
         else:
             found.append(part)
     return found
-
-
-def _same(one: Polygon, other: Polygon, join_mm: float) -> bool:
-    return len(one.interiors) == len(other.interiors) and bool(
-        shapely.hausdorff_distance(one.boundary, other.boundary) <= join_mm
-    )
 
 
 def contained(parts: list[SolidRegion], join_mm: float) -> bool:
@@ -336,41 +332,14 @@ def _refuse_outside(
         return
     part, beyond = found
     spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
+    low, high = (changes.frame.place(corner) for corner in (shell.bounds[:2], shell.bounds[2:]))
     raise BadInputError(
         f"{part.where} at {changes.frame.place(spot)}",
-        f"outside of the largest outline ({_box_text(shell, changes)})",
+        f"outside of the largest outline ({low} to {high})",
         f"drawings whose largest outline contains all others; {changes.layer_advice}"
         "--bounds largest to cut off what is outside, --bounds box to put a rectangle around"
         f"{advice}",
     )
-
-
-def _cut_off(shell: Polygon, rest: list[SolidRegion], changes: Changes) -> list[SolidRegion]:
-    """Return the parts that overlap the bounds; those that reach out are named."""
-    shapely.prepare(shell)
-    inside = [part for part in rest if shapely.relate_pattern(shell, part.polygon, "T********")]
-    changes.add("outlines_outside_left_out", len(rest) - len(inside))
-    reaching = [part for part in inside if not shapely.covers(shell, part.polygon)]
-    if reaching:
-        changes.counts["reaching_over_bounds"] = [
-            f"{part.where}: {100.0 * _share_outside(part.polygon, shell):.3g} % of it outside"
-            for part in reaching[:_MOST_NAMED]
-        ]
-    return inside
-
-
-def _share_outside(polygon: Polygon, shell: Polygon) -> float:
-    return float(shapely.difference(polygon, shell).area / max(polygon.area, 1e-300))
-
-
-def _box_text(polygon: Polygon, changes: Changes) -> str:
-    x_min, y_min, x_max, y_max = polygon.bounds
-    return f"{changes.frame.place((x_min, y_min))} to {changes.frame.place((x_max, y_max))}"
-
-
-def _holes_of(outer: SolidRegion) -> list[SolidRegion]:
-    rings = outer.polygon.interiors
-    return [SolidRegion(polygon=Polygon(ring), where=outer.where) for ring in rings]
 
 
 def _solid_polygons(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
@@ -38,7 +37,10 @@ _SHARP = float(np.cos(np.radians(115.0)))
 
 def _split_loops(loops: list[Floats], tolerance: Floats) -> CellWalls:
     """Return loops as fitted walls without needless breaks."""
-    rough = _split([_from_extreme(loop) for loop in loops], tolerance)
+    # Each begins at an extreme, where it surely has a corner.
+    far = np.array([1.0, 0.618])
+    turned = [np.roll(loop, -int(np.argmin(loop @ far)), axis=0) for loop in loops]
+    rough = _split(turned, tolerance)
     walls = _split(_from_best_corner(rough), tolerance)
     walls.divide()
     walls.merge()
@@ -86,31 +88,23 @@ def _from_best_corner(walls: CellWalls) -> list[Floats]:
     return loops
 
 
-def _from_extreme(loop: Floats) -> Floats:
-    """Return a loop turned to begin where it surely has a corner."""
-    return np.roll(loop, -int(np.argmin(loop @ np.array([1.0, 0.618]))), axis=0)
-
-
 def _breaks(loop: Floats, kept: Floats) -> Ints:
     """Return the indices of the midpoints kept, and what else must be a break."""
     # Twice a midpoint is whole, and no midpoint comes twice: a number names each exactly.
     weights = np.array([2.0, 2.0**27])
     names = loop @ weights
     order = np.argsort(names)
-    breaks = _blunted(loop, np.sort(order[np.searchsorted(names[order], kept @ weights)]))
-    if len(breaks) >= FEWEST_CORNERS:
-        return breaks
-    evenly = np.arange(FEWEST_CORNERS) * len(loop) // FEWEST_CORNERS
-    return np.unique(np.append(breaks, evenly))
-
-
-def _blunted(loop: Floats, breaks: Ints) -> Ints:
-    """Split the tip of a thin wall on both of its sides: it has an end, not a needle's point."""
+    breaks = np.sort(order[np.searchsorted(names[order], kept @ weights)])
+    # The tip of a thin wall is split on both of its sides: it has an end, not a needle's point.
     ahead = unit(np.roll(loop[breaks], -1, axis=0) - loop[breaks])
     turn = np.sum(ahead * np.roll(ahead, 1, axis=0), axis=1)
     sharp = breaks[turn < _SHARP]
     both = np.concatenate([breaks[turn >= _SHARP], sharp - 1, sharp + 1]) % len(loop)
-    return np.unique(np.append(both, 0))
+    breaks = np.unique(np.append(both, 0))
+    if len(breaks) >= FEWEST_CORNERS:
+        return breaks
+    evenly = np.arange(FEWEST_CORNERS) * len(loop) // FEWEST_CORNERS
+    return np.unique(np.append(breaks, evenly))
 
 
 _LEAST_TOLERANCE = 0.75
@@ -238,16 +232,11 @@ def _jumping(rings: list[Floats], lines: Lines, ends: Ints) -> Ints:
     pairs = [(int(ring), outer) for ring in lost]
     pairs += zip(inside[eaten].tolist(), around[eaten].tolist(), strict=True)
     starts = ends - np.diff(ends, prepend=0)
-    found = [
-        starts[jumper] + _nearest_to(solids[ring], lines[starts[jumper] : ends[jumper]])
-        for ring, jumper in pairs
-    ]
-    return np.concatenate([np.empty(0, dtype=np.int64), *found])
-
-
-def _nearest_to(solid: Polygon, lines: Lines) -> Ints:
-    off = shapely.distance(lines, solid)
-    return np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE)
+    found = [np.empty(0, dtype=np.int64)]
+    for ring, jumper in pairs:
+        off = shapely.distance(lines[starts[jumper] : ends[jumper]], solids[ring])
+        found.append(starts[jumper] + np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE))
+    return np.concatenate(found)
 
 
 MOST_OBSTACLES, MANY_EDGES, MOST_EDGES = 5000, 300_000, 4_000_000
@@ -343,9 +332,19 @@ def raster_map(
         )
     region, corner, left_out = _region(free, placement, options.start)
     islands = _Islands.of(region, options.least_obstacle_mm2 / placement.cell_mm**2)
-    _refuse_noise(len(islands.loops) - 1, sum(len(loop) for loop in islands.loops))
+    obstacles = len(islands.loops) - 1
+    edges = sum(len(loop) for loop in islands.loops)
+    if edges > MOST_EDGES or (edges > MANY_EDGES and obstacles > MOST_OBSTACLES):
+        raise BadInputError(
+            "image",
+            f"{counted(obstacles, 'obstacle')} with {edges} cell edges, as of noise",
+            f"at most {MOST_OBSTACLES} obstacles where there are more than {MANY_EDGES} edges, and "
+            f"{MOST_EDGES} edges; leave small ones out (--least-obstacle-mm2), or smooth the image "
+            "with a median filter",
+        )
     result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, _LEAST_TOLERANCE))
     walls = placement.to_map(shapely.transform(result.polygon, lambda cells: cells + corner))
+    rings = 1 + len(result.polygon.interiors)
     return Map(
         name=name,
         bounds=Polygon(walls.exterior),
@@ -357,7 +356,10 @@ def raster_map(
             "simplify_mm": tolerance_mm,
             **left_out,
             **islands.facts(placement.cell_mm),
-            **_outcome(result, region, placement.cell_mm),
+            "walls": int(shapely.get_num_coordinates(result.polygon)) - rings,
+            "deviation_mm": result.deviation * placement.cell_mm,
+            "free_area_of_cells_mm2": float(region.sum()) * placement.cell_mm**2,
+            "free_area_of_walls_mm2": result.polygon.area * placement.cell_mm**2,
         },
     )
 
@@ -389,30 +391,29 @@ class _Islands:
         }
 
 
-def _refuse_noise(obstacles: int, edges: int) -> None:
-    if edges > MOST_EDGES or (edges > MANY_EDGES and obstacles > MOST_OBSTACLES):
-        raise BadInputError(
-            "image",
-            f"{counted(obstacles, 'obstacle')} with {edges} cell edges, as of noise",
-            f"at most {MOST_OBSTACLES} obstacles where there are more than {MANY_EDGES} edges, and "
-            f"{MOST_EDGES} edges; leave small ones out (--least-obstacle-mm2), or smooth the image "
-            "with a median filter",
-        )
-
-
 def _region(
     free: Mask, placement: GridPlacement, start: Pose | None
 ) -> tuple[Mask, Floats, dict[str, object]]:
-    """Return the selected region, cropped, its lower left corner in cells, and what is left out."""
+    """Return the selected region, cropped, its lower left corner in cells, and what is left out.
+
+    The labels of all cells are freed here: they take four times as much as the cells.
+    """
     labels, count = ndimage.label(free)
     if count == 0:
         raise BadInputError("image", "no free cell", "at least one free cell")
     # Row by row: `bincount` copies what it counts as 8-byte integers.
     sizes = np.zeros(count + 1, dtype=np.int64)
-    for row in labels:
-        np.add.at(sizes, row, 1)
+    for cells in labels:
+        np.add.at(sizes, cells, 1)
     sizes[0] = 0
-    wanted = int(sizes.argmax()) if start is None else _label_at(labels, placement, start)
+    wanted = int(sizes.argmax())
+    if start is not None:
+        row, column = placement.cell_at(start)
+        inside = 0 <= row < labels.shape[0] and 0 <= column < labels.shape[1]
+        wanted = int(labels[row, column]) if inside else 0
+        if wanted == 0:
+            place = f"({start.x_mm:g}, {start.y_mm:g}) mm"
+            raise BadInputError("start", place, "a free cell")
     rows, columns = ndimage.find_objects(labels, max_label=wanted)[wanted - 1]
     left_out: dict[str, object] = {
         "free_regions_left_out": count - 1,
@@ -421,15 +422,6 @@ def _region(
     corner = np.array([columns.start, rows.start], dtype=np.float64)
     region = np.asarray(labels[rows, columns] == wanted, dtype=np.bool_)
     return region, corner, left_out
-
-
-def _label_at(labels: NDArray[np.integer[Any]], placement: GridPlacement, start: Pose) -> int:
-    row, column = placement.cell_at(start)
-    inside = 0 <= row < labels.shape[0] and 0 <= column < labels.shape[1]
-    label = int(labels[row, column]) if inside else 0
-    if label == 0:
-        raise BadInputError("start", f"({start.x_mm:g}, {start.y_mm:g}) mm", "a free cell")
-    return label
 
 
 def _start(free: Polygon, start: Pose | None, tolerance_mm: float) -> Start:
@@ -442,13 +434,3 @@ def _start(free: Polygon, start: Pose | None, tolerance_mm: float) -> Start:
             f"a place farther than {tolerance_mm:g} mm from walls",
         )
     return Start(pose=start)
-
-
-def _outcome(result: Straightened, region: Mask, cell_mm: float) -> dict[str, object]:
-    rings = 1 + len(result.polygon.interiors)
-    return {
-        "walls": int(shapely.get_num_coordinates(result.polygon)) - rings,
-        "deviation_mm": result.deviation * cell_mm,
-        "free_area_of_cells_mm2": float(region.sum()) * cell_mm**2,
-        "free_area_of_walls_mm2": result.polygon.area * cell_mm**2,
-    }

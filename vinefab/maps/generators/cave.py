@@ -33,35 +33,12 @@ from vinefab.model.map import Map, Start
 _CANDIDATES = 12
 
 
-def _spread_points(
-    rng: np.random.Generator, count: int, limits: tuple[float, float], first: Floats
-) -> Floats:
-    """Return points in a square, each the farthest of some candidates from those before it.
-
-    Mitchell's best-candidate sampling: random, but neither crowded nor regular.
-    """
-    points = [first]
-    for _ in range(count):
-        candidates = rng.uniform(*limits, (_CANDIDATES, 2))
-        off = np.linalg.norm(candidates[:, None] - np.array(points), axis=2).min(axis=1)
-        points.append(candidates[int(np.argmax(off))])
-    return np.array(points)
-
-
 def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[int, int]]:
     """Return pairs of points to connect: the minimum spanning tree, and some shortcuts.
 
     Shortcuts are edges of the Gabriel graph: no other point lies in the circle between the two.
     """
     distance = np.linalg.norm(points[:, None] - points, axis=2)
-    tree = _spanning_tree(distance)
-    possible = [pair for pair in _gabriel(distance) if pair not in tree]
-    chosen = rng.random(len(possible)) < extra
-    return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
-
-
-def _spanning_tree(distance: Floats) -> set[tuple[int, int]]:
-    """Return the minimum spanning tree (Prim) as pairs (smaller, larger index)."""
     nearest, gap = np.zeros(len(distance), dtype=np.int64), distance[0].copy()
     gap[0] = np.inf
     tree = set()
@@ -71,7 +48,9 @@ def _spanning_tree(distance: Floats) -> set[tuple[int, int]]:
         closer = (distance[new] < gap) & np.isfinite(gap)
         nearest[closer], gap[closer] = new, distance[new][closer]
         gap[new] = np.inf
-    return tree
+    possible = [pair for pair in _gabriel(distance) if pair not in tree]
+    chosen = rng.random(len(possible)) < extra
+    return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
 
 
 def _gabriel(distance: Floats) -> list[tuple[int, int]]:
@@ -134,20 +113,15 @@ def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
     todo = [(0, middle), (middle, len(ring_mm))]
     while todo:
         first, last = todo.pop()
-        off = _off_line(closed[first : last + 1])
+        along = closed[last] - closed[first]
+        away = closed[first : last + 1] - closed[first]
+        share = np.clip(away @ along / (along @ along), 0.0, 1.0)
+        off = np.hypot(*(away - share[:, None] * along).T)
         worst = int(np.argmax(off))
         if off[worst] > detail_mm:
             keep[first + worst] = True
             todo += [(first, first + worst), (first + worst, last)]
     return np.asarray(closed[keep])
-
-
-def _off_line(points_mm: Floats) -> Floats:
-    """Return the distance of points to the segment between the first and the last."""
-    along = points_mm[-1] - points_mm[0]
-    away = points_mm - points_mm[0]
-    share = np.clip(away @ along / (along @ along), 0.0, 1.0)
-    return np.asarray(np.hypot(*(away - share[:, None] * along).T))
 
 
 _STREAM = 1301
@@ -260,7 +234,8 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     """
     options = options or CaveOptions()
     check_seed(seed)
-    start = _start(options)
+    (start,) = options.lower_starts(options.size_mm, 0.5 * options.passage_width_min_mm)
+    start = replace(start, pose=replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm))
     cave = _cave(child(seed, _STREAM), options, start)
     bounds = box(options.size_mm, options.size_mm)
     rocks = [Polygon(bounds.exterior, [cave.exterior])]
@@ -275,17 +250,16 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     )
 
 
-def _start(options: CaveOptions) -> Start:
-    (start,) = options.lower_starts(options.size_mm, 0.5 * options.passage_width_min_mm)
-    raised = replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm)
-    return replace(start, pose=raised)
-
-
 def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polygon:
     low, high = options.reach_mm, options.size_mm - options.reach_mm
     entry = np.array([start.pose.x_mm, start.pose.y_mm])
     mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
-    middles = _spread_points(rng, options.chambers, (low, high), mouth)
+    points = [mouth]
+    for _ in range(options.chambers):
+        candidates = rng.uniform(low, high, (_CANDIDATES, 2))
+        off = np.linalg.norm(candidates[:, None] - np.array(points), axis=2).min(axis=1)
+        points.append(candidates[int(np.argmax(off))])
+    middles = np.array(points)
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
     to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
     parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]

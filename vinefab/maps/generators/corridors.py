@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
@@ -155,7 +154,10 @@ def _wall_place(
     if area is not None and _overlap(part.span(across), area.span(across)) > 0.0:
         near, far = area.span(axis)
         for begin in walls_at_mm:
-            pieces = _without(pieces, near - begin - limits.wall_mm, far - begin)
+            # Without the open interval in which the wall would stand in the area.
+            before = [(start, min(end, near - begin - limits.wall_mm)) for start, end in pieces]
+            after = [(max(start, far - begin), end) for start, end in pieces]
+            pieces = [piece for piece in (*before, *after) if piece[1] >= piece[0]]
     pieces = [(start, end) for start, end in pieces if end >= start]
     lengths = np.array([end - start for start, end in pieces])
     if not pieces:
@@ -163,15 +165,6 @@ def _wall_place(
     place = rng.random() * lengths.sum()
     index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
     return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
-
-
-def _without(
-    pieces: list[tuple[float, float]], low: float, high: float
-) -> list[tuple[float, float]]:
-    """Return intervals without the open interval between two places."""
-    before = [(start, min(end, low)) for start, end in pieces]
-    after = [(max(start, high), end) for start, end in pieces]
-    return [piece for piece in (*before, *after) if piece[1] >= piece[0]]
 
 
 def _overlap(one: tuple[float, float], other: tuple[float, float]) -> float:
@@ -220,9 +213,13 @@ def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRul
     needed = _spanning(len(regions), open_wide, possible)
     taken = needed | (rng.random(len(possible)) < rules.loops)
     doors = [border for border, take in zip(possible, taken, strict=True) if take]
-    return [_opening(regions, border, border.low, border.high) for border in open_wide] + [
-        _door(rng, regions, border, rules) for border in doors
-    ]
+    openings = [_opening(regions, border, border.low, border.high) for border in open_wide]
+    for border in doors:
+        low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
+        begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
+        end = round(begin + rules.door_mm, COORDINATE_DECIMALS)
+        openings.append(_opening(regions, border, begin, end))
+    return openings
 
 
 def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
@@ -265,29 +262,11 @@ def _spanning(
     return needed
 
 
-def _door(
-    rng: np.random.Generator, regions: Sequence[Region], border: _Border, rules: DoorRules
-) -> Region:
-    low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
-    begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
-    return _opening(regions, border, begin, round(begin + rules.door_mm, COORDINATE_DECIMALS))
-
-
 def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
     through = regions[border.one].span(border.axis)[1], regions[border.other].span(border.axis)[0]
     if border.axis == 0:
         return Region(through[0], low, through[1], high)
     return Region(low, through[0], high, through[1])
-
-
-def _walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
-    """Return what is left of the bounds without some free regions.
-
-    All coordinates are on the grid of `COORDINATE_GRID_MM`, where the result is exact.
-    """
-    boxes = shapely.box(*np.array([region[:4] for region in free]).T)
-    open_floor = shapely.union_all(boxes, grid_size=COORDINATE_GRID_MM)
-    return canonical(shapely.difference(bounds, open_floor, grid_size=COORDINATE_GRID_MM))
 
 
 _STREAM = 1601
@@ -386,22 +365,7 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     options = options or CorridorsOptions()
     check_seed(seed)
     rng = child(seed, _STREAM)
-    regions = _regions(rng, options)
-    doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
-    bounds = box(options.width_mm, options.height_mm)
-    return generated_map(
-        "corridors",
-        seed,
-        options,
-        bounds=bounds,
-        obstacles=_walls_between(bounds, [*regions, *doors]),
-        starts=(_start(_entrance(regions, options), options),),
-        rooms=sum(not region.hall for region in regions),
-    )
-
-
-def _regions(rng: np.random.Generator, options: CorridorsOptions) -> list[Region]:
-    floor = Region(0.0, 0.0, options.width_mm, options.height_mm)
+    floor = entrance = Region(0.0, 0.0, options.width_mm, options.height_mm)
     limits = FloorLimits(
         hall_mm=options.hall_width_mm,
         room_min_mm=options.room_min_mm,
@@ -409,15 +373,24 @@ def _regions(rng: np.random.Generator, options: CorridorsOptions) -> list[Region
         wall_mm=options.wall_mm,
         keep_out=None if options.halls > 0 else _around(_start(floor, options), options),
     )
-    return floor_plan(rng, floor, options.halls, limits)
-
-
-def _entrance(regions: Sequence[Region], options: CorridorsOptions) -> Region:
-    """Return the region at whose lower end robots start: the first hall, or the whole floor."""
-    if options.halls == 0:
-        return Region(0.0, 0.0, options.width_mm, options.height_mm)
-    # No other hall reaches from side to side along y; a room may.
-    return next(r for r in regions if r.hall and r.length(1) == options.height_mm)
+    regions = floor_plan(rng, floor, options.halls, limits)
+    if options.halls > 0:
+        # Robots start in the first hall: no other reaches from side to side along y; a room may.
+        entrance = next(r for r in regions if r.hall and r.length(1) == options.height_mm)
+    doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
+    bounds = box(options.width_mm, options.height_mm)
+    boxes = shapely.box(*np.array([region[:4] for region in [*regions, *doors]]).T)
+    # All coordinates are on this grid, where the difference is exact.
+    open_floor = shapely.union_all(boxes, grid_size=COORDINATE_GRID_MM)
+    return generated_map(
+        "corridors",
+        seed,
+        options,
+        bounds=bounds,
+        obstacles=canonical(shapely.difference(bounds, open_floor, grid_size=COORDINATE_GRID_MM)),
+        starts=(_start(entrance, options),),
+        rooms=sum(not region.hall for region in regions),
+    )
 
 
 def _start(region: Region, options: CorridorsOptions) -> Start:

@@ -84,7 +84,21 @@ class GridOptions(SeveralStartOptions):
     gap_mm: float = 8.0
 
     def __post_init__(self) -> None:
-        self._check_obstacles()
+        positive("size_mm", self.size_mm, 1e6)
+        whole("columns", self.columns, 1, 1000)
+        whole("rows", self.rows, 1, 1000)
+        whole("corners_min", self.corners_min, 3, 100)
+        whole("corners_max", self.corners_max, self.corners_min, 100)
+        number("radius_min", self.radius_min, 0.01, 0.5)
+        number("radius_max", self.radius_max, self.radius_min, 0.5)
+        check_shares(self, "filled", "concavity", "irregularity", "jitter")
+        if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
+            least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
+            raise BadInputError(
+                "size_mm", self.size_mm, f"at least {least_mm:.4g} for such corners"
+            )
+        most_mm = self.cell_mm * (1.0 - 2.0 * self.radius_max)
+        number("gap_mm", self.gap_mm, 0.0, most_mm, f"mm (radius_max leaves {most_mm:.4g})")
         self.check_starts((self.size_mm, self.height_mm))
 
     @property
@@ -101,23 +115,6 @@ class GridOptions(SeveralStartOptions):
     def passage_mm(self) -> float:
         """Diameter of a round body that gets everywhere: half the gap, as kept to the sides."""
         return 0.5 * self.gap_mm
-
-    def _check_obstacles(self) -> None:
-        positive("size_mm", self.size_mm, 1e6)
-        whole("columns", self.columns, 1, 1000)
-        whole("rows", self.rows, 1, 1000)
-        whole("corners_min", self.corners_min, 3, 100)
-        whole("corners_max", self.corners_max, self.corners_min, 100)
-        number("radius_min", self.radius_min, 0.01, 0.5)
-        number("radius_max", self.radius_max, self.radius_min, 0.5)
-        check_shares(self, "filled", "concavity", "irregularity", "jitter")
-        if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
-            least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
-            raise BadInputError(
-                "size_mm", self.size_mm, f"at least {least_mm:.4g} for such corners"
-            )
-        most_mm = self.cell_mm * (1.0 - 2.0 * self.radius_max)
-        number("gap_mm", self.gap_mm, 0.0, most_mm, f"mm (radius_max leaves {most_mm:.4g})")
 
 
 def grid_map(seed: int, options: GridOptions | None = None) -> Map:

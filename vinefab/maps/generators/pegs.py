@@ -9,7 +9,7 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, number, positive, whole
+from vinefab.core.validation import number, positive, whole
 from vinefab.maps.generators.generated_map import (
     SeveralStartOptions,
     box,
@@ -81,7 +81,16 @@ class PegsOptions(SeveralStartOptions):
         if self.diameter_mm < 0.02 * self.sides:
             raise BadInputError("diameter_mm", self.diameter_mm, f"at least {0.02 * self.sides:g}")
         check_shares(self, "filled")
-        self._check_room()
+        most_mm = 0.5 * (self.pitch_mm - self.diameter_mm)
+        number("jitter_mm", self.jitter_mm, 0.0, most_mm, f"mm (the pitch leaves {most_mm:.4g})")
+        least_mm = 0.5 * self.diameter_mm + self.jitter_mm
+        number("edge_mm", self.edge_mm, least_mm, 1e4, "mm")
+        if self.passage_mm <= 0.01:
+            raise BadInputError(
+                "diameter_mm",
+                self.diameter_mm,
+                "less, so that pegs touch neither each other nor the sides",
+            )
         self.check_starts(self.size_mm)
 
     @property
@@ -100,18 +109,6 @@ class PegsOptions(SeveralStartOptions):
         """Least distance between two pegs, and between a peg and a side, to 1e-4 mm."""
         reach_mm = 0.5 * self.diameter_mm + self.jitter_mm
         return min(self.pitch_mm - 2.0 * reach_mm, self.edge_mm - reach_mm)
-
-    def _check_room(self) -> None:
-        most_mm = 0.5 * (self.pitch_mm - self.diameter_mm)
-        number("jitter_mm", self.jitter_mm, 0.0, most_mm, f"mm (the pitch leaves {most_mm:.4g})")
-        least_mm = 0.5 * self.diameter_mm + self.jitter_mm
-        number("edge_mm", self.edge_mm, least_mm, 1e4, "mm")
-        if self.passage_mm <= 0.01:
-            raise BadInputError(
-                "diameter_mm",
-                self.diameter_mm,
-                "less, so that pegs touch neither each other nor the sides",
-            )
 
 
 def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
@@ -141,7 +138,12 @@ def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
 def _pegs(
     rng: np.random.Generator, options: PegsOptions, starts: tuple[Start, ...]
 ) -> tuple[Polygon, ...]:
-    holes_mm = _holes(options)
+    rows = []
+    for row in range(options.rows):
+        odd = options.lattice == "hexagonal" and row % 2 == 1
+        x_mm = (np.arange(options.columns - odd) + 0.5 * odd) * options.pitch_mm
+        rows.append(np.column_stack([x_mm, np.full(len(x_mm), row * options.row_pitch_mm)]))
+    holes_mm = options.edge_mm + np.concatenate(rows)
     # Drawn for every hole, used or not, so that more pegs do not move the others.
     order, far, way = rng.random((3, len(holes_mm)))
     angle_rad = 2.0 * math.pi * way
@@ -157,14 +159,3 @@ def _pegs(
     peg_mm = 0.5 * options.diameter_mm * directions(angles_rad)
     corners_mm = rounded(middles_mm[chosen, None] + peg_mm)
     return tuple(Polygon(corners) for corners in corners_mm)
-
-
-def _holes(options: PegsOptions) -> Floats:
-    """Return the middles of all holes, shape (n, 2), row by row from below."""
-    shifted = options.lattice == "hexagonal"
-    rows = []
-    for row in range(options.rows):
-        odd = shifted and row % 2 == 1
-        x_mm = (np.arange(options.columns - odd) + 0.5 * odd) * options.pitch_mm
-        rows.append(np.column_stack([x_mm, np.full(len(x_mm), row * options.row_pitch_mm)]))
-    return options.edge_mm + np.concatenate(rows)

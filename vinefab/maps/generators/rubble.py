@@ -152,22 +152,19 @@ class Pile:
             return -_SIDES - 1, self._amid(rng, slab_mm)
         host = int(rng.integers(-_SIDES, self._count))
         if host < 0:
-            return host, self._at_side(rng, slab_mm, host + _SIDES)
+            side = host + _SIDES  # 0 and 2: left and right
+            off_mm = self._amid(rng, slab_mm)
+            axis = side % 2
+            low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
+            deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
+            off_mm[axis] = -low - deep_mm if side < 2 else self.rules.size_mm - high + deep_mm
+            return host, off_mm
         return host, self._on_slab(rng, slab_mm, host)
 
     def _amid(self, rng: np.random.Generator, slab_mm: Floats) -> Floats:
         low = self.rules.passage_mm - slab_mm.min(axis=0)
         high = self.rules.size_mm - self.rules.passage_mm - slab_mm.max(axis=0)
         return np.asarray(low + rng.random(2) * (high - low))
-
-    def _at_side(self, rng: np.random.Generator, slab_mm: Floats, side: int) -> Floats:
-        """Return an offset that pushes a slab through a side: 0 and 2 left and right."""
-        off_mm = self._amid(rng, slab_mm)
-        axis = side % 2
-        low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
-        deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
-        off_mm[axis] = -low - deep_mm if side < 2 else self.rules.size_mm - high + deep_mm
-        return off_mm
 
     def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
         """Return an offset that slides a slab against another until they overlap slightly."""
@@ -185,31 +182,27 @@ class Pile:
     def _place_at(self, slab_mm: Floats, host: int) -> bool:
         """Place a slab if it touches nothing but its host; return whether it does."""
         polygon = Polygon(slab_mm)
-        if not (self._clear_of_sides(slab_mm, host) and self._clear_of_slabs(polygon, host)):
+        gaps_mm = np.concatenate([slab_mm.min(axis=0), self.rules.size_mm - slab_mm.max(axis=0)])
+        if -_SIDES <= host < 0:
+            gaps_mm[host + _SIDES] = np.inf
+        if (gaps_mm < self.rules.passage_mm - 1e-9).any():
+            return False
+        if not self._clear_of_slabs(polygon, host):
             return False
         if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
             return False
         if host >= 0 and not self._overlaps(polygon, host):
             return False
         if self._count == len(self._polygons):
-            self._grow()
+            self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
+            self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
+            self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
         self._polygons[self._count] = polygon
         self._middles_mm[self._count] = slab_mm.mean(axis=0)
         self._radii_mm[self._count] = _radius(slab_mm - slab_mm.mean(axis=0))
         self._corners_mm.append(slab_mm)
         self._count += 1
         return True
-
-    def _grow(self) -> None:
-        self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
-        self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
-        self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
-
-    def _clear_of_sides(self, slab_mm: Floats, host: int) -> bool:
-        gaps_mm = np.concatenate([slab_mm.min(axis=0), self.rules.size_mm - slab_mm.max(axis=0)])
-        if -_SIDES <= host < 0:
-            gaps_mm[host + _SIDES] = np.inf
-        return bool((gaps_mm >= self.rules.passage_mm - 1e-9).all())
 
     def _clear_of_slabs(self, polygon: Polygon, host: int) -> bool:
         corners = shapely.get_coordinates(polygon)[:-1]

@@ -85,7 +85,20 @@ def _polygons(text: str) -> list[_Polygon]:
         if len(cells) != len(columns):
             raise BadInputError(f"line {number}", line, f"the columns {', '.join(columns)}")
         row = dict(zip(columns, cells, strict=True))
-        _add(polygons, names, number, row, fresh=fresh)
+        name, role = row.get("polygon", ""), row.get("role", "").lower()
+        if role not in _ROLES:
+            raise BadInputError(f"line {number}: role", role, "bounds, obstacle or nothing")
+        changed = not polygons or (name != polygons[-1].name if "polygon" in row else fresh)
+        if changed:
+            if name and name in names:
+                raise BadInputError(
+                    f"line {number}: polygon", name, "points of one polygon one after the other"
+                )
+            polygons.append(_Polygon(number, name or str(len(polygons) + 1), role))
+            names.add(polygons[-1].name)
+        if role != polygons[-1].role:
+            raise BadInputError(f"line {number}: role", role, "one role for each polygon")
+        polygons[-1].points.append((_coordinate(number, row["x"]), _coordinate(number, row["y"])))
         fresh = False
     return polygons
 
@@ -103,25 +116,6 @@ def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
             f"line {number}", ",".join(cells), allowed + (known_text if has_text else "")
         )
     return _ORDER[len(cells)], False
-
-
-def _add(
-    polygons: list[_Polygon], names: set[str], number: int, row: dict[str, str], *, fresh: bool
-) -> None:
-    name, role = row.get("polygon", ""), row.get("role", "").lower()
-    if role not in _ROLES:
-        raise BadInputError(f"line {number}: role", role, "bounds, obstacle or nothing")
-    changed = not polygons or (name != polygons[-1].name if "polygon" in row else fresh)
-    if changed:
-        if name and name in names:
-            raise BadInputError(
-                f"line {number}: polygon", name, "points of one polygon one after the other"
-            )
-        polygons.append(_Polygon(number, name or str(len(polygons) + 1), role))
-        names.add(polygons[-1].name)
-    if role != polygons[-1].role:
-        raise BadInputError(f"line {number}: role", role, "one role for each polygon")
-    polygons[-1].points.append((_coordinate(number, row["x"]), _coordinate(number, row["y"])))
 
 
 def _coordinate(number: int, text: str) -> float:

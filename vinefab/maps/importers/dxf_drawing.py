@@ -5,7 +5,7 @@ import logging
 import math
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from ezdxf.entities.insert import Insert
 from ezdxf.entities.spline import Spline
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
-from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3
+from ezdxf.math import BSpline, Vec2, Vec3
 from scipy.interpolate import BSpline as Interpolated
 from scipy.interpolate import make_interp_spline
 
@@ -92,39 +92,76 @@ class _SplineCurve:
         return np.asarray(values[:, :2] / values[:, 2:])
 
 
-def _items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+_DRAWN = frozenset(
+    [
+        "LINE",
+        "CIRCLE",
+        "ARC",
+        "ELLIPSE",
+        "SPLINE",
+        "HELIX",
+        "LWPOLYLINE",
+        "POLYLINE",
+        "SOLID",
+        "TRACE",
+        "3DFACE",
+        "HATCH",
+        "MPOLYGON",
+    ]
+)
+"""Types of entities that are read."""
+
+
+def _items_of(entity: Any, where: str) -> list[DrawingItem]:  # noqa: ANN401  each type has its own
     """Return the items that an entity draws, in world coordinates."""
-    try:
-        return _READERS[entity.dxftype()](entity, where)
-    except BadInputError:
-        raise
-    except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
-        problem = " ".join(str(error).split()) or type(error).__name__
-        raise BadInputError(where, problem[:80], "a consistent entity") from error
-
-
-def _line(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    points = _flat_points(where, [entity.dxf.start, entity.dxf.end])
-    return [_open(where, Straight(points))]
-
-
-def _open(where: str, *pieces: CurvePiece) -> DrawingItem:
-    return DrawingItem(rings=(Ring(pieces=pieces),), where=where, closed=False)
-
-
-def _circle(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    arc = _circular(entity, where, 0.0, 360.0)
-    return [DrawingItem(rings=(Ring(pieces=(arc,)),), where=where)]
-
-
-def _arc(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    return [_open(where, _circular(entity, where, entity.dxf.start_angle, entity.dxf.end_angle))]
-
-
-def _circular(entity: DXFGraphic, where: str, start_deg: float, end_deg: float) -> Arc:
-    mirror = _mirror(entity, where)
-    x, y, _ = entity.dxf.center
-    return _angled((x, y), entity.dxf.radius, (start_deg, end_deg), mirror)
+    pieces: tuple[CurvePiece, ...]
+    closed = filled = False
+    match entity.dxftype():
+        case "LINE":
+            pieces = (Straight(_flat_points(where, [entity.dxf.start, entity.dxf.end])),)
+        case "CIRCLE" | "ARC" as kind:
+            closed = kind == "CIRCLE"
+            angles = (0.0, 360.0) if closed else (entity.dxf.start_angle, entity.dxf.end_angle)
+            mirror = _mirror(entity, where)
+            x, y, _ = entity.dxf.center
+            pieces = (_angled((x, y), entity.dxf.radius, angles, mirror),)
+        case "ELLIPSE":
+            # Stored in world coordinates; mirroring only flips the minor axis.
+            up, major = _mirror(entity, where), entity.dxf.major_axis
+            _flat_points(where, [Vec3(0, 0, 0), major])
+            x, y, _ = entity.dxf.center
+            params = (entity.dxf.start_param, entity.dxf.end_param)
+            axis = np.array([major.x, major.y])
+            arc = _elliptic(np.array([x, y]), axis, up * entity.dxf.ratio, params)
+            pieces, closed = (arc,), abs(arc.turn_rad - math.tau) < 1e-9
+        case "SPLINE" | "HELIX":
+            spline = _fitted(entity) or entity.construction_tool()
+            _flat_points(where, list(spline.control_points))
+            curve = _SplineCurve(spline)
+            curve.flat(math.inf)  # finds wrong knots while the entity is known
+            pieces, closed = (curve,), bool(entity.closed)
+        case "LWPOLYLINE":
+            closed = bool(entity.closed)
+            vertices = entity.get_points("xyb")
+            pieces = _bulged_pieces(vertices, _mirror(entity, where), closed=closed)
+        case "POLYLINE":
+            if entity.is_polygon_mesh or entity.is_poly_face_mesh:
+                raise BadInputError(where, "a mesh in space", _FLAT)
+            drawn = [one for one in entity.vertices if not one.dxf.flags & _SPLINE_FRAME]
+            closed, mirror, bulges = bool(entity.is_closed), 1.0, [0.0] * len(drawn)
+            if not entity.is_3d_polyline:
+                bulges, mirror = [one.dxf.bulge for one in drawn], _mirror(entity, where)
+            points = _flat_points(where, [one.dxf.location for one in drawn])
+            rows = np.column_stack([points, bulges]).tolist()
+            pieces = _bulged_pieces(rows, mirror, closed=closed)
+        case "SOLID" | "TRACE" | "3DFACE":
+            pieces = (Straight(_flat_points(where, entity.wcs_vertices())),)
+            closed = filled = True
+        case _:
+            rings = _hatch_rings(entity, _mirror(entity, where))
+            return [DrawingItem(rings=rings, where=where, filled=True)] if rings else []
+    ring = Ring(pieces=pieces)
+    return [DrawingItem(rings=(ring,), where=where, closed=closed, filled=filled)] if pieces else []
 
 
 def _angled(
@@ -141,18 +178,6 @@ def _angled(
     )
 
 
-def _ellipse(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    # Ellipses are stored in world coordinates; mirroring only flips their minor axis.
-    up = _mirror(entity, where)
-    _flat_points(where, [Vec3(0, 0, 0), entity.dxf.major_axis])
-    major = np.array([entity.dxf.major_axis.x, entity.dxf.major_axis.y])
-    x, y, _ = entity.dxf.center
-    params = (entity.dxf.start_param, entity.dxf.end_param)
-    arc = _elliptic(np.array([x, y]), major, up * entity.dxf.ratio, params)
-    whole = abs(arc.turn_rad - math.tau) < 1e-9
-    return [DrawingItem(rings=(Ring(pieces=(arc,)),), where=where, closed=whole)]
-
-
 def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, float]) -> Arc:
     turn = (params[1] - params[0]) % math.tau
     return Arc(
@@ -162,15 +187,6 @@ def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, 
         start_rad=params[0],
         turn_rad=turn if turn > 1e-9 else math.tau,
     )
-
-
-def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    spline = _fitted(entity) or entity.construction_tool()  # type: ignore[attr-defined]
-    _flat_points(where, list(spline.control_points))
-    curve = _SplineCurve(spline)
-    curve.flat(math.inf)  # finds wrong knots while the entity is known
-    closed = bool(entity.closed)  # type: ignore[attr-defined]
-    return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
 
 
 def _fitted(entity: DXFGraphic) -> BSpline | None:
@@ -207,45 +223,12 @@ def _spline_through(points: Floats, tangents: Floats | None) -> BSpline:
     return BSpline([Vec3(place) for place in controls], order=4, knots=np.asarray(curve.t).tolist())
 
 
-def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    vertices = list(entity.get_points("xyb"))  # type: ignore[attr-defined]
-    closed = bool(entity.closed)  # type: ignore[attr-defined]
-    return _bulged(vertices, _mirror(entity, where), where, closed=closed)
-
-
-def _polyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    polyline = entity
-    if polyline.is_polygon_mesh or polyline.is_poly_face_mesh:  # type: ignore[attr-defined]
-        raise BadInputError(where, "a mesh in space", _FLAT)
-    drawn = [
-        vertex
-        for vertex in polyline.vertices  # type: ignore[attr-defined]
-        if not vertex.dxf.flags & _SPLINE_FRAME
-    ]
-    closed = bool(polyline.is_closed)  # type: ignore[attr-defined]
-    places = [vertex.dxf.location for vertex in drawn]
-    if polyline.is_3d_polyline:  # type: ignore[attr-defined]
-        bulges, mirror = [0.0] * len(drawn), 1.0
-    else:
-        bulges, mirror = [vertex.dxf.bulge for vertex in drawn], _mirror(polyline, where)
-    points = _flat_points(where, places)
-    vertices = [(x, y, bulge) for (x, y), bulge in zip(points.tolist(), bulges, strict=True)]
-    return _bulged(vertices, mirror, where, closed=closed)
-
-
-def _bulged(
-    vertices: Sequence[Sequence[float]], mirror: float, where: str, *, closed: bool
-) -> list[DrawingItem]:
-    if len(vertices) < 2:
-        return []
-    pieces = _bulged_pieces(vertices, mirror, closed=closed)
-    return [DrawingItem(rings=(Ring(pieces=pieces),), where=where, closed=closed)]
-
-
 def _bulged_pieces(
     vertices: Sequence[Sequence[float]], mirror: float, *, closed: bool
 ) -> tuple[CurvePiece, ...]:
     """Return the pieces of a polyline; consecutive straight ones are merged."""
+    if len(vertices) < 2:
+        return ()
     points = np.array([(mirror * x, y) for x, y, *_ in vertices])
     bulges = [mirror * vertex[2] for vertex in vertices]
     if closed:
@@ -264,72 +247,58 @@ def _bulged_pieces(
     return tuple(pieces)
 
 
-def _quadrilateral(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    corners = entity.wcs_vertices()  # type: ignore[attr-defined]
-    ring = Ring(pieces=(Straight(_flat_points(where, corners)),))
-    return [DrawingItem(rings=(ring,), where=where, filled=True)]
-
-
-def _hatch(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    mirror = _mirror(entity, where)
-    is_mpolygon = entity.dxftype() == "MPOLYGON"
-    shift = Vec2(entity.dxf.get("offset_vector", Vec2())) if is_mpolygon else Vec2()
+def _hatch_rings(hatch: Any, mirror: float) -> tuple[Ring, ...]:  # noqa: ANN401  HATCH or MPOLYGON
+    is_mpolygon = hatch.dxftype() == "MPOLYGON"
+    shift = Vec2(hatch.dxf.get("offset_vector", Vec2())) if is_mpolygon else Vec2()
     rings = []
-    for path in entity.paths:  # type: ignore[attr-defined]
+    for path in hatch.paths:
         if isinstance(path, EdgePath):
-            rings += _edge_loops([_edge(edge, mirror) for edge in path.edges])
+            # Edges make loops whichever way each of them runs.
+            loops: list[list[CurvePiece]] = []
+            first = last = np.full(2, math.nan)
+            for piece in [_edge(edge, mirror) for edge in path.edges]:
+                begin, end = piece.flat(math.inf)[[0, -1]]
+                if loops and len(loops[-1]) == 1 and not (_near(last, begin) or _near(last, end)):
+                    first, last = last, first
+                if loops and _near(last, end):
+                    begin, end = end, begin
+                if not loops or (_near(first, last) and not _near(last, begin)):
+                    loops.append([])
+                    first = begin
+                loops[-1].append(piece)
+                last = end
+            rings += [Ring(pieces=tuple(loop)) for loop in loops]
         elif len(path.vertices) >= 2:
             moved = [(x + shift.x, y + shift.y, bulge) for x, y, bulge in path.vertices]
             rings.append(Ring(pieces=_bulged_pieces(moved, mirror, closed=True)))
-    return [DrawingItem(rings=tuple(rings), where=where, filled=True)] if rings else []
+    return tuple(rings)
 
 
 def _edge(edge: object, mirror: float) -> CurvePiece:
-    if isinstance(edge, LineEdge):
-        ends = (edge.start, edge.end)
-        return Straight(np.array([(mirror * point.x, point.y) for point in ends]))
-    if isinstance(edge, ArcEdge):
-        return _angled(edge.center, edge.radius, (edge.start_angle, edge.end_angle), mirror)
-    if isinstance(edge, EllipseEdge):
-        return _ellipse_edge(edge.construction_tool(), mirror)
-    if not isinstance(edge, SplineEdge):
-        raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
-    if not edge.control_points:
-        points = np.array([Vec3(point).xyz for point in edge.fit_points])
-        return _SplineCurve(_spline_through(points, None), mirror)
-    spline = BSpline(
-        edge.control_points,
-        order=edge.degree + 1,
-        knots=edge.knot_values or None,
-        weights=edge.weights or None,
-    )
-    return _SplineCurve(spline, mirror)
-
-
-def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
-    major = np.array([mirror * ellipse.major_axis.x, ellipse.major_axis.y])
-    middle = np.array([mirror * ellipse.center.x, ellipse.center.y])
-    return _elliptic(
-        middle, major, mirror * ellipse.ratio, (ellipse.start_param, ellipse.end_param)
-    )
-
-
-def _edge_loops(pieces: list[CurvePiece]) -> list[Ring]:
-    """Return the loops of a hatch's edges, whichever way each edge runs."""
-    loops: list[list[CurvePiece]] = []
-    first = last = np.full(2, math.nan)
-    for piece in pieces:
-        begin, end = piece.flat(math.inf)[[0, -1]]
-        if loops and len(loops[-1]) == 1 and not (_near(last, begin) or _near(last, end)):
-            first, last = last, first
-        if loops and _near(last, end):
-            begin, end = end, begin
-        if not loops or (_near(first, last) and not _near(last, begin)):
-            loops.append([])
-            first = begin
-        loops[-1].append(piece)
-        last = end
-    return [Ring(pieces=tuple(loop)) for loop in loops]
+    match edge:
+        case LineEdge():
+            ends = (edge.start, edge.end)
+            return Straight(np.array([(mirror * point.x, point.y) for point in ends]))
+        case ArcEdge():
+            return _angled(edge.center, edge.radius, (edge.start_angle, edge.end_angle), mirror)
+        case EllipseEdge():
+            ellipse = edge.construction_tool()
+            major = np.array([mirror * ellipse.major_axis.x, ellipse.major_axis.y])
+            middle = np.array([mirror * ellipse.center.x, ellipse.center.y])
+            params = (ellipse.start_param, ellipse.end_param)
+            return _elliptic(middle, major, mirror * ellipse.ratio, params)
+        case SplineEdge() if not edge.control_points:
+            points = np.array([Vec3(point).xyz for point in edge.fit_points])
+            return _SplineCurve(_spline_through(points, None), mirror)
+        case SplineEdge():
+            spline = BSpline(
+                edge.control_points,
+                order=edge.degree + 1,
+                knots=edge.knot_values or None,
+                weights=edge.weights or None,
+            )
+            return _SplineCurve(spline, mirror)
+    raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
 
 
 def _near(one: Floats, other: Floats) -> bool:
@@ -356,24 +325,6 @@ def _flat_points(where: str, points: Sequence[Vec3]) -> Floats:
         place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
         raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", _FLAT)
     return np.asarray(array[:, :2])
-
-
-_READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
-    "LINE": _line,
-    "CIRCLE": _circle,
-    "ARC": _arc,
-    "ELLIPSE": _ellipse,
-    "SPLINE": _spline,
-    "HELIX": _spline,
-    "LWPOLYLINE": _lwpolyline,
-    "POLYLINE": _polyline,
-    "SOLID": _quadrilateral,
-    "TRACE": _quadrilateral,
-    "3DFACE": _quadrilateral,
-    "HATCH": _hatch,
-    "MPOLYGON": _hatch,
-}
-"""Readers by type of entity."""
 
 
 if TYPE_CHECKING:
@@ -414,18 +365,8 @@ _MM = {
 _GDAL_LIMITS = (12.0, 9.0)
 """``$LIMMAX`` of a template in inches, which GDAL before 3.11 copies into every drawing."""
 _SOLIDS = {"3DSOLID", "BODY", "MESH", "REGION", "SURFACE"}
-_BROKEN = (
-    DXFError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    ArithmeticError,
-    RecursionError,
-    StopIteration,
-    struct.error,
-)
+_INCONSISTENT = (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError)
+_BROKEN = (*_INCONSISTENT, KeyError, RecursionError, StopIteration, struct.error)
 """What ezdxf raises on files with damage that it does not expect."""
 
 
@@ -460,7 +401,9 @@ def _document(path: Path) -> tuple["Document", int]:
         raise UnreadableFileError(path, "is empty")
     if data.startswith(_DWG):
         raise UnreadableFileError(path, "is a DWG file, not DXF: save it as DXF in a CAD program")
-    tags = _tag_count(data)
+    tags = max(data.count(b"\n"), data.count(b"\r")) // 2
+    if data.startswith(_BINARY):
+        tags = len(data) // _BYTES_PER_BINARY_TAG
     if tags > _MOST_TAGS:
         problem = f"is a drawing of about {tags} values; at most {_MOST_TAGS} can be read"
         raise UnreadableFileError(path, f"{problem}: save only the layers that are walls")
@@ -476,12 +419,6 @@ def _document(path: Path) -> tuple["Document", int]:
         # ezdxf assumes metres then; the file names no unit.
         document.header["$INSUNITS"] = 0
     return document, repaired
-
-
-def _tag_count(data: bytes) -> int:
-    if data.startswith(_BINARY):
-        return len(data) // _BYTES_PER_BINARY_TAG
-    return max(data.count(b"\n"), data.count(b"\r")) // 2
 
 
 def _not_dxf(path: Path, error: Exception) -> UnreadableFileError:
@@ -576,10 +513,17 @@ class _Walk:
                 self.ignored[hidden] += 1
             elif kind in _SOLIDS or kind.endswith("SURFACE"):
                 raise BadInputError(where, "a solid or surface", _FLAT)
-            elif kind not in _READERS:
+            elif kind not in _DRAWN:
                 self.ignored[kind] += 1
             else:
-                found += _items_of(entity, where)
+                try:
+                    found += _items_of(entity, where)
+                except BadInputError:
+                    raise
+                except _INCONSISTENT as error:
+                    problem = " ".join(str(error).split()) or type(error).__name__
+                    allowed = "a consistent entity"
+                    raise BadInputError(where, problem[:80], allowed) from error
                 self.read[kind] += 1
         return found
 
@@ -623,7 +567,12 @@ class _Walk:
         name = insert.dxf.name
         if not inside:
             inside = f"in block {name} (INSERT handle {insert.dxf.handle})"
-            self._count_copies(insert, inside)
+            self.copied += self._copied_by(insert, inside, 0)
+            if self.copied > _MOST_COPIED:
+                value = f"over {_MOST_COPIED} entities in blocks, every copy counted"
+                raise BadInputError(
+                    inside, value, "fewer; explode large blocks in the drawing program"
+                )
         if insert.block() is None:
             self.ignored[f"INSERT of the missing block {name}"] += 1
             return
@@ -633,13 +582,6 @@ class _Walk:
         for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
             parts = single.virtual_entities(skipped_entity_callback=self._skipped)
             yield from self._leaves(parts, layer, inside)
-
-    def _count_copies(self, insert: Insert, inside: str) -> None:
-        """Refuse copies of blocks before they are made: a small file can ask for 10^18."""
-        self.copied += self._copied_by(insert, inside, 0)
-        if self.copied > _MOST_COPIED:
-            value = f"over {_MOST_COPIED} entities in blocks, every copy counted"
-            raise BadInputError(inside, value, "fewer; explode large blocks in the drawing program")
 
     def _copied_by(self, insert: Insert, inside: str, depth: int) -> int:
         name = insert.dxf.name
@@ -655,7 +597,7 @@ class _Walk:
         return insert.mcount * self.sizes[name]
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
-        if entity.dxftype() in _READERS:
+        if entity.dxftype() in _DRAWN:
             where = f"{entity.dxftype()} (handle {entity.dxf.handle}) in a block"
             raise BadInputError(
                 where, reason, "blocks that can be exploded; explode it in the drawing program"

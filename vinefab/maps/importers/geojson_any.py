@@ -80,7 +80,16 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     joined; points are counted and left out. ``properties.role`` may name bounds and obstacles.
     """
     options.refuse(("layers", "unknown", "least_obstacle_mm2"), "a GeoJSON file", path)
-    document = _document(path)
+    document = geojson_document(path)
+    kind = None
+    if isinstance(document, dict) and document.get("type") == "Topology":
+        kind = "TopoJSON"
+    elif isinstance(document, dict) and {"geometryType", "features"} <= set(document):
+        kind = "Esri JSON"
+    if kind:
+        raise BadInputError("type", kind, "GeoJSON; ogr2ogr plan.geojson FILE converts it", path)
+    if not isinstance(document, dict) or "type" not in document:
+        raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
     if "vinefab" in document:
         options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
         scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
@@ -88,37 +97,13 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
         return replace(world, facts={**world.facts, "source": path.name})
     with located(path):
         if options.scale_mm_per_unit is None:
-            _refuse_degrees(document)
+            system = document.get("crs")
+            named = system.get("properties") if isinstance(system, dict) else None
+            name = str(named.get("name")) if isinstance(named, dict) else ""
+            if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
+                raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
         drawing = _drawing(document)
     return replace(drawing_map(path, drawing, options), environment="geojson")
-
-
-def _document(path: Path) -> dict[str, Any]:
-    document = geojson_document(path)
-    kind = _other_kind(document)
-    if kind:
-        raise BadInputError("type", kind, "GeoJSON; ogr2ogr plan.geojson FILE converts it", path)
-    if not isinstance(document, dict) or "type" not in document:
-        raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
-    return document
-
-
-def _other_kind(document: object) -> str | None:
-    """Return the name of a known kind of JSON that is no GeoJSON."""
-    if not isinstance(document, dict):
-        return None
-    if document.get("type") == "Topology":
-        return "TopoJSON"
-    return "Esri JSON" if {"geometryType", "features"} <= set(document) else None
-
-
-def _refuse_degrees(document: dict[str, Any]) -> None:
-    """Refuse a file that names a reference system in degrees (GDAL writes it by name)."""
-    system = document.get("crs")
-    named = system.get("properties") if isinstance(system, dict) else None
-    name = str(named.get("name")) if isinstance(named, dict) else ""
-    if name.endswith((":CRS84", ":CRS84h", ":4326", ":4979")):
-        raise BadInputError("crs", f"{name} in degrees", PROJECT_ADVICE)
 
 
 def _drawing(document: dict[str, Any]) -> SourceDrawing:
@@ -129,7 +114,8 @@ def _drawing(document: dict[str, Any]) -> SourceDrawing:
         kind = str(geometry.get("type"))
         found = _items(key, geometry, role)
         kinds[kind] += 1
-        unclosed += sum(_unclosed(ring) for item in found if item.closed for ring in item.rings)
+        rings = [ring.hull() for item in found if item.closed for ring in item.rings]
+        unclosed += sum(bool((points[0] != points[-1]).any()) for points in rings)
         items += found
     facts: dict[str, object] = {
         "units": "mm (taken; GeoJSON names none)",
@@ -138,11 +124,6 @@ def _drawing(document: dict[str, Any]) -> SourceDrawing:
     if unclosed:
         facts["rings_closed"] = unclosed
     return SourceDrawing(items=tuple(items), facts=facts, curved=False)
-
-
-def _unclosed(ring: Ring) -> bool:
-    points = ring.hull()
-    return bool((points[0] != points[-1]).any())
 
 
 def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:

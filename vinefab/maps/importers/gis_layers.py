@@ -48,20 +48,6 @@ def import_gis(path: Path, options: ImportOptions) -> Map:
     out, as are heights. A column ``role`` may name bounds and obstacles. The unit is that of the
     coordinate reference system.
     """
-    _ensure_kind(path)
-    with located(path), warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        drawing = _drawing(path.resolve(), options, _gdal())
-    if said:
-        lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
-        drawing = replace(
-            drawing, facts={**drawing.facts, "reader_warnings": lines[:_MOST_WARNINGS]}
-        )
-    return replace(drawing_map(path, drawing, options), environment="gis")
-
-
-def _ensure_kind(path: Path) -> None:
-    """Refuse what is not of the kind that its suffix says, or lacks a file beside it."""
     existing_file(path)
     if path.stat().st_size > _LARGEST_BYTES:
         raise UnreadableFileError(path, f"is larger than {_LARGEST_BYTES} bytes")
@@ -72,6 +58,15 @@ def _ensure_kind(path: Path) -> None:
     if path.suffix.lower() == ".shp" and _beside(path, ".shx") is None:
         problem = f"needs {path.stem}.shx beside it: a Shapefile is several files, copy them all"
         raise UnreadableFileError(path, problem)
+    with located(path), warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        drawing = _drawing(path.resolve(), options, _gdal())
+    if said:
+        lines = sorted({" ".join(str(one.message).split())[:200] for one in said})
+        drawing = replace(
+            drawing, facts={**drawing.facts, "reader_warnings": lines[:_MOST_WARNINGS]}
+        )
+    return replace(drawing_map(path, drawing, options), environment="gis")
 
 
 def _beside(path: Path, suffix: str) -> Path | None:

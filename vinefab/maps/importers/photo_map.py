@@ -189,7 +189,14 @@ def _control(
     if chosen.rectangle_mm is not None:
         width, height = chosen.rectangle_mm
         corners = np.array([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)])
-        _ensure_counter_clockwise(points)
+        sides = np.roll(points, -1, axis=0) - points
+        ahead = np.roll(sides, -1, axis=0)
+        turns = sides[:, 0] * ahead[:, 1] - sides[:, 1] * ahead[:, 0]
+        if not (turns < 0.0).all():  # rows run down
+            given = "; ".join(f"{x:g},{y:g}" for x, y in points)
+            raise BadInputError(
+                "points", given, "the lower left corner first, then counter-clockwise around"
+            )
         return ControlPoints(points_px=points, points_mm=corners, noise_px=_POINT_NOISE_PX)
     if mm_per_pixel is None:
         apart = float(np.hypot(*(points[1] - points[0])))
@@ -201,17 +208,6 @@ def _control(
         scale = mm_per_pixel
     upwards = np.array([0.0, photo.height_px]) + points * (1.0, -1.0)
     return ControlPoints(points_px=points, points_mm=scale * upwards, noise_px=_POINT_NOISE_PX)
-
-
-def _ensure_counter_clockwise(points: Floats) -> None:
-    sides = np.roll(points, -1, axis=0) - points
-    ahead = np.roll(sides, -1, axis=0)
-    turns = sides[:, 0] * ahead[:, 1] - sides[:, 1] * ahead[:, 0]
-    if not (turns < 0.0).all():  # rows run down
-        given = "; ".join(f"{x:g},{y:g}" for x, y in points)
-        raise BadInputError(
-            "points", given, "the lower left corner first, then counter-clockwise around"
-        )
 
 
 def _area_mm(
@@ -262,19 +258,16 @@ def _placing(
         trial = replace(chosen, points_px=tuple(map(tuple, picked.tolist())))
         fitted = plane_homography(_control(photo, trial, moved, None))
         again = projected(inverse(fitted), places_px)
-        worst.append(float(np.hypot(*_aligned(again, places).T).max()))
+        # Off after the best turn and shift: those do not matter.
+        one, two = again - again.mean(axis=0), places - places.mean(axis=0)
+        turn = np.vdot(one @ (1.0, 1.0j), two @ (1.0, 1.0j))
+        turned = (one @ (1.0, 1.0j)) * turn / abs(turn)
+        off = np.column_stack([turned.real, turned.imag]) - two
+        worst.append(float(np.hypot(*off.T).max()))
     return {
         "shape_within_mm": round(float(np.quantile(worst, 0.95)), 3),
         "if_points_within_px": f"{noise_px:g} (assumed, standard deviation)",
     }
-
-
-def _aligned(points: Floats, places: Floats) -> Floats:
-    """Return how far points are from places after the best turn and shift: those do not matter."""
-    one, two = points - points.mean(axis=0), places - places.mean(axis=0)
-    turn = np.vdot(one @ (1.0, 1.0j), two @ (1.0, 1.0j))
-    turned = (one @ (1.0, 1.0j)) * turn / abs(turn)
-    return np.asarray(np.column_stack([turned.real, turned.imag]) - two)
 
 
 def _parallax(camera: PhotoCamera, area_mm: AreaMm, chosen: PhotoOptions) -> dict[str, object]:
@@ -323,19 +316,14 @@ class _Tones:
             off = pixels - np.array(colour, dtype=np.float32)
             return np.asarray(np.linalg.norm(off, axis=2) <= tolerance)
         bright = _brightness(view)
-        between = self._between(bright)
-        return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
-
-    def _between(self, bright: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the brightness of half the light at an edge where one is near, else the threshold.
-
-        In a shadow, and where the light is weaker, an edge lies at another brightness.
-        """
+        # Half the light at an edge where one is near, else the threshold: in a shadow, and where
+        # the light is weaker, an edge lies at another brightness.
         high = ndimage.maximum_filter(bright, _EDGE_CELLS)
         low = ndimage.minimum_filter(bright, _EDGE_CELLS)
         edge = high - low > _EDGE_SHARE * self.contrast
         light = (high**CAMERA_GAMMA + low**CAMERA_GAMMA) / 2.0
-        return np.where(edge, light ** (1.0 / CAMERA_GAMMA), np.float32(self.threshold or 0.0))
+        between = np.where(edge, light ** (1.0 / CAMERA_GAMMA), np.float32(self.threshold or 0.0))
+        return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
 
 
 def _brightness(view: PlanView) -> NDArray[np.float32]:

@@ -56,18 +56,6 @@ class PhotoOptions:
     crop_mm: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        self._check_numbers()
-        self._check_points()
-        colour = self.colour
-        if colour is not None and self.threshold is not None:
-            raise BadInputError(
-                "threshold",
-                self.threshold,
-                "with dark or light obstacles; a colour has its "
-                "tolerance: --obstacles R,G,B,TOLERANCE",
-            )
-
-    def _check_numbers(self) -> None:
         for point in self.points_px:
             for value in point:
                 number("points", value, -_MOST_PX, _MOST_PX, "px")
@@ -81,9 +69,6 @@ class PhotoOptions:
             number("threshold", self.threshold, 0.0, 255.0)
         for value in self.crop_mm or ():
             number("crop", value, -1e7, 1e7, "mm")
-
-    def _check_points(self) -> None:
-        """Refuse points without what they mean, and what they would mean without points."""
         wanted = {2: "distance_mm", 4: "rectangle_mm"}
         given = [key for key in wanted.values() if getattr(self, key) is not None]
         count = len(self.points_px)
@@ -100,6 +85,14 @@ class PhotoOptions:
         if given and not count:
             need = {"distance_mm": "two", "rectangle_mm": "four"}[given[0]]
             raise BadInputError(given[0], getattr(self, given[0]), f"with {need} --points")
+        colour = self.colour
+        if colour is not None and self.threshold is not None:
+            raise BadInputError(
+                "threshold",
+                self.threshold,
+                "with dark or light obstacles; a colour has its "
+                "tolerance: --obstacles R,G,B,TOLERANCE",
+            )
 
     def ensure_one_scale(self, mm_per_pixel: float | None) -> None:
         """Raise BadInputError unless there is just one thing that gives the photo its scale."""

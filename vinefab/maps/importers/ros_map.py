@@ -49,21 +49,6 @@ def _read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
         Two arrays of shape (rows, columns); the second is None when the image has no
         transparency.
     """
-    image = _open(path, data)
-    if image.mode in _DEEP:
-        return np.asarray(image, dtype=np.float64)[::-1] * _DEEP_TO_BYTE, None
-    if image.mode in _GREY:
-        return np.asarray(image.convert("L"), dtype=np.uint8)[::-1], None
-    if image.mode not in _COLOUR:
-        raise UnreadableFileError(
-            path, f"has pixels of kind {image.mode}; allowed: grey, colour or palette images"
-        )
-    pixels = np.asarray(image.convert("RGBA"), dtype=np.float64)[::-1]
-    opacity = pixels[..., 3] if image.has_transparency_data else None
-    return pixels[..., :3].mean(axis=2), opacity
-
-
-def _open(path: Path, data: bytes) -> Image.Image:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -75,7 +60,17 @@ def _open(path: Path, data: bytes) -> Image.Image:
         raise UnreadableFileError(path, "is not an image; allowed: PGM, PNG, BMP") from error
     except (OSError, ValueError, SyntaxError, EOFError) as error:
         raise UnreadableFileError(path, f"is not an image that can be read: {error}") from error
-    return image
+    if image.mode in _DEEP:
+        return np.asarray(image, dtype=np.float64)[::-1] * _DEEP_TO_BYTE, None
+    if image.mode in _GREY:
+        return np.asarray(image.convert("L"), dtype=np.uint8)[::-1], None
+    if image.mode not in _COLOUR:
+        raise UnreadableFileError(
+            path, f"has pixels of kind {image.mode}; allowed: grey, colour or palette images"
+        )
+    pixels = np.asarray(image.convert("RGBA"), dtype=np.float64)[::-1]
+    opacity = pixels[..., 3] if image.has_transparency_data else None
+    return pixels[..., :3].mean(axis=2), opacity
 
 
 _LARGEST_YAML_BYTES = 1 << 16
@@ -237,23 +232,19 @@ def _read_ros_yaml(path: Path) -> _RosMap:
     if not isinstance(data, dict):
         raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
     with located(path):
-        return _ros_map(path, data)
-
-
-def _ros_map(path: Path, data: dict[str, Any]) -> _RosMap:
-    image, origin = data.get("image"), data.get("origin")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise BadInputError("origin", origin, "[x, y, yaw]")
-    x, y, yaw = (_number("origin", value) for value in origin)
-    return _RosMap(
-        image=path_inside("image", image, (path.parent,), path),
-        resolution_m=_number("resolution", data.get("resolution")),
-        origin=(x, y, yaw),
-        negate=_truth("negate", data.get("negate")),
-        occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),
-        free_thresh=_number("free_thresh", data.get("free_thresh")),
-        mode=str(data.get("mode", "trinary")),
-    )
+        image, origin = data.get("image"), data.get("origin")
+        if not isinstance(origin, list) or len(origin) != 3:
+            raise BadInputError("origin", origin, "[x, y, yaw]")
+        x, y, yaw = (_number("origin", value) for value in origin)
+        return _RosMap(
+            image=path_inside("image", image, (path.parent,), path),
+            resolution_m=_number("resolution", data.get("resolution")),
+            origin=(x, y, yaw),
+            negate=_truth("negate", data.get("negate")),
+            occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),
+            free_thresh=_number("free_thresh", data.get("free_thresh")),
+            mode=str(data.get("mode", "trinary")),
+        )
 
 
 def _number(key: str, value: object) -> float:

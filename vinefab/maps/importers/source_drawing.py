@@ -141,21 +141,19 @@ def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:
     """Return the points of consecutive pieces, each reversed where it fits better so."""
     parts = [piece.flat(tolerance) for piece in pieces]
     for index in range(1, len(parts)):
-        if index == 1 and _nearer_at_start(parts[0], parts[1]):
-            parts[0] = parts[0][::-1]
+        if index == 1:
+            off = [
+                min(math.dist(place, end) for end in (parts[1][0], parts[1][-1]))
+                for place in (parts[0][0], parts[0][-1])
+            ]
+            if off[0] < off[1]:
+                parts[0] = parts[0][::-1]
         here = parts[index - 1][-1]
         if math.dist(parts[index][-1], here) < math.dist(parts[index][0], here):
             parts[index] = parts[index][::-1]
         if len(parts[index]) > 1 and (parts[index][0] == here).all():
             parts[index] = parts[index][1:]
     return np.concatenate(parts)
-
-
-def _nearer_at_start(first: Floats, second: Floats) -> bool:
-    ends = (second[0], second[-1])
-    return min(math.dist(first[0], end) for end in ends) < min(
-        math.dist(first[-1], end) for end in ends
-    )
 
 
 _SIMPLIFY_SHARE = 1e-4
@@ -293,36 +291,32 @@ class SourceDrawing:
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
     """Return the map that a drawing shows, see `assemble`."""
     with located(path):
-        return _drawing_map(path, drawing, options)
-
-
-def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
-    options.refuse(("unknown", "least_obstacle_mm2"), "a drawing", path)
-    if not drawing.items:
-        held = drawing.facts.get("ignored") or "nothing"
-        raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")
-    given = options.scale_mm_per_unit
-    scale = drawing.mm_per_unit if given is None else given
-    frame, size_mm = framed(
-        _hull(drawing.items),
-        SourceFrame(
-            scale_mm_per_unit=scale, x=drawing.origin[0], y=drawing.origin[1], down=drawing.down
-        ),
-    )
-    chosen, tolerance_mm = _assembling(options, size_mm, curved=drawing.curved)
-    shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
-    points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
-    if points > _MOST_POINTS:
-        raise BadInputError("drawing", counted(points, "point"), f"at most {_MOST_POINTS}")
-    facts = {
-        "source": path.name,
-        **drawing.facts,
-        "scale_mm_per_unit": scale,
-        "shapes_read": len(shapes),
-        "curves_within_mm": tolerance_mm,
-        "simplify_mm": chosen.simplify_mm,
-    }
-    return assemble(visible(path.stem), shapes, frame, chosen, facts, layered=drawing.layered)
+        options.refuse(("unknown", "least_obstacle_mm2"), "a drawing", path)
+        if not drawing.items:
+            held = drawing.facts.get("ignored") or "nothing"
+            raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")
+        given = options.scale_mm_per_unit
+        scale = drawing.mm_per_unit if given is None else given
+        frame, size_mm = framed(
+            _hull(drawing.items),
+            SourceFrame(
+                scale_mm_per_unit=scale, x=drawing.origin[0], y=drawing.origin[1], down=drawing.down
+            ),
+        )
+        chosen, tolerance_mm = _assembling(options, size_mm, curved=drawing.curved)
+        shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
+        points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
+        if points > _MOST_POINTS:
+            raise BadInputError("drawing", counted(points, "point"), f"at most {_MOST_POINTS}")
+        facts = {
+            "source": path.name,
+            **drawing.facts,
+            "scale_mm_per_unit": scale,
+            "shapes_read": len(shapes),
+            "curves_within_mm": tolerance_mm,
+            "simplify_mm": chosen.simplify_mm,
+        }
+        return assemble(visible(path.stem), shapes, frame, chosen, facts, layered=drawing.layered)
 
 
 def _hull(items: tuple[DrawingItem, ...]) -> Floats:

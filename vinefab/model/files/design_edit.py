@@ -19,10 +19,11 @@ import tomli_w
 
 from vinefab.core.errors import BadInputError, CannotWriteError, VinefabError
 from vinefab.core.hashing import sha256_of
-from vinefab.core.units import rad
-from vinefab.model.design import Build, Design, Level, default_fillets_mm
-from vinefab.model.files.design_toml import design_of
-from vinefab.model.files.toml import toml_content
+from vinefab.core.table import declared_keys, inner_table
+from vinefab.core.units import file_number
+from vinefab.model.design import PER_LEVEL, Build, Design
+from vinefab.model.files.design_toml import design_content, design_of
+from vinefab.model.files.toml import table_content, toml_content
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
@@ -35,6 +36,9 @@ _DOTTED = re.compile(r"""(?<![\w"'.-])[\w"'-]++[ \t]*+\.[\w."' \t-]{1,200}+=""")
 """Keys in parts, ``build.tail_mm = 9``: tomlkit needs time that grows with the square of them."""
 
 _ELSEWHERE = "save it under another name"
+
+_AFTER = {"level": "trunk"}
+"""The table that new ones of an array stand below, where the file has none of them."""
 
 Order = list[int | None]
 """For each entry of a new list, the old entry that it continues; None for a new one."""
@@ -134,133 +138,57 @@ def _edit(
     file: "_EditedFile", content: Mapping[str, Any], old: Design, new: Design, order: Order
 ) -> None:
     scale = float(content.get("scale_mm_per_unit", 1.0))
-    if new.name != old.name:
-        file.document["name"] = new.name
-    if new.trunk_length_mm != old.trunk_length_mm:
-        length = file_number(new.trunk_length_mm, new.trunk_length_mm / scale, scale.__mul__)
-        file.put(file.document["trunk"], "length", length)
-    levels = [_level_values(level, scale) for level in new.levels]
-    unchanged = [_level_values(level, scale) for level in old.levels]
-    file.put_tables("level", unchanged, levels, order, after="trunk")
-    _edit_build(file, content.get("build", {}), old.build, new.build, order)
-    given, wanted = (
-        [{"fingerprint": w.fingerprint, "reason": w.reason} for w in design.waivers]
-        for design in (old, new)
-    )
-    continued = _order(old.waivers, new.waivers)
-    if continued[:1] == [None]:  # there may be nothing that a first one could follow
-        continued = _by_place(old.waivers, new.waivers)
-    file.put_tables("waive", given, wanted, continued)
-    for name, before, after in (
-        ("limits", old.limits, new.limits),
-        ("origin", old.origin, new.origin),
-    ):
-        file.put_free_table(name, _plain_tables(before), _plain_tables(after))
+    waived = _order(old.waivers, new.waivers)
+    if waived[:1] == [None]:  # there may be nothing that a first one could follow
+        waived = _by_place(old.waivers, new.waivers)
+    given, wanted = (_in_units_of_file(design, scale) for design in (old, new))
+    for key in declared_keys(Design):
+        name, before, after = key.name, given.get(key.name), wanted.get(key.name)
+        if name == "build":
+            file.put_build(_build_changes(content.get(name, {}), old.build, new.build), order)
+        elif isinstance(after, list):
+            file.put_tables(name, before or [], after, waived if name == "waive" else order)
+        elif isinstance(after, dict) and inner_table(key.annotation) is None:
+            file.put_free_table(name, before or {}, after)
+        elif isinstance(after, dict):
+            file.put_changes(file.document[name], before or {}, after)
+        elif before != after:
+            file.put(file.document, name, after)
 
 
-def _level_values(level: Level, scale: float) -> dict[str, Any]:
-    percent = 100.0 * level.growth
-    return {
-        "branches": level.branches,
-        "length": file_number(level.length_mm, level.length_mm / scale, scale.__mul__),
-        "angle_deg": file_number(level.fan_rad, math.degrees(level.fan_rad), rad),
-        "growth_percent": file_number(level.growth, percent, lambda given: given / 100.0),
-    }
+def _in_units_of_file(design: Design, scale: float) -> dict[str, Any]:
+    """Return the content of a design with lengths that are read right with a file's scale."""
+    content = design_content(design)
+    for table in (content["trunk"], *content["level"]):
+        length_mm = table["length"]
+        table["length"] = file_number(length_mm, length_mm / scale, scale.__mul__)
+    return content
 
 
-def file_number(wanted: float, guess: float, read: Callable[[float], float]) -> float:
-    """Return the shortest number that is read as the one wanted.
-
-    Parameters
-    ----------
-    guess
-        Near what is looked for; it is returned where nothing near it is read exactly so.
-    read
-        What becomes of a number of a file.
-
-    Examples
-    --------
-    >>> file_number(12.500000000000002 / 100.0, 12.500000000000002, lambda n: n / 100.0)
-    12.500000000000002
-    >>> file_number(0.3, 0.1 + 0.2, float)
-    0.3
-    """
-    short = (float(f"{guess:.{digits}g}") for digits in range(1, 18))
-    for number in (*short, *_neighbours(guess)):
-        if read(number) == wanted:
-            return number
-    return guess
-
-
-def _neighbours(number: float, most: int = 8) -> Iterator[float]:
-    above = below = number
-    for _ in range(most):
-        above, below = math.nextafter(above, math.inf), math.nextafter(below, -math.inf)
-        yield above
-        yield below
-
-
-def _edit_build(
-    file: "_EditedFile", table: Mapping[str, Any], old: Build, new: Build, order: Order
-) -> None:
-    """Change what differs in ``[build]``; what others follow from stays while they still do."""
+def _build_changes(table: Mapping[str, Any], old: Build, new: Build) -> dict[str, Any]:
+    """Return what differs in ``[build]``; what follows from other values stays while it does."""
     changes: dict[str, Any] = {}
-    widths = _widths_that_follow(table, len(new.widths_mm))
-    if widths != new.widths_mm:
+    ratios = {name: table.get(name) for name in ("trunk_width_mm", "width_ratio")}
+    depth, widths_mm = len(new.widths_mm), table.get("widths_mm")
+    if tuple(widths_mm or Build(**ratios).for_levels(depth).widths_mm) != new.widths_mm:
         changes |= {"widths_mm": list(new.widths_mm), "trunk_width_mm": None, "width_ratio": None}
-    if _fillets_that_follow(table, new.widths_mm) != new.fillet_mm:
+    fillets_mm = table.get("fillet_mm")
+    if fillets_mm is None:
+        ratio = table.get("fillet_ratio")
+        fillets_mm = Build(widths_mm=new.widths_mm, fillet_ratio=ratio).fillet_mm
+    if tuple(fillets_mm) != new.fillet_mm:
         changes |= {"fillet_mm": list(new.fillet_mm), "fillet_ratio": None}
-    if new.taper != old.taper:
-        changes["taper"] = list(new.taper) or None
-    for name in ("tail_mm", "pressure_kpa", "mounting"):
-        if getattr(new, name) != getattr(old, name):
-            changes[name] = getattr(new, name)
-    for name, keys in _PARTS.items():
-        before, after = (_part(getattr(build, name), keys) for build in (old, new))
-        if before != after:
-            differing = {key: after[key] for key in after if after[key] != before.get(key)}
-            changes[name] = differing or None
-    file.put_build(changes, order)
-
-
-_PARTS = {
-    "pouch": ("shape", "radius_mm", "length_mm", "width_mm"),
-    "collar": ("clamp_diameter_mm", "length_mm", "flare_mm"),
-    "pieces": ("most", "lap_mm", "ease_mm"),
-}
-"""Tables in ``[build]``, and their keys."""
-
-
-def _part(part: object, keys: Sequence[str]) -> dict[str, Any]:
-    return {} if part is None else {key: getattr(part, key) for key in keys}
-
-
-def _widths_that_follow(table: Mapping[str, Any], depth: int) -> tuple[float, ...]:
-    """Return the widths that a file gives for a number of levels."""
-    if "widths_mm" in table:
-        return tuple(table["widths_mm"])
-    ratios = {
-        "trunk_width_mm": table.get("trunk_width_mm"),
-        "width_ratio": table.get("width_ratio"),
-    }
-    return Build.standard(depth, **{k: v for k, v in ratios.items() if v is not None}).widths_mm
-
-
-def _fillets_that_follow(
-    table: Mapping[str, Any], widths_mm: tuple[float, ...]
-) -> tuple[float, ...]:
-    """Return the fillets that a file gives for some widths."""
-    if "fillet_mm" in table:
-        return tuple(table["fillet_mm"])
-    ratio = table.get("fillet_ratio")
-    return default_fillets_mm(widths_mm) if ratio is None else default_fillets_mm(widths_mm, ratio)
-
-
-def _plain_tables(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: _plain_tables(value) if isinstance(value, Mapping) else value
-        for name, value in content.items()
-    }
+    given, wanted = (table_content(build) for build in (old, new))
+    for key in declared_keys(Build):
+        usual = key.default if isinstance(key.default, str) else None
+        before, after = (content.get(key.name, usual) for content in (given, wanted))
+        if key.name in ("widths_mm", "fillet_mm") or before == after:
+            continue
+        if isinstance(after, dict):
+            was = before or {}
+            after = {k: after.get(k) for k in {**was, **after} if after.get(k) != was.get(k)}
+        changes[key.name] = None if after == [] else after
+    return changes
 
 
 @dataclass(slots=True)
@@ -297,26 +225,23 @@ class _EditedFile:
         old: Sequence[Mapping[str, Any]],
         new: Sequence[Mapping[str, Any]],
         order: Order,
-        *,
-        after: str = "",
     ) -> None:
         """Change the tables of an array of them: new ones, old ones, and values that differ."""
         if list(old) == list(new):
             return
         tables = self.document.get(name)
         if not isinstance(tables, list) or not tables or not _takes_lines(tables[0]):
-            self._put_inline_tables(name, tables, old, new, order, after=after)
+            self._put_inline_tables(name, tables, old, new, order)
             return
         kept = list(tables)
         for index, values in zip(order, new, strict=True):
             if index is not None:
-                self._put_changes(kept[index], old[index], values)
+                self.put_changes(kept[index], old[index], values)
         last = None if order[:1] == [None] else kept[0]
         for index, values in zip(order, new, strict=True):
             if index is None:
-                self._add(
-                    self.document[after] if last is None else last, _table_block(name, values)
-                )
+                before = self.document[_AFTER[name]] if last is None else last
+                self._add(before, _table_block(name, values))
             else:
                 last = kept[index]
         _remove_all_but(tables, order)
@@ -330,14 +255,12 @@ class _EditedFile:
         old: Sequence[Mapping[str, Any]],
         new: Sequence[Mapping[str, Any]],
         order: Order,
-        *,
-        after: str,
     ) -> None:
         """Change an array of inline tables, or add tables where there are none."""
         if tables is None or len(tables) == 0:
             if tables is not None:
                 del self.document[name]
-            before = self.document.get(after)
+            before = self.document.get(_AFTER.get(name, ""))
             for values in new:
                 block = _table_block(name, values)
                 if before is not None and _takes_lines(before):
@@ -351,17 +274,18 @@ class _EditedFile:
             if old_place is None:
                 tables.insert(place, _inline(values))
             else:
-                self._put_changes(kept[old_place], old[old_place], values)
+                self.put_changes(kept[old_place], old[old_place], values)
 
-    def _put_changes(
+    def put_changes(
         self,
         table: Any,  # noqa: ANN401  tomlkit's
         old: Mapping[str, Any],
         new: Mapping[str, Any],
     ) -> None:
-        for key, value in new.items():
-            if value != old[key]:
-                self.put(table, key, value)
+        """Change the values of a table that differ."""
+        for key in {**old, **new}:
+            if new.get(key) != old.get(key):
+                self.put(table, key, new.get(key))
 
     def put_build(self, changes: Mapping[str, Any], order: Order) -> None:
         """Change table ``[build]``, or add it."""
@@ -373,7 +297,7 @@ class _EditedFile:
                 self.at_end.append(f"[build]\n{''.join(lines)}")
             return
         by_level: Order = [0, *(None if index is None else index + 1 for index in order)]
-        orders = {"widths_mm": by_level, "taper": by_level, "fillet_mm": order}
+        orders = {name: by_level if mark.first == 1 else order for name, mark in PER_LEVEL.items()}
         for key, value in changes.items():
             if key in orders and key in table and value is not None:
                 _put_list(table[key], value, orders[key])
@@ -555,16 +479,10 @@ def _gives(text: str, design: Design, source: str | Path) -> bool:
 
 
 def _is_near(read: Design, wanted: Design) -> bool:
-    if read == wanted:
-        return True
-    lengths = [
-        (one.trunk_length_mm, *(level.length_mm for level in one.levels)) for one in (read, wanted)
-    ]
-    return _without_lengths(read) == _without_lengths(wanted) and all(
-        math.isclose(one, other, rel_tol=4e-16) for one, other in zip(*lengths, strict=True)
+    if len(read.levels) != len(wanted.levels):
+        return False
+    pairs = list(zip((read.trunk, *read.levels), (wanted.trunk, *wanted.levels), strict=True))
+    trunk, *levels = (one.changed(length_mm=other.length_mm) for one, other in pairs)
+    return read.changed(trunk=trunk, levels=levels) == wanted and all(
+        math.isclose(one.length_mm, other.length_mm, rel_tol=4e-16) for one, other in pairs
     )
-
-
-def _without_lengths(design: Design) -> tuple[object, ...]:
-    levels = [(level.branches, level.fan_rad, level.growth) for level in design.levels]
-    return (design.name, levels, design.build, design.waivers, design.origin, design.limits)

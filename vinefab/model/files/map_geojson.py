@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import shapely
@@ -13,11 +13,12 @@ from shapely import LineString, Point, Polygon
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.plain_text import counted
-from vinefab.core.units import deg, rad
+from vinefab.core.table import declared_keys, validated
+from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, Pose, Start, are_valid, refuse_jagged
-from vinefab.model.start_place import StartPlace, with_starts
+from vinefab.model.start_place import StartPlace, StartTable, with_starts
 
 _LARGEST_BYTES = 1 << 30
 _DECIMALS = 6
@@ -141,16 +142,8 @@ def _reason(polygon: Polygon) -> str:
 
 MAP_SCHEMA = "vinefab/map-1"
 _ROLES = ("bounds", "obstacle", "start")
-_START_NUMBERS = (
-    "x_mm",
-    "y_mm",
-    "heading_deg",
-    "spread_x_mm",
-    "spread_y_mm",
-    "spread_heading_deg",
-    "inset_mm",
-    "clearance_mm",
-)
+_OF_GEOMETRY = ("line", "area")
+"""Keys of a start whose place GeoJSON has in the geometry."""
 _SLACK_MM = 1e-6
 
 
@@ -316,20 +309,25 @@ _START_SHAPES = ("Point", "LineString", "Polygon")
 
 def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
     properties = feature["properties"]
-    given = {
-        name: _number(f"{key}.properties.{name}", properties[name])
-        for name in _START_NUMBERS
-        if properties.get(name) is not None
-    }
+    names = [one.name for one in declared_keys(StartTable) if one.name not in _OF_GEOMETRY]
+    given = {name: properties[name] for name in names if properties.get(name) is not None}
     try:
         area = _start_area(key, feature)
-        if area is None and "side" not in properties:
-            return _start_pose(key, _point(key, feature), given)
-        return _start_place(key, area, properties.get("side"), given)
+        point = _point(key, feature) if area is None and "side" not in properties else None
     except BadInputError as error:
         if error.key.startswith(key):
             raise
         raise BadInputError(f"{key}: {error.key}", error.value, error.allowed) from error
+    try:
+        table = validated(StartTable, given)
+        if point is not None:
+            table.only_without("x_mm", "y_mm", at="a point")
+            return table.changed(x_mm=point[0], y_mm=point[1]).start
+        return _start_place(table, area)
+    except BadInputError as error:
+        name = error.key.removeprefix("start.")
+        where = "geometry" if name == "area" else f"properties.{name}"
+        raise BadInputError(f"{key}.{where}", error.value, error.allowed) from error
 
 
 def _start_area(key: str, feature: dict[str, Any]) -> LineString | Polygon | None:
@@ -348,50 +346,22 @@ def _start_area(key: str, feature: dict[str, Any]) -> LineString | Polygon | Non
     return None
 
 
-def _start_pose(key: str, place_mm: tuple[float, float], given: dict[str, float]) -> Start:
-    for name in ("x_mm", "y_mm", "inset_mm", "clearance_mm"):
-        if name in given:
-            raise BadInputError(f"{key}.properties.{name}", given[name], "a line, area or side")
-    heading_deg = _number(f"{key}.properties.heading_deg", given.get("heading_deg"))
-    return Start(
-        pose=Pose(x_mm=place_mm[0], y_mm=place_mm[1], heading_rad=rad(heading_deg)),
-        spread_x_mm=given.get("spread_x_mm", 0.0),
-        spread_y_mm=given.get("spread_y_mm", 0.0),
-        spread_heading_rad=rad(given.get("spread_heading_deg", 0.0)),
-    )
-
-
-def _start_place(
-    key: str, area: LineString | Polygon | None, side: object, given: dict[str, float]
-) -> Start | StartPlace:
+def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start | StartPlace:
+    """Return the start on a side or in an area; with a pose in it, the pose is kept."""
     for name in ("spread_x_mm", "spread_y_mm"):
-        if given.get(name):
-            raise BadInputError(f"{key}.properties.{name}", given[name], "0 for a line or an area")
-    if side is not None and area is not None:
-        raise BadInputError(f"{key}.properties.side", side, "no geometry beside it, or no side")
-    heading_deg, clearance_mm = given.get("heading_deg"), given.get("clearance_mm")
-    place = StartPlace(
-        side=cast("str | None", side),
-        area=area,
-        inset_mm=given.get("inset_mm"),
-        heading_rad=None if heading_deg is None else rad(heading_deg),
-        spread_heading_rad=rad(given.get("spread_heading_deg", 0.0)),
-        clearance_mm=clearance_mm,
-    )
-    if area is None or place.heading_rad is None or not given.keys() >= {"x_mm", "y_mm"}:
+        if getattr(table, name):
+            raise BadInputError(name, getattr(table, name), "0 for a line or an area")
+    if table.side is not None and area is not None:
+        raise BadInputError("side", table.side, "no geometry beside it, or no side")
+    place = table.place(area)
+    if area is None or place.heading_rad is None or table.x_mm is None or table.y_mm is None:
         return place
     return Start(
-        pose=Pose(x_mm=given["x_mm"], y_mm=given["y_mm"], heading_rad=place.heading_rad),
+        pose=Pose(x_mm=table.x_mm, y_mm=table.y_mm, heading_rad=place.heading_rad),
         spread_heading_rad=place.spread_heading_rad,
         area=area,
         clearance_mm=place.least_clearance_mm,
     )
-
-
-def _number(key: str, value: object) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e300:
-        raise BadInputError(key, value, "a number")
-    return float(value)
 
 
 def _starts_on(world: Map, content: _Content) -> tuple[Start, ...]:

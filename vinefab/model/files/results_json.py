@@ -1,4 +1,4 @@
-"""Deployments and scores as JSON: ``vinefab/deployment-1`` and ``vinefab/score-1``."""
+"""Deployments as JSON, ``vinefab/deployment-1``."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,7 +6,6 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
-from vinefab.model.score import Score
 
 DEPLOYMENT_SCHEMA = "vinefab/deployment-1"
 
@@ -47,7 +46,7 @@ def branches_content(deployment: Deployment) -> list[dict[str, object]]:
 
 def pose_content(pose: Pose) -> dict[str, float]:
     """Return a pose as in our JSON files."""
-    return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": deg(pose.heading_rad)}
+    return pose.content
 
 
 def _branch(deployment: Deployment, names: tuple[str, ...], index: int) -> dict[str, object]:
@@ -66,29 +65,3 @@ def _branch(deployment: Deployment, names: tuple[str, ...], index: int) -> dict[
         "contacts_mm": deployment.contacts_mm(index).tolist(),
         "tight_exit": bool(deployment.tight_exit[index]),
     }
-
-
-SCORE_SCHEMA = "vinefab/score-1"
-
-
-def score_text(score: Score) -> str:
-    """Return a score with all its evaluations as JSON."""
-    evaluations = [
-        {
-            "map": evaluation.map_name,
-            "pose": pose_content(evaluation.pose),
-            "score": evaluation.score,
-            "terms": dict(evaluation.terms),
-            "parts": dict(evaluation.parts),
-        }
-        for evaluation in score.evaluations
-    ]
-    content = {
-        "task": score.task,
-        "growth": dict(score.growth),
-        "evaluations": evaluations,
-        "composite": dict(score.composite),
-        "parts": dict(score.parts),
-        "notes": list(score.notes),
-    }
-    return json_text(SCORE_SCHEMA, content)

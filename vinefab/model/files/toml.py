@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vinefab.core import table
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.table import declared_keys
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
 from vinefab.model.files.shipped import read_text
@@ -66,6 +67,29 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
             raise
         allowed = f"{error.allowed}{_other_kind(error.value, error.allowed)}"
         raise BadInputError(error.key, error.value, allowed, source) from error
+
+
+def table_content(table: BaseModel) -> dict[str, Any]:
+    """Return a declared table as the keys and plain values of a file.
+
+    Keys without a value are left out, and words at their default; numbers are not, as a later
+    version may have other defaults.
+    """
+    content = {}
+    for key in declared_keys(type(table)):
+        value = getattr(table, key.field)
+        usual = isinstance(value, str) and value == key.default and key.name != "schema"
+        if value is not None and not usual:
+            content[key.name] = _plain(value)
+    return content
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401  a value of any field
+    if isinstance(value, BaseModel):
+        return table_content(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(inner) for name, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, tuple | list) else value
 
 
 _KINDS_OF_FILES = {

@@ -196,7 +196,7 @@ class RunResult:
     exit_code: int = 0
 
     @property
-    def details(self) -> tuple[str, ...]:
+    def all_lines(self) -> tuple[str, ...]:
         """The summary, and where the time went."""
         return (self.times.summary, *self.summary)
 
@@ -259,13 +259,13 @@ class RunResult:
 
     def with_prediction(self, prediction: Mapping[str, Any]) -> "RunResult":
         """Return the result with what is predicted of the winner, also in the winner's origin."""
-        best = replace(self.best, origin={**self.best.origin, **prediction.get("origin", {})})
+        best = self.best.changed(origin={**self.best.origin, **prediction.get("origin", {})})
         return replace(self, best=best, prediction=prediction)
 
     def with_recipe(self, recipe: RunRecipe, folder: Path | None = None) -> "RunResult":
         """Return the result with the recipe of the run, which is copied into its folder."""
         origin = {**self.best.origin, ORIGIN_RECIPE: recipe.origin}
-        return replace(self, recipe=recipe, best=replace(self.best, origin=origin, folder=folder))
+        return replace(self, recipe=recipe, best=self.best.changed(origin=origin, folder=folder))
 
     def write_winner(self, folder: Path, *, force: bool = False) -> None:
         """Write the winner into a folder, with the files of the recipe that its origin names."""
@@ -339,7 +339,7 @@ def with_origin(
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
         ORIGIN_GROWTH: settings.growth.content,
     }
-    return replace(finalist.design, name=settings.name, origin=origin)
+    return finalist.design.changed(name=settings.name, origin=origin)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

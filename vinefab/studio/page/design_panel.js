@@ -2,59 +2,27 @@
 
 import { el, number, setAt, valueAt } from "studio/dom.js";
 
-const UNLIMITED = 10000;
-
-/** Values of the trunk and of what is built once: label, unit, range, range of the slider, step. */
-const BUILD = [
-  { key: "build.pressure_kpa", label: "Pressure", unit: "kPa", least: 0, most: 10000, slider: [0, 60], step: 0.5 },
-  { key: "build.tail_mm", label: "Tail", unit: "mm", least: 0, most: UNLIMITED, slider: [0, 400], step: 1 },
-];
-const POUCH = {
-  round: [{ key: "build.pouch.radius_mm", label: "Radius", unit: "mm", least: 0.1, most: 1000, slider: [2, 60], step: 0.5 }],
-  rectangle: [
-    { key: "build.pouch.length_mm", label: "Length", unit: "mm", least: 0.1, most: 1000, slider: [2, 120], step: 0.5 },
-    { key: "build.pouch.width_mm", label: "Width", unit: "mm", least: 0.1, most: 1000, slider: [2, 120], step: 0.5 },
-  ],
-};
-const PIECES = [
-  { key: "build.pieces.most", label: "At most", unit: "pieces", least: 1, most: 676, slider: [1, 12], step: 1, whole: true },
-  { key: "build.pieces.lap_mm", label: "Lap", unit: "mm", least: 1, most: 1000, slider: [5, 40], step: 0.5 },
-  { key: "build.pieces.ease_mm", label: "Ease", unit: "mm", least: 0, most: 100, slider: [0, 5], step: 0.1 },
-];
-
-function trunkRows() {
-  return [
-    { key: "trunk.length", label: "Length", unit: "mm", least: 0.1, most: UNLIMITED, slider: [10, 500], step: 1 },
-    ...buildRows(0),
-  ];
+/** Return the number rows of a table with their whole keys; lists are the levels'. */
+function numberRows(rows, prefix) {
+  return rows.filter((row) => row.slider && !row.first).map((row) => ({ ...row, key: join(prefix, row.key) }));
 }
 
-function levelRows(index) {
-  const key = `level.${index}`;
-  return [
-    { key: `${key}.length`, label: "Length", unit: "mm", least: 0.1, most: UNLIMITED, slider: [10, 400], step: 1 },
-    { key: `${key}.angle_deg`, label: "Fan", unit: "°", least: 0, most: 360, slider: [0, 360], step: 1, title: "Angle of the whole fan" },
-    { key: `${key}.branches`, label: "Branches", unit: "", least: 1, most: 1000, slider: [1, 8], step: 1, whole: true, title: "Children of every branch before" },
-    { key: `${key}.growth_percent`, label: "Growth", unit: "%", least: 0.1, most: 10000, slider: [20, 300], step: 1, title: "Length of the last child over that of the first" },
-    ...buildRows(index + 1),
-    { key: `build.fillet_mm.${index}`, label: "Fillet", unit: "mm", least: 0, most: 1000, slider: [0, 20], step: 0.1 },
-  ];
+/** Return the rows that a level has in lists of the build; the trunk is level 1. */
+function listRows(form, level) {
+  const rows = buildLists(form).filter((row) => level >= row.first);
+  return rows.map((row) => ({ ...row, list: `build.${row.key}`, key: `build.${row.key}.${level - row.first}` }));
 }
 
-function buildRows(level) {
-  return [
-    { key: `build.widths_mm.${level}`, label: "Width", unit: "mm", least: 0.1, most: 10000, slider: [3, 80], step: 0.1, title: "Lay-flat lumen width where its branches begin" },
-    { key: `build.taper.${level}`, label: "Taper", unit: "×", least: 0.01, most: 1, slider: [0.3, 1], step: 0.01, absent: 1, title: "Width at the end over width at the beginning" },
-  ];
-}
+const join = (prefix, key) => (prefix ? `${prefix}.${key}` : key);
+const rowOf = (rows, key) => rows.find((row) => row.key === key);
+const buildLists = (form) => rowOf(form.rows, "build").rows.filter((row) => row.first);
 
-function readValue(design, row) {
-  return valueAt(design, row.key) ?? row.absent;
-}
+/** Return what a row shows where the design leaves the key out. */
+const absent = (row) => row.absent ?? row.default ?? row.slider[0];
 
 function writeValue(design, row, value) {
-  if (row.key.startsWith("build.taper") && !design.build.taper?.length) {
-    design.build.taper = design.build.widths_mm.map(() => 1);
+  if (row.list && !valueAt(design, row.list)?.length) {
+    setAt(design, row.list, Array(design.level.length + 2 - row.first).fill(absent(row)));
   }
   setAt(design, row.key, value);
 }
@@ -66,6 +34,8 @@ function parameter(row, app, drag) {
   const slider = el("input", {
     type: "range", min: low, max: high, step: row.step, "aria-label": `${row.name} ${row.label}, slider`, "data-key": row.key,
   });
+  const least = row.least ?? -Infinity;
+  const most = row.most ?? Infinity;
   const exact = el("input", { type: "number", id, min: row.least, max: row.most, step: "any", "data-key": row.key });
   const lock = el("button", {
     type: "button", class: "lock", "aria-pressed": "false",
@@ -74,7 +44,7 @@ function parameter(row, app, drag) {
 
   const set = (value, group) => {
     if (!Number.isFinite(value)) return;
-    const fitting = Math.min(row.most, Math.max(row.least, row.whole ? Math.round(value) : value));
+    const fitting = Math.min(most, Math.max(least, row.whole ? Math.round(value) : value));
     app.store.change(`${row.name} ${row.label}`.toLowerCase(), (state) => writeValue(state.design, row, fitting), { group });
   };
   slider.addEventListener("input", (event) => {
@@ -99,7 +69,7 @@ function parameter(row, app, drag) {
   });
 
   function show(state) {
-    const value = readValue(state.design, row);
+    const value = valueAt(state.design, row.key) ?? absent(row);
     const locked = state.locks.includes(row.key);
     // A slider reaches as far as the value that it shows.
     slider.max = Math.max(high, Math.ceil(value));
@@ -114,7 +84,7 @@ function parameter(row, app, drag) {
 
   const line = el(
     "div", { class: "parameter" },
-    el("label", { for: id, title: row.title }, row.label), slider, exact,
+    el("label", { for: id, title: row.about }, row.label), slider, exact,
     el("span", { class: "unit", "aria-hidden": "true" }, row.unit), lock,
   );
   return { line, show };
@@ -127,46 +97,60 @@ function group(title, rows, app, drag, extra = []) {
 }
 
 /** Return the shape of a design: what decides which rows there are. */
-function shape(design) {
-  const { pouch, pieces } = design.build;
-  return JSON.stringify([design.level.length, pouch?.shape ?? "", Boolean(pieces)]);
+function shape(form, design) {
+  const tables = form.rows.flatMap((row) => [row, ...(row.rows ?? [])]).filter((row) => row.rows);
+  const held = tables.map((row) => Object.keys(design[row.key] ?? design.build[row.key] ?? {}));
+  return JSON.stringify([design.level.length, held]);
 }
 
-function addLevel(state) {
+/** What a new level has in the lists of the build, from the width before it. */
+const NEW = {
+  widths_mm: (width) => Number((0.6 * width).toFixed(2)),
+  fillet_mm: (width) => Math.max(2, Number((0.15 * width).toFixed(2))),
+};
+
+function addLevel(form, state) {
   const { design } = state;
-  const last = design.level.at(-1) ?? { branches: 2, length: design.trunk.length, angle_deg: 90, growth_percent: 100 };
+  const first = { branches: 2, length: design.trunk.length, angle_deg: 90 };
+  for (const row of rowOf(form.rows, "level").rows) first[row.key] ??= row.default ?? row.slider?.[0];
+  const last = design.level.at(-1) ?? first;
   const width = design.build.widths_mm.at(-1);
   design.level.push({ ...last, length: Math.round(0.7 * last.length) });
-  design.build.widths_mm.push(Number((0.6 * width).toFixed(2)));
-  design.build.fillet_mm.push(Math.max(2, Number((0.15 * width).toFixed(2))));
-  if (design.build.taper?.length) design.build.taper.push(1);
+  for (const row of buildLists(form)) {
+    const list = design.build[row.key];
+    if (list?.length || row.absent === null) list.push(NEW[row.key]?.(width) ?? list.at(-1) ?? absent(row));
+  }
 }
 
-function removeLevel(state) {
+function removeLevel(form, state) {
   const { design } = state;
   const gone = design.level.length - 1;
   design.level.pop();
-  design.build.widths_mm.pop();
-  design.build.fillet_mm.pop();
-  if (design.build.taper?.length) design.build.taper.pop();
-  const kept = (key) => !key.startsWith(`level.${gone}.`) && !key.endsWith(`widths_mm.${gone + 1}`)
-    && !key.endsWith(`taper.${gone + 1}`) && !key.endsWith(`fillet_mm.${gone}`);
-  state.locks = state.locks.filter(kept);
+  for (const row of buildLists(form)) design.build[row.key]?.pop();
+  const lists = listRows(form, gone + 2).map((row) => row.key);
+  state.locks = state.locks.filter((key) => !key.startsWith(`level.${gone}.`) && !lists.includes(key));
 }
 
-function setPouch(state, kind) {
-  const width = state.design.build.widths_mm.at(-1);
-  const sizes = { round: { radius_mm: width }, rectangle: { length_mm: 3 * width, width_mm: 2 * width } };
-  if (kind) state.design.build.pouch = { shape: kind, ...sizes[kind] };
-  else delete state.design.build.pouch;
-  state.locks = state.locks.filter((key) => !key.startsWith("build.pouch"));
+/** What a new table begins with, where its declaration does not say it. */
+const START = {
+  pouch(design, kind) {
+    const width = design.build.widths_mm.at(-1);
+    return kind === "round" ? { radius_mm: width } : { length_mm: 3 * width, width_mm: 2 * width };
+  },
+  collar: (design) => ({ clamp_diameter_mm: Number(((2 * design.build.widths_mm[0]) / Math.PI).toFixed(1)) }),
+};
+
+/** Add a table to the design, of a kind if it has kinds; null removes it. */
+function setTable(state, row, key, kind) {
+  const choice = row.rows.find((inner) => inner.choices);
+  const made = choice ? { [choice.key]: kind } : {};
+  for (const inner of choice ? [] : row.rows) made[inner.key] = inner.default ?? inner.slider[0];
+  Object.assign(made, START[row.key]?.(state.design, kind));
+  setAt(state.design, key, kind === null ? undefined : made);
+  state.locks = state.locks.filter((locked) => !locked.startsWith(key));
 }
 
-function setPieces(state, isCut) {
-  if (isCut) state.design.build.pieces = { most: 6, lap_mm: 15, ease_mm: 1 };
-  else delete state.design.build.pieces;
-  state.locks = state.locks.filter((key) => !key.startsWith("build.pieces"));
-}
+const words = (choice) => choice.replaceAll("_", " ");
 
 export function mount(root, app) {
   let parts = [];
@@ -185,41 +169,84 @@ export function mount(root, app) {
     else app.say("A name has letters, digits, '_', '-' and '.'", "error");
     name.value = app.store.get().design.name;
   });
-  const more = el("button", { type: "button", onclick: () => app.store.change("a level more", addLevel) }, "Add a level");
-  const less = el("button", { type: "button", onclick: () => app.store.change("a level less", removeLevel) }, "Remove the last");
-  const pouch = el("select", { id: "pouch-shape" },
-    el("option", { value: "" }, "rounded tips"), el("option", { value: "round" }, "round pouch"), el("option", { value: "rectangle" }, "rectangular pouch"));
-  pouch.addEventListener("change", () => app.store.change("pouch", (state) => setPouch(state, pouch.value)));
-  const pieces = el("input", { type: "checkbox", id: "in-pieces" });
-  pieces.addEventListener("change", () => app.store.change("pieces", (state) => setPieces(state, pieces.checked)));
-  const mounting = el("select", { id: "mounting" },
-    el("option", { value: "tail_inverted" }, "tail inverted, inside ends outside"), el("option", { value: "turned" }, "turned inside out first"));
-  mounting.addEventListener("change", () => app.store.change("mounting", (state) => { state.design.build.mounting = mounting.value; }));
+  const { form } = app.hello;
+  const more = el("button", { type: "button", onclick: () => app.store.change("a level more", (state) => addLevel(form, state)) }, "Add a level");
+  const less = el("button", { type: "button", onclick: () => app.store.change("a level less", (state) => removeLevel(form, state)) }, "Remove the last");
   const body = el("div", { class: "parameters" });
   root.append(
     el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name),
     body,
   );
 
+  /** Return a field with a choice: of a key, or of whether and as what there is a table. */
+  function choiceField(key, row, options, valueOf, set) {
+    const id = `choice-${key.replaceAll(".", "-")}`;
+    const select = el("select", { id }, options.map(([value, text]) => el("option", { value }, text)));
+    select.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => set(state, select.value)));
+    const box = el("div", { class: "field" }, el("label", { for: id, title: row.about }, row.label), select);
+    const show = (state) => {
+      select.value = valueOf(state.design);
+      select.disabled = !app.live;
+    };
+    return { box, show };
+  }
+
+  /** Return the field that adds a table to the design and removes it. */
+  function tableField(key, row) {
+    const choice = row.rows.find((inner) => inner.choices);
+    if (choice) {
+      const options = [["", "none"], ...choice.choices.map((value) => [value, words(value)])];
+      const valueOf = (design) => valueAt(design, key)?.[choice.key] ?? "";
+      return choiceField(key, { ...choice, about: row.about }, options, valueOf, (state, value) => setTable(state, row, key, value || null));
+    }
+    const id = `choice-${key.replaceAll(".", "-")}`;
+    const box = el("input", { type: "checkbox", id });
+    box.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => setTable(state, row, key, box.checked ? "" : null)));
+    const show = (state) => {
+      box.checked = Boolean(valueAt(state.design, key));
+      box.disabled = !app.live;
+    };
+    return { box: el("div", { class: "field" }, box, el("label", { for: id, title: row.about }, row.about.split(/[,;]/)[0])), show };
+  }
+
+  /** Return the groups of a table: its own numbers and choices, then the tables in it. */
+  function tableGroups(design, title, rows, prefix, lists, field = null) {
+    const fields = field ? [field] : [];
+    for (const row of rows.filter((one) => one.choices && !field)) {
+      const key = join(prefix, row.key);
+      const options = row.choices.map((value) => [value, words(value)]);
+      fields.push(choiceField(key, row, options, (shown) => valueAt(shown, key) ?? row.default, (state, value) => setAt(state.design, key, value)));
+    }
+    const held = prefix ? valueAt(design, prefix) : design;
+    const isOfKind = field && rows.some((row) => row.choices); // then only what this kind has
+    const numbers = held ? numberRows(rows, prefix).filter((row) => !isOfKind || valueAt(design, row.key) !== undefined) : [];
+    const own = group(title, [...numbers, ...lists], app, drag, fields.map((one) => one.box));
+    const groups = [{ box: own.box, show: (state) => [own, ...fields].forEach((part) => part.show(state)) }];
+    for (const row of field ? [] : rows.filter((one) => one.rows && !one.many && prefix)) {
+      const key = join(prefix, row.key);
+      groups.push(...tableGroups(design, row.label, row.rows, key, [], tableField(key, row)));
+    }
+    return groups;
+  }
+
   function build(state) {
     const { design } = state;
-    parts = [group("Trunk", trunkRows(), app, drag)];
-    design.level.forEach((_, index) => parts.push(group(`Level ${index + 2}`, levelRows(index), app, drag)));
     const levels = el("div", { class: "buttons" }, more, less);
-    const tips = el("div", { class: "field" }, el("label", { for: "pouch-shape" }, "Tips"), pouch);
-    const tipsGroup = group("Pouch", POUCH[design.build.pouch?.shape] ?? [], app, drag, [tips]);
-    const cut = el("div", { class: "field" }, pieces, el("label", { for: "in-pieces" }, "may be cut in pieces"));
-    const piecesGroup = group("Pieces", design.build.pieces ? PIECES : [], app, drag, [cut]);
-    const mounted = el("div", { class: "field" }, el("label", { for: "mounting" }, "Mounting"), mounting);
-    const built = group("Build", BUILD, app, drag, [mounted]);
-    parts.push(built, tipsGroup, piecesGroup);
-    const boxes = parts.map((part) => part.box);
-    boxes.splice(1 + design.level.length, 0, levels);
-    body.replaceChildren(...boxes);
+    parts = [];
+    const top = form.rows.filter((row) => !row.rows);
+    if (top.length) parts.push(...tableGroups(design, "Design", top, "", []));
+    for (const row of form.rows.filter((one) => one.rows)) {
+      if (!row.many) parts.push(...tableGroups(design, row.label, row.rows, row.key, row.key === "trunk" ? listRows(form, 1) : []));
+      else if (row.key === "level") {
+        design.level.forEach((_, index) => parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2))));
+        parts.push({ box: levels, show() {} });
+      }
+    }
+    body.replaceChildren(...parts.map((part) => part.box));
   }
 
   function show(state) {
-    const wanted = shape(state.design);
+    const wanted = shape(form, state.design);
     if (wanted !== built) {
       built = wanted;
       build(state);
@@ -227,11 +254,7 @@ export function mount(root, app) {
     for (const part of parts) part.show(state);
     if (document.activeElement !== name) name.value = state.design.name;
     name.disabled = !app.live;
-    pouch.value = state.design.build.pouch?.shape ?? "";
-    pieces.checked = Boolean(state.design.build.pieces);
-    mounting.value = state.design.build.mounting ?? "tail_inverted";
-    for (const control of [pouch, pieces, mounting, more]) control.disabled = !app.live;
-    more.disabled ||= state.design.level.length >= 9;
+    more.disabled = !app.live || state.design.level.length >= form.most_levels;
     less.disabled = !app.live || state.design.level.length === 0;
   }
 

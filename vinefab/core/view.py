@@ -1,0 +1,496 @@
+"""Results as blocks: one class says what a result holds, every medium shows it in its own way.
+
+A result yields its `view`: the answer, facts, tables, pictures, findings and notes. Renderers know
+blocks and no feature: `lines` (terminal) and `document` (JSON) are here, pages and notebooks in
+`vinefab.pages.html`, the studio's form is `plain_blocks`. A number that is added to the view of a
+result stands in all of them.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar, Literal, Protocol
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
+from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted, visible
+
+NO_INTERVAL = "one sample: no interval"
+
+Tone = Literal["good", "caution", "bad"]
+
+
+class Sourced(Protocol):
+    """A number of a profile with its standing; see `vinefab.model.laser.Quantity`."""
+
+    value: float
+    source: str
+
+    @property
+    def standing(self) -> str: ...  # noqa: D102
+
+    def words(self) -> str: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number as it is shown and written.
+
+    Parameters
+    ----------
+    value
+        The number as JSON holds it; None or NaN where there is none.
+    unit
+        Its unit as it is shown.
+    form
+        Format of the shown number.
+    interval
+        Its 95 % interval, in the unit of `value`.
+    standing
+        How far it may be trusted: simulated, measured, assumed, published, computed.
+    per
+        How much of `value` one shown unit is: 0.01 for a share shown in percent.
+    decimals
+        Decimals in JSON; None: all.
+    """
+
+    value: float | None
+    unit: str = ""
+    form: str = ".4g"
+    interval: tuple[float, float] | None = None
+    standing: str = ""
+    per: float = 1.0
+    decimals: int | None = None
+
+    def __str__(self) -> str:
+        """Return the number with its interval, unit and standing; a dash where there is none.
+
+        >>> str(Number(0.831, interval=(0.8, 0.86), form=".2f", standing="simulated"))
+        '0.83 [0.80, 0.86] (simulated)'
+        >>> str(Number(0.25, "%", ".1f", per=0.01))
+        '25.0 %'
+        """
+        standing = f" ({self.standing})" if self.standing else ""
+        return f"{self.text}{standing}"
+
+    @property
+    def text(self) -> str:
+        """The number with its interval and unit."""
+        if not self._is_known(self.value):
+            return "-"
+        words = self._shown(self.value)
+        if self.interval is not None:
+            known = all(map(self._is_known, self.interval))
+            ends = f"[{', '.join(map(self._shown, self.interval))}]" if known else ""
+            words += f" {ends or f'({NO_INTERVAL})'}"
+        return f"{words} {self.unit}".rstrip()
+
+    @property
+    def data(self) -> float | None:
+        """The number as it stands in JSON."""
+        if self.value is None or not self._is_known(self.value):
+            return None
+        if self.decimals is None:
+            return self.value
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        return round(float(self.value), self.decimals) + 0.0
+
+    @staticmethod
+    def _is_known(value: float | None) -> bool:
+        return value is not None and math.isfinite(value)
+
+    def _shown(self, value: float | None) -> str:
+        if value is None:
+            return "-"
+        return f"{value if self.per == 1.0 else value / self.per:{self.form}}"
+
+
+Value = Number | str | int
+"""What a fact or a cell holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The result in one sentence."""
+
+    text: str
+    tone: Tone = "good"  # what kind of news it is
+    key: str = ""  # its key in JSON; empty: not there
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A named value."""
+
+    name: str
+    value: Value
+    key: str = ""  # its key in JSON, dots between levels; empty: not there
+    detail: str = ""  # how sure it is, where it comes from
+    tone: Tone = "good"  # whether it is good news, where it leads a page
+    data: Any = None  # what stands in JSON where that is not the value
+
+    @property
+    def text(self) -> str:
+        """The value as it is shown."""
+        return (
+            self.value.text if isinstance(self.value, Number) and self.detail else (str(self.value))
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """Named values."""
+
+    facts: tuple[Fact, ...]
+    lead: bool = False  # the numbers to take away
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Rows of cells under headings."""
+
+    caption: str  # what the table shows
+    headings: tuple[str, ...]  # one per column
+    rows: tuple[tuple[Value, ...], ...]  # one cell for each heading
+    folded: bool = False  # whether a reader has to open it; what is folded is not printed
+    key: str = ""  # its key in JSON, a list of objects; empty: not there
+    keys: tuple[str, ...] = ()  # keys of the cells in JSON, one per column; empty: not there
+    # what else stands in JSON, one for each row, with keys as above; or what makes it
+    data: Sequence[Mapping[str, Any]] | Callable[[], Sequence[Mapping[str, Any]]] = ()
+    most: int = 100  # rows that are shown; a page shows all
+
+    def __post_init__(self) -> None:
+        if self.key and len(self.keys) != len(self.headings):
+            allowed = f"{counted(len(self.headings), 'key')}"
+            raise BadInputError(self.caption, len(self.keys), allowed)
+        for row in self.rows:
+            if len(row) != len(self.headings):
+                raise BadInputError(
+                    self.caption, len(row), f"{counted(len(self.headings), 'cell')} per row"
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A drawing or a chart with its caption."""
+
+    image: bytes | Callable[[], bytes]  # a complete SVG document or PNG file, or what draws it
+    caption: str  # what is to be seen, with the standing of the numbers in it
+    wide: bool = False  # whether it takes the whole width of the page
+    file: str = ""  # name of the file beside the page that has it too, without ending
+
+    @property
+    def drawn(self) -> bytes:
+        """The image."""
+        return self.image if isinstance(self.image, bytes) else self.image()
+
+    @property
+    def file_name(self) -> str:
+        """Its file beside the page, with its ending."""
+        return f"{self.file}.{'png' if self.drawn.startswith(PNG) else 'svg'}"
+
+
+PNG = b"\x89PNG"
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """A finding or a note: what kind it is, what it says, and details below it."""
+
+    text: str
+    kind: str = "note"  # error, warning, info, waived, note, ...
+    details: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Notes:
+    """What a user should know, a sentence each."""
+
+    notes: tuple[str, ...]
+    key: str = ""  # their key in JSON; empty: not there
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """Lines to be typed, shown as they are."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of a page under one title."""
+
+    title: str  # its heading
+    paragraphs: tuple[str, ...] = ()  # words, before everything else
+    # tables, pictures: what follows
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    code: str = ""  # lines to be typed, shown as they are
+
+    @property
+    def anchor(self) -> str:
+        """The name by which the list of contents finds the section."""
+        return "-".join("".join(c if c.isalnum() else " " for c in self.title.lower()).split())
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """Plain values that stand in JSON alone, by their keys, or what makes them."""
+
+    content: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
+
+
+Block = Answer | Facts | Table | Picture | Remark | Notes | Text | Code | Section | Data
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What it takes to get a result again."""
+
+    command: str  # what to type
+    inputs: Mapping[str, str]  # fingerprints of the contents that went in, by name
+    versions: Mapping[str, str]  # versions of what computed it
+
+    @property
+    def section(self) -> Section:
+        """The command, the inputs' fingerprints and the versions behind a page."""
+        return Section(
+            title="How to reproduce",
+            paragraphs=(
+                "The same command with the same inputs and versions gives the same file, byte for "
+                "byte; results do not depend on the computer beyond rounding.",
+            ),
+            code=self.command,
+            tables=(
+                Table(
+                    caption="Fingerprints of what went in (SHA-256, shortened)",
+                    headings=("input", "fingerprint"),
+                    rows=tuple(self.inputs.items()),
+                ),
+                Table(
+                    caption="Versions",
+                    headings=("program", "version"),
+                    rows=tuple(self.versions.items()),
+                ),
+            ),
+        )
+
+
+class Result:
+    """What a verb returns: its `view` is shown by every medium."""
+
+    __slots__ = ()
+    schema: ClassVar[str] = ""
+    origin: Origin | None = None  # a result that can be got again by a command has one
+
+    parts: ClassVar[int] = 1  # about how many details its page has
+
+    @property
+    def title(self) -> str:
+        """What the result is called: title of its page."""
+        return type(self).__name__
+
+    def view(self) -> Iterable[Block]:
+        """Return the result: a picture, the answer, numbers and notes."""
+        raise NotImplementedError
+
+    def details(self) -> Iterable[Block]:
+        """Return what its page shows below the view."""
+        return ()
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The result, a line each."""
+        return tuple(lines(self.view()))
+
+    def json_text(self) -> str:
+        """Return the result as JSON."""
+        reproduce = {"reproduce": asdict(self.origin)} if self.origin else {}
+        return json_text(self.schema, {**document(self.view()), **reproduce})
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Every number as plain values, as in JSON."""
+        plain: dict[str, Any] = json.loads(self.json_text())
+        return plain
+
+    def page(self, progress: Callable[[float, str], None] | None = None) -> str:
+        """Return the result as an HTML page.
+
+        Parameters
+        ----------
+        progress
+            Called with the share of the page that is drawn and a few words.
+        """
+        blocks = list(self.view())
+        for count, block in enumerate(self.details(), start=1):
+            blocks.append(block)
+            if progress is not None:
+                progress(min(1.0, count / self.parts), "drawing the page")
+        if self.origin is not None:
+            blocks.append(self.origin.section)
+        made: str = front_door("pages.html").page(self.title, blocks)
+        return made
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<{type(self).__name__}>", *self.summary])
+
+    def _repr_html_(self) -> str:
+        """Show the result in a notebook."""
+        shown: str = front_door("pages.html").blocks_html(self.view())
+        return shown
+
+
+# --- As lines on a terminal --------------------------------------------------------------------
+
+
+def lines(blocks: Iterable[Block]) -> Iterator[str]:
+    """Yield blocks as lines for the user; pictures and folded tables are left out."""
+    for block in blocks:
+        match block:
+            case Answer(text) | Text(text):
+                yield text
+            case Code(text):
+                yield from (f"  {line}" for line in text.splitlines())
+            case Facts(facts):
+                yield from map(fact_line, facts)
+            case Table():
+                yield from _table_lines(block)
+            case Remark(text, kind, details):
+                yield f"{_SIGNS.get(kind, kind):<6} {text}"
+                yield from (f"       {detail}" for detail in details)
+            case Notes(notes):
+                yield from notes
+            case Section(title=title, paragraphs=paragraphs, tables=tables):
+                yield title
+                yield from paragraphs
+                yield from (line for table in tables for line in _table_lines(table))
+
+
+_SIGNS = {"error": "ERROR", "warning": "warn"}
+
+
+def fact_line(fact: Fact) -> str:
+    """Return a fact as a line: name, value, detail."""
+    detail = f", {fact.detail}" if "(" in fact.detail else f" ({fact.detail})"
+    return f"{fact.name}: {fact.text}{detail if fact.detail else ''}"
+
+
+def _table_lines(table: Table) -> Iterator[str]:
+    if table.folded or not table.rows:
+        return
+    if table.caption:
+        yield f"{table.caption}:"
+    shown = [tuple(map(str, row)) for row in table.rows[: table.most]]
+    columns = list(zip(table.headings, *shown, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    right = number_columns(table)
+    rows = [table.headings, *shown] if any(table.headings) else shown
+    for row in rows:
+        cells = (
+            f"{visible(cell):>{width}}" if is_number else f"{visible(cell):<{width}}"
+            for cell, width, is_number in zip(row, widths, right, strict=True)
+        )
+        yield f"  {'  '.join(cells)}".rstrip()
+    if len(table.rows) > len(shown):
+        yield f"  ... and {len(table.rows) - len(shown)} more"
+
+
+def number_columns(table: Table) -> list[bool]:
+    """Return for each column whether it holds only numbers: those are set flush right."""
+    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.headings)
+    return [any(map(str, cells)) and all(map(_is_number, cells)) for cells in columns]
+
+
+def _is_number(cell: Value) -> bool:
+    if isinstance(cell, Number | int):
+        return True
+    return _NUMBER.match(cell) is not None
+
+
+_NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")
+
+
+# --- As JSON -----------------------------------------------------------------------------------
+
+
+def document(blocks: Iterable[Block]) -> dict[str, Any]:
+    """Return what of blocks stands in JSON, by the keys that they give."""
+    found: dict[str, Any] = {}
+    for block in blocks:
+        match block:
+            case Answer(text, _, key) if key:
+                _put(found, key, text)
+            case Facts(facts):
+                for fact in facts:
+                    if fact.key:
+                        _put(found, fact.key, fact.value if fact.data is None else fact.data)
+            case Table(key=key) if key:
+                _put(found, key, _objects(block))
+            case Notes(notes, key) if key:
+                _put(found, key, list(notes))
+            case Data(content):
+                found |= content() if callable(content) else content
+    return found
+
+
+def _objects(table: Table) -> list[dict[str, Any]]:
+    objects = list[dict[str, Any]]()
+    given = table.data() if callable(table.data) else table.data
+    for row, rest in zip(table.rows, given or [{}] * len(table.rows), strict=True):
+        one: dict[str, Any] = {}
+        for key, value in [*zip(table.keys, row, strict=True), *rest.items()]:
+            if key:
+                _put(one, key, value)
+        objects.append(one)
+    return objects
+
+
+def _put(found: dict[str, Any], key: str, value: object) -> None:
+    """Put a value at a key with dots between its levels; the ends of an interval beside a mean."""
+    *levels, last = key.split(".")
+    for level in levels:
+        found = found.setdefault(level, {})
+    found[last] = value.data if isinstance(value, Number) else value
+    if isinstance(value, Number) and value.interval is not None:
+        ends = ("low", "high") if last == "mean" else (f"{last}_low", f"{last}_high")
+        for name, end in zip(ends, value.interval, strict=True):
+            found[name] = replace(value, value=end, interval=None).data
+
+
+# --- As the studio takes it --------------------------------------------------------------------
+
+
+def plain_blocks(blocks: Iterable[Block]) -> list[dict[str, Any]]:
+    """Return blocks as plain values for the studio's page, which shows each kind in one way."""
+    found = list[dict[str, Any]]()
+    for block in blocks:
+        match block:
+            case Answer(text, tone):
+                found.append({"kind": "answer", "text": text, "tone": tone})
+            case Facts(facts):
+                rows = [[fact.name, fact.text, fact.detail] for fact in facts]
+                found.append({"kind": "facts", "rows": rows})
+            case Table(caption=caption, headings=headings, rows=rows, folded=False):
+                shown = [list(map(str, row)) for row in rows[: block.most]]
+                found.append(
+                    {"kind": "table", "caption": caption, "headings": headings, "rows": shown}
+                )
+            case Remark(text, kind, details):
+                found.append({"kind": "remark", "weight": kind, "text": text, "more": details})
+            case Notes(notes):
+                found += [{"kind": "text", "text": note} for note in notes]
+            case Text(text) | Code(text):
+                found.append({"kind": "text", "text": text})
+    return found

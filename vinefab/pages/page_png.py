@@ -1,0 +1,228 @@
+"""Pages as PNG, drawn by Pillow."""
+
+import io
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageChops, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
+
+from vinefab.core.file_mark import ROOMY_GENERATOR
+from vinefab.core.validation import Floats
+from vinefab.pages.panel import (
+    OPEN_SIGNS,
+    SIGNS,
+    Ink,
+    Marks,
+    Page,
+    Primitive,
+    Raster,
+    Shape,
+    Words,
+    rgb,
+)
+
+_SHARPNESS = 3
+"""Pages are drawn so many times larger and then reduced: smooth edges."""
+
+_Place = tuple[float, float]
+
+
+def page_png(page: Page, dpi: int = 150) -> bytes:
+    """Return a page as a PNG file."""
+    painter = _Painter(page, _SHARPNESS * dpi / 72.0)
+    for layer in page.layers:
+        # Only the part within its window of what a layer draws is kept.
+        before = painter.image.copy() if layer.window else None
+        for primitive in layer.primitives:
+            painter.paint(primitive)
+        if before is not None and layer.window is not None:
+            box = tuple(round(painter.scale * end) for end in layer.window)
+            before.paste(painter.image.crop(box), box[:2])  # type: ignore[arg-type]
+            painter.use(before)
+    info = PngInfo()
+    info.add_text("Software", ROOMY_GENERATOR)
+    stream = io.BytesIO()
+    small = painter.image.reduce(_SHARPNESS)
+    small.save(stream, format="PNG", pnginfo=info, dpi=(dpi, dpi))
+    return stream.getvalue()
+
+
+class _Painter:
+    """A sheet of pixels, and how primitives come onto it."""
+
+    def __init__(self, page: Page, scale: float) -> None:
+        self.scale = scale  # pixels per point
+        size = (round(scale * page.width_pt), round(scale * page.height_pt))
+        self.use(Image.new("RGB", size, "white"))
+
+    def use(self, image: Image.Image) -> None:
+        self.image, self.draw = image, ImageDraw.Draw(image)
+
+    def paint(self, primitive: Primitive) -> None:
+        if isinstance(primitive, Shape):
+            self._shape(
+                [self.scale * c for c in primitive.chains], primitive.ink, closed=primitive.closed
+            )
+        elif isinstance(primitive, Marks):
+            self._marks(primitive)
+        elif isinstance(primitive, Words):
+            self._words(primitive)
+        else:
+            self._raster(primitive)
+
+    def _shape(self, chains: list[Floats], ink: Ink, *, closed: bool) -> None:
+        corners = [_pairs(chain) for chain in chains if len(chain)]
+        if closed and ink.fill:
+            self._fill(corners, rgb(ink.fill), ink.fill_alpha)
+        if not ink.line:
+            return
+        ends = [[*places, places[0]] if closed else places for places in corners]
+        if ink.dash_pt:
+            ends = [dash for places in ends for dash in self._dashes(places, ink.dash_pt)]
+        width = max(1, round(self.scale * ink.width_pt))
+        if ink.line_alpha < 1.0:
+            mask = Image.new("L", self.image.size)
+            _lines(ImageDraw.Draw(mask), ends, round(255 * ink.line_alpha), width, butt=ink.butt)
+            self.image.paste(rgb(ink.line), mask=mask)
+        else:
+            _lines(self.draw, ends, rgb(ink.line), width, butt=ink.butt or bool(ink.dash_pt))
+
+    def _fill(self, rings: list[list[_Place]], colour: tuple[int, int, int], alpha: float) -> None:
+        rings = [ring for ring in rings if len(ring) > 2]
+        if not rings:
+            return
+        if len(rings) == 1 and alpha == 1.0:
+            self.draw.polygon(rings[0], fill=colour)
+            return
+        every = np.concatenate([np.array(ring) for ring in rings])
+        limits = np.array(self.image.size)
+        low = np.clip(np.floor(every.min(axis=0)).astype(int), 0, limits)
+        high = np.clip(np.ceil(every.max(axis=0)).astype(int) + 1, 0, limits)
+        if (high <= low).any():
+            return
+        # Even-odd: a ring within a ring takes away, one within that fills again.
+        mask = Image.new("1", tuple((high - low).tolist()))
+        for ring in rings:
+            one = Image.new("1", mask.size) if len(rings) > 1 else mask
+            shifted = [(x - float(low[0]), y - float(low[1])) for x, y in ring]
+            if one is mask:
+                ImageDraw.Draw(mask).polygon(shifted, fill=1)
+                continue
+            left, top, right, lower = _limits(shifted, mask.size)
+            if right <= left or lower <= top:
+                continue
+            one = Image.new("1", (right - left, lower - top))
+            ImageDraw.Draw(one).polygon([(x - left, y - top) for x, y in shifted], fill=1)
+            under = mask.crop((left, top, right, lower))
+            mask.paste(ImageChops.logical_xor(under, one), (left, top))
+        opacity = mask.convert("L")
+        if alpha < 1.0:
+            opacity = opacity.point([round(alpha * level) for level in range(256)])
+        self.image.paste(colour, (int(low[0]), int(low[1])), opacity)
+
+    def _dashes(self, places: list[_Place], dash_pt: tuple[float, ...]) -> list[list[_Place]]:
+        points = np.array(places)
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+        steps = self.scale * np.resize(dash_pt, 2 * (len(dash_pt) + len(dash_pt) % 2))
+        ends = np.append(0.0, np.cumsum(np.resize(steps, 4 + int(4 * along[-1] / steps.sum() + 4))))
+        ends = ends[ends < along[-1]]
+        pieces = []
+        for begin, end in zip(ends[::2], [*ends[1::2], along[-1]], strict=False):
+            inner = points[(along > begin) & (along < end)]
+            tips = [
+                [np.interp(at, along, points[:, axis]) for axis in (0, 1)] for at in (begin, end)
+            ]
+            pieces.append(_pairs(np.vstack([tips[:1], inner, tips[1:]])))
+        return pieces
+
+    def _marks(self, marks: Marks) -> None:
+        size = self.scale * marks.size_pt
+        line = max(1, round(self.scale * marks.ink.width_pt)) if marks.ink.line else 0
+        for x, y in (self.scale * marks.points).tolist():
+            if marks.sign == "o":
+                half = (size + line) / 2.0
+                box = (x - half, y - half, x + half, y + half)
+                fill = rgb(marks.ink.fill) if marks.ink.fill else None
+                if fill and marks.ink.fill_alpha < 1.0:
+                    turns = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
+                    ring = np.column_stack([np.cos(turns), np.sin(turns)]) * size / 2.0 + (x, y)
+                    self._fill([_pairs(ring)], fill, marks.ink.fill_alpha)
+                    fill = None
+                outline = rgb(marks.ink.line) if line else None
+                self.draw.ellipse(box, fill=fill, outline=outline, width=line)
+            elif marks.sign in OPEN_SIGNS:
+                corners = size * SIGNS[marks.sign] + (x, y)
+                self._shape([corners[:2], corners[3:]], marks.ink, closed=False)
+            else:
+                self._shape([size * SIGNS[marks.sign] + (x, y)], marks.ink, closed=True)
+
+    def _words(self, words: Words) -> None:
+        size = self.scale * words.size_pt
+        font = _font(max(1, round(size)), bold=words.bold)
+        x = self.scale * (words.at[0] + words.shift_pt[0])
+        y = self.scale * (words.at[1] - words.shift_pt[1])
+        rim = round(0.125 * size) if words.halo else 0
+        anchor = {"start": "l", "middle": "m", "end": "r"}[words.anchor]
+        if not words.turned:
+            self.draw.text(
+                (x, y + 0.36 * size), words.text, rgb(words.colour), font, f"{anchor}s",
+                stroke_width=rim, stroke_fill="white",
+            )  # fmt: skip
+            return
+        wide = int(font.getlength(words.text)) + 2
+        high = int(1.4 * size)
+        strip = Image.new("L", (wide, high))
+        ImageDraw.Draw(strip).text((1, high / 2.0 + 0.36 * size), words.text, 255, font, "ls")
+        turned = strip.rotate(90, expand=True)
+        down = {"start": 1.0, "middle": 0.5, "end": 0.0}[words.anchor]
+        place = (round(x - high / 2.0), round(y - down * wide))
+        self.image.paste(rgb(words.colour), place, turned)
+
+    def _raster(self, raster: Raster) -> None:
+        x0, y0, x1, y1 = (round(self.scale * end) for end in raster.box)
+        size = (max(1, x1 - x0), max(1, y1 - y0))
+        pixels = Image.fromarray(raster.pixels).resize(size, Image.Resampling.NEAREST)
+        self.image.paste(pixels.convert("RGB"), (x0, y0), pixels.getchannel("A"))
+
+
+def _pairs(points: Floats) -> list[_Place]:
+    return [(x, y) for x, y in np.asarray(points).tolist()]
+
+
+def _limits(places: list[_Place], size: tuple[int, int]) -> tuple[int, int, int, int]:
+    xs, ys = [x for x, _ in places], [y for _, y in places]
+    return (
+        max(0, int(min(xs)) - 1), max(0, int(min(ys)) - 1),
+        min(size[0], int(max(xs)) + 2), min(size[1], int(max(ys)) + 2),
+    )  # fmt: skip
+
+
+def _lines(
+    draw: ImageDraw.ImageDraw,
+    chains: list[list[_Place]],
+    colour: int | tuple[int, int, int],
+    width: int,
+    *,
+    butt: bool,
+) -> None:
+    for places in chains:
+        draw.line(places, fill=colour, width=width, joint="curve")
+        if not butt and width > 2:
+            half = width / 2.0
+            for x, y in (places[0], places[-1]):
+                draw.ellipse((x - half, y - half, x + half, y + half), fill=colour)
+
+
+@cache
+def _font(size: int, *, bold: bool) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    # Looked for, not imported: matplotlib comes with the font, and takes half a second to load.
+    found = find_spec("matplotlib")
+    if found is not None and found.origin:
+        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+        path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / name
+        if path.exists():
+            return ImageFont.truetype(str(path), size)
+    return ImageFont.load_default(size)

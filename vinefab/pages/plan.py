@@ -1,0 +1,221 @@
+"""Plans: maps, starts and robots drawn into panels of the drawing layer."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map, Pose
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
+from vinefab.pages.map_view import (
+    STOP_WORDS,
+    Box,
+    StartMark,
+    bounds_in,
+    longer_mm,
+    lost_places,
+    robot_view,
+    rock_in,
+    start_marks,
+)
+from vinefab.pages.page_png import page_png
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
+
+TIP_SIGNS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^", Stop.PRESSURE: "s"}
+
+RANGE_LABEL = "range of starts"
+
+BODY_IS_LINE = "Bodies are lines: this growth model gives them no width"
+
+MANY_TIPS = 100
+"""From so many branches on, markers and lines are drawn finer."""
+
+_START_AREA = Ink(fill=START, fill_alpha=0.28)
+_START_EDGE = Ink(line=START, width_pt=0.9, dash_pt=(4.0, 3.0))
+
+
+def page_bytes(page: Page, suffix: str, dpi: int = 150) -> bytes:
+    """Return a page as ``.png`` or, for every other suffix, as SVG."""
+    return page_png(page, dpi) if suffix.lower() == ".png" else page_svg(page)
+
+
+def draw_map(panel: Panel, world: Map, box: Box | None = None) -> None:
+    """Draw the bounds and the obstacles of a map, or those in and around a box of it.
+
+    So are the ranges of its starts.
+    """
+    box = box or world.bounds.bounds
+    panel.polygons(rock_in(world, box), Ink(fill=ROCK, line=ROCK_EDGE))
+    panel.polygons([bounds_in(world, box)], Ink(line=INK))
+    for mark in start_marks(world, box):
+        draw_start_range(panel, mark)
+
+
+def draw_start_range(panel: Panel, mark: StartMark) -> None:
+    """Draw where poses are drawn from: all dashed, what is free filled, headings as a fan.
+
+    The pose itself is `draw_pose`.
+    """
+    if mark.fan is not None:
+        panel.polygons([mark.fan], _START_AREA, rank=2.6)
+    if mark.whole is not None:
+        free = [piece for piece in mark.free if isinstance(piece, Polygon)]
+        panel.polygons(free, _START_AREA, rank=2.5)
+        for piece in mark.free:
+            if not isinstance(piece, Polygon):
+                wide = Ink(line=START, width_pt=4.0, line_alpha=0.55)
+                panel.line(shapely.get_coordinates(piece), wide, rank=2.5)
+        whole = mark.whole
+        rings = shapely.get_rings(whole) if isinstance(whole, Polygon) else [whole]
+        panel.lines([shapely.get_coordinates(ring) for ring in rings], _START_EDGE, rank=2.7)
+    if mark.fan is not None or mark.whole is not None:
+        ink = Ink(fill=START, fill_alpha=0.28, line=START, width_pt=0.9, dash_pt=(4.0, 3.0))
+        panel.explain(RANGE_LABEL, Shape([], ink, closed=True))
+
+
+def draw_deployment(panel: Panel, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:
+    """Draw body, centreline, contacts and tips of a deployment, coloured by level.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat width of each level; 0 where the body is a line.
+    """
+    levels = deployment.tree.level
+    size = 0.5 if len(levels) > MANY_TIPS else 1.0
+    # Leaves first, so that the trunk lies on top; the legend says the trunk first.
+    for level in range(int(levels.max()), 0, -1):
+        members = np.flatnonzero((levels == level) & deployment.deployed)
+        chains = [deployment.chain_mm(int(branch)) for branch in members]
+        colour = level_colour(level)
+        lines = [shapely.LineString(chain) for chain in chains if len(chain) > 1]
+        if radius_mm := widths_mm[level - 1] / np.pi:
+            body = shapely.union_all(shapely.buffer(lines, radius_mm, quad_segs=8))
+            edge = Ink(fill=colour, fill_alpha=0.3, line=colour)
+            panel.polygons([body], edge, rank=3.0)
+        width_pt = size * max(1.0, 2.2 - 0.3 * level)
+        panel.lines(chains, Ink(line=colour, width_pt=width_pt), rank=4.2 - level / 100)
+        count = f"{len(members)} of {np.count_nonzero(levels == level)}"
+        swatch = Shape([], Ink(line=colour, width_pt=2.4))
+        panel.explain(f"level {level} ({count})", swatch)
+    if not any(widths_mm):
+        panel.explain("body: a line without width", Shape([], Ink(line=SOFT, width_pt=1.2)))
+    contacts = [deployment.contacts_mm(branch) for branch in range(len(deployment.tree))]
+    points = np.concatenate(contacts) if contacts else np.empty((0, 2))
+    if len(points):
+        label = f"contact ({len(points)})"
+        panel.marks(points, "D", 3.0 * size, Ink(fill=INK), rank=5.0, label=label)
+    _draw_tips(panel, deployment, size)
+
+
+def _draw_tips(panel: Panel, deployment: Deployment, size: float) -> None:
+    tips, stops = deployment.tips_mm, deployment.stop[deployment.deployed]
+    for stop, sign in TIP_SIGNS.items():
+        here = tips[stops == stop]
+        if len(here):
+            # Open for what grew as planned, solid for what a wall stopped: seen before it is read.
+            full = stop == Stop.FULL_LENGTH
+            ink = Ink(
+                fill="#ffffff" if full else INK,
+                line=INK if full else "#ffffff",
+                width_pt=0.8 * size,
+            )
+            panel.marks(
+                here,
+                sign,
+                4.5 * size if full else 4.0 + 2.5 * size,
+                ink,
+                rank=6.0 if full else 6.5,
+                label=f"{STOP_WORDS[stop]} ({len(here)})",
+            )
+    lost = int(np.count_nonzero(~deployment.deployed))
+    if lost:
+        places = np.array([place.at_mm for place in lost_places(deployment)])
+        ring = Ink(line=INK, width_pt=0.9 * size)
+        words = f"{STOP_WORDS[Stop.NOT_DEPLOYED]} ({lost})"
+        panel.marks(places, "o", 9.0 * size, ring, rank=6.2, label=words)
+
+
+def draw_names(panel: Panel, deployment: Deployment) -> None:
+    """Write every branch's id beside the middle of its last stretch."""
+    tree, out = deployment.tree, np.flatnonzero(deployment.deployed).tolist()
+    # Branches that share their fate lie on each other: one label has the ids of all of them.
+    together: dict[tuple[float, ...], list[int]] = {}
+    for branch in out:
+        ends = tuple(np.round(deployment.chain_mm(branch)[-2:].ravel(), 2).tolist())
+        together.setdefault(ends, []).append(branch)
+    shared = list(together.values())
+    panel.write_labels(
+        np.array([deployment.chain_mm(some[0])[-2:].mean(axis=0) for some in shared]),
+        [", ".join(tree.ids[branch] for branch in some) for some in shared],
+        [level_colour(int(tree.level[some[0]])) for some in shared],
+        size_pt=6.5 if len(tree) <= MANY_TIPS else 4.5,
+        mark_pt=1.5,
+        lines=[deployment.chain_mm(branch) for branch in out],
+    )
+
+
+def draw_targets(panel: Panel, targets_mm: Floats) -> None:
+    """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
+    if len(targets_mm):
+        ink = Ink(line=INK, width_pt=1.1)
+        panel.marks(targets_mm, "+", 9.0, ink, rank=6.0)
+        panel.marks(targets_mm, "o", 7.0, ink, rank=6.0, label="target")
+
+
+def draw_pose(panel: Panel, pose: Pose, view_mm: float) -> None:
+    """Draw a start in a plan of some size: a dot, and an arrow where the trunk is launched."""
+    base = np.array([pose.x_mm, pose.y_mm])
+    towards = np.array([np.cos(pose.heading_rad), np.sin(pose.heading_rad)])
+    arrow = Ink(line=INK, width_pt=1.8)
+    panel.arrow(base, base + 0.055 * view_mm * towards, arrow, head_pt=7.0, rank=7.0)
+    dot = Marks(base[None, :], "o", 5.0, Ink(fill=INK, line="#ffffff", width_pt=0.8))
+    panel.add(dot, 7.0, "start")
+
+
+def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_pt: float = 468.0) -> Page:
+    """Return a plan of a map with its starts, and with targets, shape (t, 2), if there are any."""
+    panel = plan_panel(world.bounds.bounds, longest_pt)
+    draw_map(panel, world)
+    for start in world.starts:
+        draw_pose(panel, start.pose, max(world.size_mm))
+    if targets_mm is not None:
+        draw_targets(panel, targets_mm)
+    return page_of(panel)
+
+
+def deployment_plan(  # noqa: PLR0913  options by keyword
+    world: Map,
+    deployment: Deployment,
+    widths_mm: tuple[float, ...],
+    *,
+    longest_pt: float = 468.0,
+    named: bool = False,
+    whole: bool = False,
+    targets_mm: Floats | None = None,
+) -> Page:
+    """Return a plan of a robot deployed on a map, with targets, shape (t, 2), if there are any."""
+    box = world.bounds.bounds if whole else robot_view(world, deployment)
+    panel = plan_panel(box, longest_pt)
+    draw_map(panel, world, box)
+    draw_deployment(panel, deployment, widths_mm)
+    draw_pose(panel, deployment.pose, longer_mm(box))
+    if targets_mm is not None:
+        draw_targets(panel, targets_mm)
+    if box != world.bounds.bounds:
+        size = " x ".join(f"{side:g}" for side in world.size_mm)
+        panel.title, panel.title_colour = f"part of {world.name}, {size} mm", SOFT
+    if named:
+        draw_names(panel, deployment)
+    return page_of(panel)
+
+
+def draw_thin(panel: Panel, deployments: Sequence[Deployment], ink: Ink, rank: float) -> None:
+    """Draw the centrelines of several deployments in one way."""
+    for deployment in deployments:
+        out = np.flatnonzero(deployment.deployed).tolist()
+        panel.lines([deployment.chain_mm(branch) for branch in out], ink, rank=rank)

@@ -1,0 +1,267 @@
+"""Pictures of where to put a robot's base: landscapes, deployments, headings, several robots."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vinefab.core.validation import Floats
+from vinefab.pages.charts import curve, ends_of, series_colour
+from vinefab.pages.colours import ALERT, HEAT_COLOURS, INK, SOFT
+from vinefab.pages.panel import (
+    Ink,
+    Marks,
+    Page,
+    Panel,
+    Raster,
+    Shape,
+    Words,
+    blended,
+    page_of_rows,
+    plan_panel,
+    rgb,
+    round_ticks,
+)
+from vinefab.pages.plan import (
+    draw_deployment,
+    draw_map,
+    draw_pose,
+    draw_targets,
+    draw_thin,
+)
+from vinefab.prediction.aiming import SHOWN_DEPLOYMENTS, AimedRobot, AimResult
+from vinefab.prediction.deploy import pose_text
+from vinefab.prediction.robot_set import RobotSet, union_curve
+from vinefab.tasks.covered_cells import BodyCover, TargetCover, TipCover
+from vinefab.tasks.reach import Reach
+
+PLAN_PT = 360.0
+"""Longer side of a plan."""
+
+MOST_ARROWS = 150
+
+ARROWS_APART = 0.035
+"""Arrows stand this far apart, as a share of the map's longer side."""
+
+_ARROW_PT = 9.0
+
+
+def score_ends(found: AimResult) -> tuple[float, float]:
+    """Return the ends of the scale of expected scores that all maps of a result share."""
+    some = np.concatenate([robot.search.landscape.best_scores for robot in found.robots])
+    some = some[np.isfinite(some)]
+    low, high = float(some.min()), float(some.max())
+    return low, high if high > low else low + 1e-9
+
+
+def landscape_panel(found: AimResult, robot: AimedRobot, *, bar: bool = True) -> Panel:
+    """Return expected scores over places, each at its best heading, with arrows along some."""
+    landscape, world = robot.search.landscape, found.world
+    known = landscape.known
+    places, scores = landscape.places_mm[known], landscape.best_scores[known]
+    most_pt = 14.0 if found.plan.where == "anywhere" else 7.0
+    size_mm = max(world.size_mm)
+    panel = plan_panel(world.bounds.bounds, PLAN_PT)
+    side_pt = float(np.clip(landscape.spacing_mm * PLAN_PT / size_mm, 3.0, most_pt))
+    low, high = score_ends(found)
+    draw_map(panel, world)
+    levels = np.rint(63.0 * (scores - low) / (high - low)).astype(int)
+    # A few shades, the best on top: one group of marks for each.
+    shades = blended(np.linspace(0.0, 1.0, 64), HEAT_COLOURS)[:, :3].tolist()
+    for level in np.unique(levels).tolist():
+        colour = "#{:02x}{:02x}{:02x}".format(*shades[level])
+        panel.marks(places[levels == level], "s", side_pt, Ink(fill=colour), rank=1.5)
+    if bar:
+        panel.bar = (score_words(found), low, high, HEAT_COLOURS)
+    _draw_arrows(panel, places, landscape.best_headings_rad[known], scores, size_mm)
+    _draw_best(panel, found, robot)
+    return panel
+
+
+def _draw_arrows(
+    panel: Panel, places: Floats, headings: Floats, scores: Floats, size_mm: float
+) -> None:
+    """Draw the best headings at some places, the best places first."""
+    taken = list[int]()
+    for index in np.argsort(-scores, kind="stable").tolist():
+        if len(taken) == MOST_ARROWS:
+            break
+        away = np.hypot(*(places[taken] - places[index]).T)
+        if not (away < ARROWS_APART * size_mm).any():
+            taken.append(index)
+    reach_mm = _ARROW_PT * (panel.box[2] - panel.box[0]) / panel.width_pt
+    ink = Ink(line=INK, width_pt=1.1, line_alpha=0.8)
+    for index in taken:
+        towards = np.array([np.cos(headings[index]), np.sin(headings[index])])
+        panel.arrow(places[index], places[index] + reach_mm * towards, ink, 4.0, 4.0)
+
+
+def _draw_best(panel: Panel, found: AimResult, robot: AimedRobot) -> None:
+    pose = robot.best.pose
+    draw_pose(panel, pose, max(found.world.size_mm))
+    panel.marks([(pose.x_mm, pose.y_mm)], "o", 13.0, Ink(line=ALERT, width_pt=1.8), rank=8.0)
+    if isinstance(found.task, Reach) and found.task.target_mm:
+        draw_targets(panel, np.array(found.task.target_mm))
+
+
+def best_deployments_panel(found: AimResult, robot: AimedRobot) -> Panel:
+    """Return the deployments from the best pose: one in full, the others as thin lines."""
+    panel = plan_panel(found.world.bounds.bounds, PLAN_PT)
+    draw_map(panel, found.world)
+    draw_thin(panel, robot.shown[1:], Ink(line=SOFT, width_pt=0.6, line_alpha=0.35), 2.0)
+    widths_mm = found.plan.options.drawn_widths_mm(robot.design.build.widths_mm)
+    draw_deployment(panel, robot.shown[0], widths_mm)
+    _draw_best(panel, found, robot)
+    return panel
+
+
+_POLAR_PT = 250.0
+
+
+def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
+    """Return scores over the heading at each robot's best place, mean and worst to best tenth."""
+    curves = []
+    for robot in robots:
+        scores = robot.turned.scores
+        low, high = np.percentile(scores, [10.0, 90.0], axis=1)
+        curves.append((robot.turned.headings_rad, scores.mean(axis=1), low, high))
+    inner, outer = ends_of(*(values for one in curves for values in one[1:]))
+    if min(float(one[2].min()) for one in curves) >= 0.0:
+        inner = max(0.0, inner)
+    reach = 1.22
+    panel = Panel(
+        box=(-reach, -reach, reach, reach), width_pt=_POLAR_PT, height_pt=_POLAR_PT,
+        x_ticks=(), y_ticks=(),
+    )  # fmt: skip
+
+    def placed(angle: Floats, score: Floats) -> Floats:
+        away = (np.asarray(score) - inner) / (outer - inner)
+        return np.column_stack([away * np.cos(angle), away * np.sin(angle)])
+
+    turns = np.linspace(0.0, 2.0 * np.pi, 121)
+    faint = Ink(line=SOFT, width_pt=0.6, line_alpha=0.3)
+    rim = np.column_stack([np.cos(turns), np.sin(turns)])
+    panel.lines([rim], Ink(line=SOFT, width_pt=0.8), rank=0.0)
+    for degrees in range(0, 360, 45):
+        along = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        panel.lines([np.array([(0.0, 0.0), along])], faint, rank=0.0)
+        x, y = (1.12 * along).tolist()
+        panel.words((x, y), f"{degrees}°", 7.0, colour=SOFT, anchor="middle")
+    for value, words in round_ticks(inner, outer, 5):
+        if value > inner:
+            panel.lines([placed(turns, np.full(len(turns), value))], faint, rank=0.0)
+            x, y = placed(np.array([np.radians(22.5)]), np.array([value]))[0].tolist()
+            panel.words((x, y), words, 7.0, colour=SOFT, anchor="middle", halo=True)
+    for index, (robot, (headings, mean, low, high)) in enumerate(zip(robots, curves, strict=True)):
+        colour, around = series_colour(index), np.append(headings, headings[0])
+        inside, outside, middle = (placed(around, np.append(v, v[0])) for v in (low, high, mean))
+        # Even-odd: what lies between two closed curves.
+        between = Shape([outside, inside], Ink(fill=colour, fill_alpha=0.18), closed=True)
+        panel.add(between, 1.0)
+        panel.line(middle, Ink(line=colour, width_pt=1.6), label=robot.name)
+        best = robot.best
+        at = np.array([best.pose.heading_rad] * 2)
+        dotted = Ink(line=colour, width_pt=1.2, dash_pt=(1.2, 2.0))
+        panel.line(placed(at, np.array([inner, best.mean])), dotted)
+    return panel
+
+
+def team_panel(found: AimResult, team: RobotSet) -> Panel:
+    """Return what several robots cover together, each in a colour, and their bases by number."""
+    panel = plan_panel(found.world.bounds.bounds, PLAN_PT)
+    colours = [series_colour(index) for index in range(len(team.poses))]
+    cover = team.cover
+    if isinstance(cover, BodyCover | TipCover):
+        # Which robot covers a cell first; none where nobody does.
+        first = np.where(team.covered.any(axis=0), team.covered.argmax(axis=0), len(colours))
+        rows, columns = cover.grid.free_mm2.shape
+        shown = np.full(rows * columns, len(colours))
+        shown[cover.grid.is_free] = first
+        shades = [(*rgb(colour), 90) for colour in colours] + [(0, 0, 0, 0)]
+        pixels = np.array(shades, dtype=np.uint8)[shown.reshape(rows, columns)[::-1]]
+        x, y, side = cover.grid.box.tolist()
+        panel.add(Raster((x, y, x + columns * side, y + rows * side), pixels), 0.5)
+    elif isinstance(cover, TargetCover):
+        draw_targets(panel, cover.targets_mm)
+        for index, colour in enumerate(colours):
+            reached = cover.targets_mm[team.covered[index]]
+            panel.marks(reached, "o", 5.0, Ink(fill=colour), rank=6.5)
+    draw_map(panel, found.world)
+    for number, (deployment, colour) in enumerate(zip(team.shown, colours, strict=True), start=1):
+        draw_thin(panel, [deployment], Ink(line=colour, width_pt=1.3), 4.0)
+        base = (deployment.pose.x_mm, deployment.pose.y_mm)
+        dot = Ink(fill=colour, line="#ffffff", width_pt=1.0)
+        panel.add(Marks(np.array([base]), "o", 11.0, dot), 8.0)
+        panel.add(Words(base, f"{number}", 7.0, "#ffffff", "middle"), 9.0)
+    return panel
+
+
+def union_panel(robots: Sequence[AimedRobot]) -> Panel:
+    """Return the covered share over the number of robots, with intervals and bounds."""
+    curves = {
+        robot.name: np.array(union_curve(robot.team)).T
+        for robot in robots
+        if robot.team is not None
+    }
+    counts = max((rows[0] for rows in curves.values()), key=len)
+    low, high = ends_of(counts)
+    panel = Panel(
+        box=(low, 0.0, high, 103.0),
+        width_pt=360.0,
+        height_pt=180.0,
+        x_name="robots",
+        y_name="covered together (%, simulated)",
+        x_ticks=[(count, f"{count:g}") for count in counts.tolist()],
+        frame=True,
+    )
+    for index, (name, (count, mean, low, high, bound)) in enumerate(curves.items()):
+        colour = series_colour(index)
+        panel.band(count, 100 * low, 100 * high, colour, 0.2)
+        curve(panel, count, 100 * mean, colour, name)
+        dashed = Ink(line=colour, width_pt=1.0, dash_pt=(4.0, 2.0))
+        points = np.column_stack([count, 100 * bound])
+        panel.line(points, dashed, label=f"no {name} set beats this")
+    return panel
+
+
+# --- One picture ----------------------------------------------------------------------------------
+
+ROW_TITLES = (
+    f"{SHOWN_DEPLOYMENTS} deployments from there, one in full (simulated)",
+    "robots that together cover most, at one draw (simulated)",
+)
+
+
+def aim_sheet(found: AimResult) -> Page:
+    """Return the maps, the best deployments and the headings of all designs in one picture."""
+    robots = found.robots
+    plans = list[list[Panel]]([[], []])
+    for robot in robots:
+        first = landscape_panel(found, robot, bar=robot is robots[-1])
+        best, (low, high) = robot.best, robot.best.interval
+        first.title = (
+            f"{robot.name} from {pose_text(best.pose)}\n{best.mean:.3f} [{low:.3f}, {high:.3f}], "
+            f"worst tenth {best.worst_tenth:.3f} (simulated)"
+        )
+        second = best_deployments_panel(found, robot)
+        second.title = ROW_TITLES[0]
+        plans[0].append(first)
+        plans[1].append(second)
+    teams = [robot.team for robot in robots if robot.team is not None]
+    if teams:
+        third = [team_panel(found, team) for team in teams]
+        for panel in third:
+            panel.title = ROW_TITLES[1]
+        plans.append(third)
+    for row in plans:
+        for panel in row:
+            panel.x_name = panel.y_name = ""
+            panel.legend_shown = False
+    last = [turned_panel(robots)]
+    if teams and len(robots) > 1:
+        last.append(union_panel(robots))
+    return page_of_rows([*plans, last])
+
+
+def score_words(found: AimResult) -> str:
+    """Return what the scale of scores shows."""
+    return f"expected {found.task.name} score (simulated)"

@@ -564,8 +564,8 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
     assert [row["seed"] for row in listing.rows] == [7]
-    assert listing.lines[0] in repr(listing)
-    assert listing.lines[0] in listing._repr_html_()
+    assert listing.summary[0] in repr(listing)
+    assert listing.summary[0] in listing._repr_html_()
     with pytest.raises(OSError, match=r"none/run\.sqlite: there is no such file"):
         vf.RunResult.read(tmp_path / "none")
 

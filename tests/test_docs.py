@@ -311,7 +311,7 @@ WHERE = {
     "vinefab.fabrication.rules.rule": "Limits Rule RuleApplied Violation",
     "vinefab.fabrication.rules.subject": "Subject",
     "vinefab.maps.importers.importers": "MapImporter",
-    "vinefab.maps.importers.source_drawing": "ImportOptions",
+    "vinefab.maps.importers.import_options": "ImportOptions",
     "vinefab.model.deployment": "Deployment",
     "vinefab.model.map": "Map",
     "vinefab.search.optimizers.optimizer": "Optimizer SearchAxes",

@@ -300,7 +300,7 @@ def _picture_html(data: bytes, kind: str) -> str:
 
 
 def _runs_html(listing: RunListing) -> str:
-    return lines_html([counted(len(listing.rows), "run"), *listing.lines])
+    return lines_html([counted(len(listing.rows), "run"), *listing.summary])
 
 
 _HTML_FORMS: Mapping[str, Callable[[Any], str]] = {

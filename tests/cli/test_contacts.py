@@ -116,7 +116,7 @@ def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, mea
     found = json.loads(words)
     assert found["standing"]["contacts"] == f"measured: {WORDS}"
     assert f"--contacts {measured}" in found["reproduce"]["command"]
-    assert "head_on_half_angle_deg=3.0,6.0" in found["reproduce"]["command"]
+    assert found["growth"]["head_on_half_angle_deg"] == [3.0, 6.0]
 
 
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
@@ -302,15 +302,17 @@ def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
     foreign = tmp_path / "notes.toml"
     foreign.write_text("mine")
     for arguments, words in (
-        ((one, other), "one photo; several observations (JSON) together with --fit"),
-        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "not beside --fit"),
+        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "there is no option --map"),
         ((one, "--fit", tmp_path / "a.json"), "ending in .toml"),
         ((one, one, "--fit", tmp_path / "a.toml"), "each observation once"),
         ((tmp_path / "no.json", "--fit", tmp_path / "a.toml"), "there is no such file"),
-        ((one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1), "--angle-error-deg is -1"),
+        (
+            (one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1),
+            "--angle-error-deg is -1.0; allowed: 0.1 to 30 deg",
+        ),
         ((one, "--fit", foreign), "not written by vinefab"),
-        ((one,), "--map is missing"),
-        ((one, "--angle-error-deg", 3), "only together with --fit"),
+        ((one,), "MAP is missing"),
+        ((one, "--angle-error-deg", 3), "there is no option --angle-error-deg"),
     ):
         code, _, complaint = vinefab("observe", *arguments)
         assert code == 2

@@ -154,3 +154,10 @@ def test_required_values_are_the_same_on_both_doors():
             if one.default is REQUIRED and one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)
         }
         assert {one.name for one in Command.named(name).options if one.required} == needed
+
+
+@pytest.mark.parametrize("text", ["VF-C01", "VF-C01=6", "VF-C01.warning=", "VF-C01.warning=six"])
+def test_a_malformed_limit_is_refused(vinefab, text):
+    code, _, complaint = vinefab("check", "plain_vine", "--limit", text)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert f"--limits is {text!r}; allowed: RULE.NAME=NUMBER" in complaint

@@ -228,7 +228,7 @@ def info(
     $ vinefab map info cave.geojson --width-mm 20 --svg cave.svg
 
     >>> info(generate("pegs", 1), width_mm=20).summary[0]
-    'pegs_1: 500 x 500 mm, 64 obstacles, 1028 walls, 1028 vertices'
+    'map: pegs_1'
     """
     from vinefab.prediction.map_info import map_info
 
@@ -240,7 +240,7 @@ def info(
 
 
 _OF_PHOTOS = "vinefab.maps.importers.photo_options:PhotoOptions"
-_OF_DRAWINGS = "vinefab.maps.importers.source_drawing:ImportOptions"
+_OF_DRAWINGS = "vinefab.maps.importers.import_options:ImportOptions"
 
 
 @verb
@@ -281,7 +281,7 @@ def import_(
     force
         Overwrite files that vinefab did not write, or that were changed since.
     **options
-        Fields of `vinefab.maps.importers.source_drawing.ImportOptions`; of a photo also of
+        Fields of `vinefab.maps.importers.import_options.ImportOptions`; of a photo also of
         `vinefab.maps.importers.photo_options.PhotoOptions`.
 
     Raises
@@ -308,9 +308,9 @@ def import_(
     """
     from vinefab.core.atomic import ensure_writable, write_bytes
     from vinefab.core.errors import BadInputError
+    from vinefab.maps.importers.import_options import ImportOptions
     from vinefab.maps.importers.importers import import_map, import_suffixes
     from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
-    from vinefab.maps.importers.source_drawing import ImportOptions
     from vinefab.model.map import Start
     from vinefab.model.start_place import start_given
 
@@ -351,8 +351,8 @@ def import_(
 def _known(options: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an import, once all of them are known; those of photos are gone."""
     from vinefab.core.errors import BadInputError, nearest
+    from vinefab.maps.importers.import_options import ImportOptions
     from vinefab.maps.importers.photo_options import PhotoOptions
-    from vinefab.maps.importers.source_drawing import ImportOptions
 
     of_photos = PhotoOptions.__dataclass_fields__
     known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]

@@ -23,7 +23,6 @@ from vinefab.core.verbs import (
     shell_examples,
 )
 
-EXIT_FINDINGS = 1
 HELP = ("-h", "--help")
 MAP_OPTIONS = ("--maps", "--map")
 MAP_SUFFIXES = (".geojson", ".json")
@@ -130,7 +129,8 @@ class Command:
         if result is None:
             return 0
         terminal.give_json(result.json_text())
-        terminal.say_all(getattr(result, "all_lines", result.summary) if verbose else result.summary)
+        more = getattr(result, "all_lines", result.summary) if verbose else result.summary
+        terminal.say_all(more)
         return int(getattr(result, "exit_code", 0))
 
     def understood(self, typed: Sequence[str]) -> dict[str, Any]:
@@ -187,28 +187,21 @@ class Command:
         """Return what is wrong with a command line, and one that works."""
         import cyclopts
 
-        unknown = next((word for word in typed if self._is_unknown(word)), None)
+        unknown = next((word for word in typed if self._is_unknown(word)), "")
         match error:
-            case cyclopts.UnknownOptionError() if unknown:
+            case cyclopts.UnknownOptionError() | cyclopts.UnusedCliTokensError() if unknown:
                 return self._unknown_option(unknown)
-            case cyclopts.UnusedCliTokensError() if unknown:
-                return self._unknown_option(unknown)
-            case cyclopts.UnusedCliTokensError():
-                words = " ".join(error.unused_tokens or [])
-                return self._with_example(f"one argument too many: {shortened(words)}")
             case cyclopts.RepeatArgumentError(token=token) if token is not None:
                 return f"{token.keyword} is given twice; allowed: once"
+            case cyclopts.UnusedCliTokensError():
+                words = " ".join(error.unused_tokens or [])
+                line = f"one argument too many: {shortened(words)}"
             case cyclopts.MissingArgumentError(argument=argument) if argument is not None:
-                shown = next((word for word in typed if word in argument.names), None)
-                if shown is not None:
-                    return self._with_example(f"{shown} is without a value")
-                wanted = next(
-                    (one for one in self.options if one.name == argument.field_info.name), None
-                )
-                name = argument.name if wanted is None else (
-                    wanted.metavar if wanted.positional else wanted.flag)  # fmt: skip
-                return self._with_example(f"{name} is missing")
-        return self._with_example(" ".join(str(error).split()).rstrip("."))
+                shown = next((word for word in typed if word in argument.names), argument.name)
+                line = f"{shown} is without a value"
+            case _:
+                line = " ".join(str(error).split()).rstrip(".")
+        return self._with_example(line)
 
     def _is_unknown(self, word: str) -> bool:
         name = word.partition("=")[0]
@@ -368,8 +361,7 @@ def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
         if not rest or rest[0] in HELP:
             return first, rest[:1]
         last, *rest = rest
-        known = list(names_in(first))
-        if last not in known:
+        if f"{first} {last}" not in VERBS and last not in (known := list(names_in(first))):
             raise UsageError(_unknown_command(last, known))
         return f"{first} {last}", rest
     if first not in VERBS or " " in first:

@@ -1,4 +1,8 @@
-"""What a shell completes: commands, options, and names of files and parts; asked word by word."""
+"""What a shell completes: commands, options, and names of files and parts; asked word by word.
+
+A shell asks by the environment variable ``_VINEFAB_COMPLETE``: the words are the arguments, the
+last of them half typed.
+"""
 
 import os
 import shlex
@@ -18,9 +22,6 @@ from vinefab.cli.commands import (
     top_commands,
 )
 from vinefab.core.verbs import Option, registered
-
-ASKED = "_VINEFAB_COMPLETE"
-"""Environment variable by which a shell asks: the words are the arguments, the last half typed."""
 
 SCRIPTS = {
     "bash": """_vinefab_complete() {

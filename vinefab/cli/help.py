@@ -3,11 +3,14 @@
 import shutil
 import textwrap
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from vinefab.app.verbs import GROUPS, VERBS
-from vinefab.cli.commands import Command, all_options, flags_of, summaries
-from vinefab.core.verbs import REQUIRED, Option, text_of
 from vinefab.core.version import __version__
+
+if TYPE_CHECKING:
+    from vinefab.cli.commands import Command
+    from vinefab.core.verbs import Option
 
 _HOW_TO_CITE = (
     f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
@@ -55,6 +58,8 @@ def program_help(width: int = 0) -> str:
 
 def group_help(group: str, width: int = 0) -> str:
     """Return the help of a word that stands before several commands; width 0: as the terminal."""
+    from vinefab.cli.commands import summaries
+
     width = width or _width()
     example = {"map": "vinefab map grid --seed 3 --out grid.geojson"}.get(
         group, "vinefab study reproduce transfer --quick --out transfer"
@@ -73,8 +78,10 @@ def group_help(group: str, width: int = 0) -> str:
     )
 
 
-def command_help(command: Command, width: int = 0) -> str:
+def command_help(command: "Command", width: int = 0) -> str:
     """Return the help of a command; width 0: as the terminal."""
+    from vinefab.cli.commands import all_options
+
     width = width or _width()
     options = all_options(command)
     places = [one for one in options if one.positional]
@@ -93,13 +100,15 @@ def command_help(command: Command, width: int = 0) -> str:
     return "\n".join(lines)
 
 
-def _place(option: Option) -> str:
+def _place(option: "Option") -> str:
     many = "..." if option.starred or option.kind.several else ""
     shown = f"{option.metavar}{many}"
     return shown if option.required else f"[{shown}]"
 
 
-def _named(option: Option) -> str:
+def _named(option: "Option") -> str:
+    from vinefab.cli.commands import flags_of
+
     flags = ", ".join(flags_of(option))
     if option.starred or (option.positional and option.kind.several):
         return _place(option)
@@ -108,7 +117,9 @@ def _named(option: Option) -> str:
     return flags if option.base is bool else f"{flags} {option.metavar}"
 
 
-def _words(option: Option) -> str:
+def _words(option: "Option") -> str:
+    from vinefab.core.verbs import REQUIRED, text_of
+
     words = _plain(option.help)
     if option.kind.known is not None:
         known = option.kind.known()

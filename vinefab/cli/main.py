@@ -23,6 +23,7 @@ from vinefab.core.interruption import StopRequest, stop_requests, stop_with_inpu
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
+HELP = ("-h", "--help")
 _MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
@@ -64,44 +65,40 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
 def dispatch(arguments: Sequence[str]) -> int:
     """Do what a command line asks for, and return the exit code."""
     # What is not asked for is not loaded: the list of commands needs no command.
-    from vinefab.app.verbs import GROUPS
     from vinefab.cli import help as helps
-    from vinefab.cli.commands import (
-        HELP,
-        Command,
-        UsageError,
-        command_for,
-        names_in,
-    )
-    from vinefab.cli.completion import (
-        ASKED,
-        answer,
-        install,
-        script_for,
-        shell_name,
-    )
 
-    if ASKED in os.environ:
+    if "_VINEFAB_COMPLETE" in os.environ:
+        from vinefab.cli.completion import answer
+
         return answer(arguments)
-    if not arguments or arguments[0] in HELP:
+    first, *rest = arguments or HELP
+    if first in HELP:
         return _print(helps.program_help())
-    first, *rest = arguments
-    shell = rest[0] if rest else shell_name()
     if first == "--version":
         return _print(f"vinefab {__version__}")
-    if first == "--show-completion":
-        return _print(script_for(shell))
-    if first == "--install-completion":
-        return _print(install(shell))
+    if first in ("--show-completion", "--install-completion"):
+        from vinefab.cli.completion import install, script_for, shell_name
+
+        done = script_for if first == "--show-completion" else install
+        return _print(done(rest[0] if rest else shell_name()))
+    return _command(arguments)
+
+
+def _command(arguments: Sequence[str]) -> int:
+    """Run a command, or print its help."""
+    from vinefab.app.verbs import GROUPS
+    from vinefab.cli.commands import Command, UsageError, command_for, names_in
+    from vinefab.cli.help import command_help, group_help
+
     name, typed = command_for(arguments)
+    if name in GROUPS and typed:
+        return _print(group_help(name))
     if name in GROUPS:
-        if typed:
-            return _print(helps.group_help(name))
         raise UsageError(f"a command is missing; there are: {', '.join(names_in(name))}")
     command = Command.named(name)
     options = typed[: typed.index("--")] if "--" in typed else typed
     if any(word in HELP for word in options):
-        return _print(helps.command_help(command))
+        return _print(command_help(command))
     return command.run(typed)
 
 

@@ -29,7 +29,6 @@ from typing import (
     Union,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 from vinefab.core.errors import (
@@ -182,7 +181,7 @@ class Option:
         if self.kind.words is not None:
             texts = self.kind.words(value)
         elif self.kind.several or self.starred:
-            alone = isinstance(value, str | PathLike) or not isinstance(value, Iterable)
+            alone = not isinstance(value, list | tuple | set)
             texts = [text_of(one) for one in ([value] if alone else value)]
         else:
             texts = [text_of(value)]
@@ -303,17 +302,25 @@ def _field_options(listed: FieldsOf) -> Iterator[Option]:
 
 
 def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:  # noqa: ANN401
-    """Yield an option for each field of a dataclass or a model."""
-    said, hints = parameter_words(kind), get_type_hints(kind, include_extras=True)
+    """Yield an option for each field of a dataclass or a declared table, except some."""
+    said = parameter_words(kind)
     if is_dataclass(kind):
         defaults = {one.name: one.default for one in fields(kind)}
     else:
         defaults = {name: one.default for name, one in kind.model_fields.items()}
-        said |= {n: one.description for n, one in kind.model_fields.items() if one.description}
     for name, default in defaults.items():
         if name not in without:
             given = None if default is MISSING else default
-            yield _option(name, hints[name], given, said.get(name, ""))
+            yield _option(name, _field_hint(kind, name), given, said.get(name, ""))
+
+
+def _field_hint(kind: type, name: str) -> Any:  # noqa: ANN401  an annotation
+    """Return the annotation of one field: others may name what only type checkers load."""
+    home = next(one for one in kind.__mro__ if name in inspect.get_annotations(one))
+    hint = inspect.get_annotations(home)[name]
+    if not isinstance(hint, str):
+        return hint
+    return eval(hint, vars(import_module(home.__module__)))  # noqa: S307  our own source
 
 
 def _option(name: str, hint: Any, default: Any, words: str) -> Option:  # noqa: ANN401

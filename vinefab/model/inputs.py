@@ -118,7 +118,8 @@ def _pose(text: str) -> tuple[float, ...]:
 
 
 def _pose_words(pose: Any) -> list[str]:  # noqa: ANN401  a pose or three numbers
-    numbers = pose if isinstance(pose, Iterable) else (pose.x_mm, pose.y_mm, pose.heading_deg)
+    of_pose = hasattr(pose, "heading_deg")
+    numbers = (pose.x_mm, pose.y_mm, pose.heading_deg) if of_pose else pose
     return [",".join(map(text_of, numbers))]
 
 
@@ -151,10 +152,6 @@ def _points(text: str) -> tuple[tuple[float, ...], ...]:
 
 
 POINTS = Kind(metavar="X,Y;X,Y", read=_points, words=_point_words, hyphen=True)
-
-
-def _words_with_commas(texts: list[str]) -> tuple[str, ...]:
-    return tuple(word.strip() for text in texts for word in text.split(",") if word.strip())
 
 
 def written(*endings: str) -> Kind:
@@ -209,7 +206,7 @@ else:
         Kind(metavar="RULE.LEVEL=VALUE", read=_limit, gather=_by_rule, words=_limit_words,
              several=True),
     ]  # fmt: skip
-    WordsLike = Annotated[object, Kind(metavar="WORD,...", gather=_words_with_commas, several=True)]
+    WordsLike = Annotated[object, Kind(metavar="WORD,...", several=True)]
 
 
 # --- Nouns --------------------------------------------------------------------------------------
@@ -290,7 +287,7 @@ def starts_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one start or several as a sequence: three numbers are one pose."""
     if given is None:
         return ()
-    if isinstance(given, str) or not isinstance(given, Iterable):
+    if _is_one(given):
         return (given,)
     found = tuple(given)
     is_pose = len(found) == 3 and all(isinstance(one, int | float) for one in found)
@@ -306,8 +303,13 @@ def several_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one thing, or an iterable of them, as a sequence."""
     if isinstance(given, Mapping):
         given = given.values()
-    alone = isinstance(given, str | PathLike) or not isinstance(given, Iterable)
-    return (given,) if alone else tuple(given)
+    return (given,) if _is_one(given) else tuple(given)
+
+
+def _is_one(given: object) -> bool:
+    """Tell whether something is one thing: a declared table gives its fields, but is no list."""
+    is_table = hasattr(type(given), "model_fields")
+    return is_table or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
 
 
 def mapping_of(key: str, given: object) -> Mapping[str, Any]:

@@ -56,7 +56,7 @@ class RunListing:
         return int(not self.whole or bool(self.broken and not self.rows))
 
     def __repr__(self) -> str:
-        return "\n".join([f"<RunListing of {counted(len(self.rows), 'run')}>", *self.lines])
+        return "\n".join([f"<RunListing of {counted(len(self.rows), 'run')}>", *self.summary])
 
     def _repr_html_(self) -> str:
         """Show the listing in a notebook."""
@@ -77,11 +77,6 @@ class RunListing:
         broken = [f"unreadable: {line}" for line in self.broken]
         merged = [line for summary in self.seeds for line in summary.lines]
         return (*map(run_line, self.rows), *broken, *merged)
-
-    @property
-    def lines(self) -> list[str]:
-        """The listing as a list."""
-        return list(self.summary)
 
     def json_text(self) -> str:
         """Return the listing as JSON: ``vinefab/runs-1``."""

@@ -71,7 +71,7 @@ def seamed(extra_mm: float) -> Callable[[], Subject]:
     def made() -> Subject:
         operations = dict(profile().recipe.by_operation)
         weldcut = operations["weldcut"]
-        seam = quantity(weldcut.seam_width_mm.value + extra_mm)
+        seam = quantity(max(1e-6, weldcut.seam_width_mm.value + extra_mm))  # no recipe has 0
         operations["weldcut"] = weldcut.changed(seam_width_mm=seam)
         other = replace(profile(), recipe=profile().recipe.changed(operations=operations))
         tube = design(widths_mm=(10.0,))

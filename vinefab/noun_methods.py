@@ -6,13 +6,12 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
@@ -20,18 +19,13 @@ from vinefab.core.plain_text import counted, visible
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
-from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.inputs import MapLike, PoseLike, growth_of, map_of
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 
 if TYPE_CHECKING:
-    from vinefab.fabrication.rule_listing import RuleBook
-    from vinefab.fabrication.rules.rule import Rule
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
-    from vinefab.search.record.result import RunResult
-    from vinefab.search.run_pages import RunListing
 
 START_SIZE = 0.055
 """Length of the arrow of a start in a picture, as a share of its longer side."""
@@ -95,20 +89,6 @@ def write_deployment(
         return write_text(target, whole_deployment.text(), force=force)
     drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
     return write_bytes(target, drawn(suffix), force=force)
-
-
-def check_summary(report: CheckReport, *, verbose: bool = False) -> tuple[str, ...]:
-    """Return a check as lines for the user."""
-    from vinefab.fabrication.checking import check_lines
-
-    return (*report.notes, *check_lines(report, verbose=verbose))
-
-
-def check_json(report: CheckReport) -> str:
-    """Return a check as JSON."""
-    from vinefab.fabrication.rules.run_rules import checks_text
-
-    return checks_text(report)
 
 
 def map_summary(world: Map) -> tuple[str, ...]:
@@ -223,91 +203,6 @@ def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]
     return f"{above}<table><tr>{cells}</tr>{lines}</table>" if rows else above
 
 
-def html_of(noun: object) -> str:
-    """Return a result as HTML for notebooks."""
-    # By name: a report of a check must not wait for the rooms of the others.
-    return _HTML_FORMS[type(noun).__name__](noun)
-
-
-def _report_html(report: CheckReport) -> str:
-    from vinefab.fabrication.checking import verdict
-
-    return _findings_html(verdict(report), report.findings)
-
-
-def _findings_html(title: str, findings: Sequence[Finding]) -> str:
-    from vinefab.fabrication.checking import rule_title
-
-    rows = [
-        (
-            "waived" if found.waived else found.severity,
-            found.rule,
-            rule_title(found.rule),
-            ", ".join(found.branches),
-            found.message,
-            "" if found.measured is None else f"{found.measured:.4g} {found.unit}",
-            "" if found.limit is None else f"{found.limit:.4g} {found.unit}",
-        )
-        for found in findings
-    ]
-    head = ("", "rule", "what must hold", "branches", "finding", "is", "limit")
-    return html_table(title, head, rows)
-
-
-def _rule_html(rule: Rule) -> str:
-    from vinefab.fabrication.rule_listing import rule_lines
-
-    return lines_html(rule_lines(rule))
-
-
-def _rules_html(book: RuleBook) -> str:
-    from vinefab.fabrication.rule_listing import limits_text
-
-    rows = [(rule.id, rule.title, limits_text(rule, "{}")) for rule in book.values()]
-    return html_table(counted(len(rows), "rule"), ("rule", "what must hold", "limits"), rows)
-
-
-def _run_html(result: RunResult) -> str:
-    from vinefab.prediction.run_winner import prediction_lines
-
-    rows = [
-        (
-            place,
-            counted(one.design.branch_count, "branch"),
-            f"{one.fitness:.4f}",
-            f"{one.score.composite['mean']:.4f}",
-            "yes" if one.penalty == 0.0 else "no",
-        )
-        for place, one in enumerate(result.finalists, 1)
-    ]
-    head = (
-        "finalist", "design", "fitness, which orders them (simulated)",
-        f"mean {result.score.task} on the training maps (simulated)", "keeps what was checked",
-    )  # fmt: skip
-    told = [*result.notes, *(prediction_lines(result.prediction) if result.prediction else ())]
-    below = "".join(f"<p>{escape(line)}</p>" for line in told)
-    return html_table(result.headline, head, rows) + below + (svg_of(result.best) or "")
-
-
 def lines_html(lines: Sequence[str]) -> str:
     """Return lines for the user, the first as the title, for notebooks."""
     return html_table(lines[0], ("",), [(line,) for line in lines[1:]])
-
-
-def _picture_html(data: bytes, kind: str) -> str:
-    """Return a picture in a frame of its own: names in one do not touch those in another."""
-    return f'<img alt="" src="data:image/{kind};base64,{b64encode(data).decode()}">'
-
-
-def _runs_html(listing: RunListing) -> str:
-    return lines_html([counted(len(listing.rows), "run"), *listing.summary])
-
-
-_HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
-    "CheckReport": _report_html,
-    "Finding": lambda found: _findings_html(found.rule, [found]),
-    "Rule": _rule_html,
-    "RuleBook": _rules_html,
-    "RunResult": _run_html,
-    "RunListing": _runs_html,
-}

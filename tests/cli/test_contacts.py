@@ -11,9 +11,7 @@ from vinefab.growth.plan import Plan
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.inputs import growth_of
-from vinefab.search.record.run_archive import settings_from_plain
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import plain_settings
+from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
 [head_on_half_angle_deg]
@@ -298,7 +296,7 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
 
 
 def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
-    one, other = observed
+    one = observed[0]
     foreign = tmp_path / "notes.toml"
     foreign.write_text("mine")
     for arguments, words in (

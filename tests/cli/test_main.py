@@ -23,7 +23,7 @@ def test_an_unforeseen_error_is_one_line_and_a_log(monkeypatch, capsys, tmp_path
         raise ZeroDivisionError("a secret of the inside")
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("vinefab.fabrication.profile_listing.profile_list", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles"]) == 3
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -43,7 +43,7 @@ def test_the_log_holds_arguments_that_are_no_text(monkeypatch, capsys, tmp_path)
         raise ZeroDivisionError
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("vinefab.fabrication.profile_listing.profile_list", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles", "--json", "\udcff.json"]) == 3
     assert "fault of vinefab" in capsys.readouterr().err
     (log,) = tmp_path.glob("vinefab-error-*.log")
@@ -68,7 +68,7 @@ def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):
         raise RecursionError
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
-    monkeypatch.setattr("vinefab.fabrication.profile_listing.profile_list", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles"]) == 3
     assert "no log could be written" in capsys.readouterr().err
 
@@ -80,7 +80,7 @@ def test_want_of_memory_is_no_fault(monkeypatch, capsys, error):
     def greedy(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("vinefab.fabrication.profile_listing.profile_list", greedy)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", greedy)
     assert main(["profiles"]) == 2
     assert "not enough memory" in capsys.readouterr().err
 

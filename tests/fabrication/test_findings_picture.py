@@ -5,11 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
-from matplotlib.text import Text
 
+from tests.pages.drawn import placed_texts, texts_of
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import (
     MOST_LISTED,
@@ -17,15 +14,15 @@ from vinefab.fabrication.findings_picture import (
     FindingsPage,
     Tag,
     findings_picture,
-    fitted,
     listed,
-    text_width_pt,
 )
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.figure import house_style, png_bytes, svg_bytes
+from vinefab.pages.page_png import page_png
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import fitted, rgb, text_width
 
 CALM = CheckReport(design="any", recipe="any", run=(), skipped=(), findings=())
 
@@ -130,17 +127,6 @@ def test_many_findings_are_grouped_and_none_is_lost(count: int, recipe: LaserPro
     assert len(page.lines) == (count if count <= MOST_LISTED else 3)
 
 
-def _texts(figure: Figure) -> list[tuple[str, shapely.Polygon]]:
-    canvas = FigureCanvasAgg(figure)
-    with house_style():
-        canvas.draw()
-        return [
-            (text.get_text(), shapely.box(*text.get_window_extent(canvas.get_renderer()).extents))
-            for text in figure.findobj(Text)
-            if text.get_text().strip() and text.get_visible()
-        ]
-
-
 @pytest.mark.parametrize(("count", "hostile"), [(0, False), (12, True), (200, True)])
 def test_no_text_lies_on_another_or_beyond_the_page(
     count: int,
@@ -155,19 +141,19 @@ def test_no_text_lies_on_another_or_beyond_the_page(
             for f in report.findings
         )
         report = replace(report, findings=found)
-    figure = findings_picture(design, recipe, report)
-    texts = _texts(figure)
-    page = shapely.box(*figure.bbox.extents)
+    drawn = findings_picture(design, recipe, report)
+    texts = placed_texts(drawn)
+    page = shapely.box(0.0, 0.0, drawn.width_pt, drawn.height_pt)
     boxes = [box for _, box in texts]
     assert all(page.contains(box) for box in boxes)
     tree = shapely.STRtree(boxes)
     pairs = [(texts[a][0], texts[b][0]) for a, b in tree.query(boxes, "intersects").T if a < b]
     assert pairs == []
-    assert svg_bytes(figure).count(b"<script") == 0
+    assert page_svg(drawn).count(b"<script") == 0
 
 
 def test_a_clean_design_says_so(recipe: LaserProfile) -> None:
-    words = [text for text, _ in _texts(findings_picture(DESIGNS["plain"], recipe, CALM))]
+    words = texts_of(findings_picture(DESIGNS["plain"], recipe, CALM))
     assert "No findings: nothing to mark." in words
     # No rule speaks against it, and yet nobody has burst a seam of this recipe.
     assert "no rule forbids it; recipe unverified" in words
@@ -183,7 +169,7 @@ def test_errors_come_first_and_waived_findings_are_only_counted(recipe: LaserPro
     ]
     assert len(listed(waived)) == 6
     picture = findings_picture(DESIGNS["plain"], recipe, replace(report, findings=waived))
-    assert any("3 waived" in text for text, _ in _texts(picture))
+    assert any("3 waived" in text for text in texts_of(picture))
 
 
 def test_the_robot_is_large_and_true_to_scale(recipe: LaserProfile) -> None:
@@ -197,7 +183,7 @@ def test_the_robot_is_large_and_true_to_scale(recipe: LaserProfile) -> None:
 def test_severities_differ_in_lightness() -> None:
     # Rec. 709 luminance of linear light, which every kind of colour vision sees.
     shades = sorted(
-        float(np.array([0.2126, 0.7152, 0.0722]) @ np.array(to_rgb(colour)) ** 2.2)
+        float(np.array([0.2126, 0.7152, 0.0722]) @ (np.array(rgb(colour)) / 255.0) ** 2.2)
         for colour in SEVERITY_COLOURS.values()
     )
     assert all(dark * 1.3 < light for dark, light in pairwise(shades))
@@ -206,13 +192,13 @@ def test_severities_differ_in_lightness() -> None:
 def test_long_texts_are_cut_to_their_room() -> None:
     short = fitted("a" * 10_000, 100.0, 8.0)
     assert short.endswith("…")
-    assert 80.0 < text_width_pt(short, 8.0) <= 100.0
+    assert 80.0 < text_width(short, 8.0) <= 100.0
     assert fitted("a\nb", 100.0, 8.0) == "a b"
 
 
 def test_pictures_are_reproducible(recipe: LaserProfile) -> None:
     design = DESIGNS["plain"]
     report = check_design(design, recipe)
-    one, two = (svg_bytes(findings_picture(design, recipe, report)) for _ in range(2))
+    one, two = (page_svg(findings_picture(design, recipe, report)) for _ in range(2))
     assert one == two
-    assert png_bytes(findings_picture(design, recipe, report)).startswith(b"\x89PNG")
+    assert page_png(findings_picture(design, recipe, report)).startswith(b"\x89PNG")

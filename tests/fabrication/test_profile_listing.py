@@ -1,14 +1,11 @@
-import json
-
 import pytest
 
 from vinefab.core.errors import UnknownNameError, UnreadableFileError
 from vinefab.fabrication.profile_listing import (
     PROFILE_KINDS,
-    explain,
+    ProfileListing,
+    ProfileNumbers,
     kind_of,
-    profile_json,
-    profile_list,
 )
 from vinefab.model.files.profile_toml import read_material, read_profile
 from vinefab.model.files.shipped import USER_VARIABLE, names, shipped_root
@@ -33,30 +30,30 @@ def own_folder(tmp_path, monkeypatch):
 
 def test_everything_that_is_shipped_is_listed(tmp_path, monkeypatch):
     monkeypatch.setenv(USER_VARIABLE, str(tmp_path))
-    text = "\n".join(profile_list())
+    text = "\n".join(ProfileListing().summary)
     for kind in PROFILE_KINDS:
-        assert all(f"  {name}: " in text for name in names(kind))
+        assert all(f"  {name} " in text for name in names(kind))
     assert "[unverified]" in text
     assert str(tmp_path) in text
 
 
 @pytest.mark.parametrize("name", [name for kind in PROFILE_KINDS for name in names(kind)])
 def test_every_number_of_every_profile_is_explained_with_its_standing(name):
-    lines = explain(name)
-    numbers = json.loads(profile_json(name))["numbers"]
+    lines = ProfileNumbers(name=name).summary
+    numbers = ProfileNumbers(name=name).numbers["numbers"]
     head = [line for line in lines if not line.startswith("  ")]
-    assert [line.split()[0] for line in head[2:]] in ([], ["machine", "material"])
+    assert [line.split(":")[0] for line in head[2:]] in ([], ["machine", "material"])
     for line, (key, number) in zip(lines[len(head) :], numbers.items(), strict=True):
         assert key in line
-        assert f"{number['standing']}: {number['source']}" in line
+        assert line.split(number["standing"], 1)[1].strip() == number["source"]
         assert number["source"]
 
 
 def test_line_energy_is_worked_out_for_the_laser_and_not_for_the_sealer():
-    laser = json.loads(profile_json(RECIPE))["numbers"]
+    laser = ProfileNumbers(name=RECIPE).numbers["numbers"]
     # 60 W x 12 % at 60 mm/s.
     assert laser["weldcut.line_energy_mj_mm"]["value"] == pytest.approx(120.0)
-    sealed = json.loads(profile_json("co2_60w__tpu_nylon_70d"))["numbers"]
+    sealed = ProfileNumbers(name="co2_60w__tpu_nylon_70d").numbers["numbers"]
     assert [key for key in sealed if key.startswith("weld.")] == [
         "weld.temperature_c",
         "weld.dwell_s",
@@ -67,10 +64,10 @@ def test_line_energy_is_worked_out_for_the_laser_and_not_for_the_sealer():
 def test_the_users_own_files_come_first(own_folder):
     assert read_material("my_film").ply_mm.value == 0.03
     assert read_profile(RECIPE).material.name == "my_film"
-    text = "\n".join(profile_list())
-    assert "my_film (yours)" in text
-    assert f"{RECIPE} (yours)" in text
-    assert json.loads(profile_json(None))["user_folder"] == str(own_folder)
+    text = "\n".join(ProfileListing().summary)
+    yours = [line.split()[0] for line in text.splitlines() if line.endswith("yours")]
+    assert yours == ["my_film", RECIPE]
+    assert ProfileListing().numbers["user_folder"] == str(own_folder)
 
 
 def test_the_kind_of_a_file_follows_from_what_it_says(tmp_path):

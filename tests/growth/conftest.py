@@ -9,9 +9,10 @@ import shapely
 from shapely import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.growth.arrays import TreeArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import Engine, GrowBranches, grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -22,8 +23,10 @@ SIZE_MM = 500.0
 Grower = Callable[..., Deployment]
 
 
-@pytest.fixture(scope="session", params=["kernel", "reference"])
-def engine(request: pytest.FixtureRequest) -> str:
+@pytest.fixture(
+    scope="session", params=["kernel", grow_reference_branches], ids=["kernel", "reference"]
+)
+def engine(request: pytest.FixtureRequest) -> Engine | GrowBranches:
     return request.param
 
 
@@ -78,7 +81,7 @@ def terrain() -> Callable[..., Terrain]:
 
 
 @pytest.fixture(scope="session")
-def launch(engine: str) -> Grower:
+def launch(engine: Engine | GrowBranches) -> Grower:
     """Grow from (x, y, degrees) with the engine under test; no head-on stops by default."""
 
     def run(

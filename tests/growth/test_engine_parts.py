@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
+from tests.oracles import growth_reference as reference
 from vinefab.core import compiling
-from vinefab.growth import reference
 from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions

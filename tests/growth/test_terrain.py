@@ -201,7 +201,7 @@ def test_walls_of_other_radii_are_dropped_and_built_again(terrain):
 
 
 def test_unknown_engine_is_refused(terrain, vine):
-    with pytest.raises(UnknownNameError, match="reference"):
+    with pytest.raises(UnknownNameError, match="interpreted"):
         grow(vine(1.0), terrain(ROOM), Pose(x_mm=1.0, y_mm=1.0, heading_rad=0.0), engine="kernal")
 
 

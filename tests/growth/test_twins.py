@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
+from tests.oracles.growth_reference import World, grow_reference_branches
 from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.reference import World
 from vinefab.growth.simulator import KERNEL, grow, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -33,7 +33,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
             fast = grow(robot, terrain, pose, options, "kernel")
-            plain = grow(robot, terrain, pose, options, "reference")
+            plain = grow(robot, terrain, pose, options, grow_reference_branches)
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -51,7 +51,7 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
         fast = grow(robot, terrain, pose, options, "kernel")
-        plain = grow(robot, terrain, pose, options, "reference")
+        plain = grow(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
@@ -96,11 +96,11 @@ def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
         rng = np.random.default_rng([9, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        near = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+        near = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
         few = len(tested)
         with monkeypatch.context() as everywhere:
             everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
-            whole = grow(robot, terrain, pose, GrowthOptions.published(), "reference")
+            whole = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
         assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
         assert near.stop.tolist() == whole.stop.tolist(), number
         assert few < len(tested) - few, number
@@ -163,7 +163,7 @@ def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, ter
     pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
     fast, plain = (
         grow(robot.changed(build=build), ground, pose, options, engine)
-        for engine in ("kernel", "reference")
+        for engine in ("kernel", grow_reference_branches)
     )
     assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())
     assert fast.stop.tolist() == plain.stop.tolist()

@@ -31,7 +31,7 @@ def narrow(content):
 def test_the_answer_is_that_of_the_check():
     state, answer = answered("cave_explorer_pieces")
     report = check_design(state.design, state.profile)
-    assert answer["verdict"] == checking.verdict(report)
+    assert answer["verdict"] == report.verdict
     assert {one["fingerprint"] for one in answer["findings"]} == {
         finding.fingerprint for finding in report.findings
     }

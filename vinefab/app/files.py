@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-from vinefab.app.results import Names, ProfileNumbers, WrittenFile
+from vinefab.app.results import Names, WrittenFile
 from vinefab.core.verbs import IN_PLACE, Kind, also, names_of, verb, wrote
 from vinefab.model.inputs import FOLDER, PathText, all_names, path_of
 
 if TYPE_CHECKING:
+    from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
     from vinefab.fabrication.rule_listing import RuleBook
 
 _NEXT_STEPS = {
@@ -168,7 +169,7 @@ def profiles(
     name: Annotated[
         PathText | None, Kind(metavar="NAME", files=partial(all_names, "recipe")), IN_PLACE
     ] = None,
-) -> ProfileNumbers:
+) -> ProfileNumbers | ProfileListing:
     """List machines, materials and recipes, or explain one: every number with its standing.
 
     Parameters
@@ -190,14 +191,13 @@ def profiles(
     >>> profiles("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
     True
     """
-    import json
+    from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers, kind_of
 
-    from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
-
-    wanted = None if name is None else str(path_of("name", name, "a name, or a path"))
-    lines = profile_list() if wanted is None else explain(wanted)
-    numbers = json.loads(profile_json(wanted))
-    return ProfileNumbers(name=wanted or "", summary=tuple(lines), numbers=numbers)
+    if name is None:
+        return ProfileListing()
+    found = ProfileNumbers(name=str(path_of("name", name, "a name, or a path")))
+    kind_of(found.name)  # an unknown name is refused here
+    return found
 
 
 profile = profiles
@@ -232,7 +232,6 @@ def rules(
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 0.0, 'warning': 2.0})
     """
-    from vinefab.fabrication.rule_listing import RuleBook, all_rules, rules_named
+    from vinefab.fabrication.rule_listing import RuleBook
 
-    found = all_rules() if rule is None else rules_named(rule)
-    return RuleBook.of(found, words=rule)
+    return RuleBook.of(rule)

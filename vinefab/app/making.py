@@ -235,7 +235,6 @@ def fix(
     >>> fix("plain_vine").summary[-1]
     'fix: no errors, nothing to fix'
     """
-    from vinefab.fabrication.checking import verdict
     from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
@@ -261,7 +260,7 @@ def fix(
             more = score_change_lines(robot, found.design, worlds, given)
             lines += [line.strip() for line in more]
     if found.design is not None and found.after is not None:
-        lines.append(verdict(found.after))
+        lines.append(found.after.verdict)
         if file is not None:
             write_page(file, design_text(found.design), force=force)
     if found.before.blocking:
@@ -627,5 +626,5 @@ def rig(
     write_folder(folder, made.files, RIG_MARK, force=force)
     wrote(folder, f"/ ({counted(len(made.files), 'file')})")
     return WrittenFolder(
-        path=folder, files=tuple(made.files), report=made.report, summary=tuple(made.summary())
+        path=folder, files=tuple(made.files), report=made.report, summary=made.summary
     )

@@ -336,11 +336,11 @@ def import_(
         allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
         raise BadInputError("preview", str(preview), allowed, source)
     from vinefab.maps.importers.photo_map import read_photo_map
-    from vinefab.pages.figure import png_bytes
+    from vinefab.pages.page_png import page_png
     from vinefab.pages.photo_preview import photo_preview
 
     imported = read_photo_map(source, chosen)
-    picture = png_bytes(photo_preview(imported))
+    picture = page_png(photo_preview(imported))
     world = _kept(map_of(imported.world, start=places), out, force=force)
     target = path_of("preview", preview)
     write_bytes(target, picture, force=force)

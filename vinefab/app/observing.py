@@ -98,8 +98,6 @@ def observe(
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
     """
     from vinefab.model.map import Map, Pose
-    from vinefab.observation.observation_json import observation_text
-    from vinefab.observation.observation_page import observation_html
     from vinefab.observation.observe_photo import observe_photo
     from vinefab.observation.photo_setup import PhotoSetup
     from vinefab.photos.photo import read_photo
@@ -132,11 +130,11 @@ def observe(
         map_file=world.name if isinstance(map, Map) else str(map),
         design_file=robot.name if not isinstance(design, str | Path) else str(design),
     )
-    text = observation_text(seen)
+    text = seen.json_text()
     if page is not None:
         is_json = page.suffix.lower() == ".json"
-        write_page(page, text if is_json else observation_html(seen), force=force)
-    return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=json.loads(text))
+        write_page(page, text if is_json else seen.page(), force=force)
+    return PhotoReport(path=page, summary=seen.summary, numbers=json.loads(text))
 
 
 @verb

@@ -116,10 +116,10 @@ class WrittenFolder:
 
     def _repr_html_(self) -> str:
         """Show the files and the findings in a notebook."""
-        from vinefab.noun_methods import html_of, html_table
+        from vinefab.noun_methods import html_table
 
         files = html_table(f"written: {self.path}", ("file",), [(name,) for name in self.files])
-        return files + html_of(self.report)
+        return files + self.report._repr_html_()
 
     def json_text(self) -> str:
         """Return the names of the files as JSON: ``vinefab/written-1``."""
@@ -239,38 +239,6 @@ class PhotoReport:
     def _repr_html_(self) -> str:
         title = "not written" if self.path is None else f"written: {self.path}"
         return _shown(title, self.summary)
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileNumbers:
-    """What is known of a machine, a material or a recipe, or the list of all.
-
-    Parameters
-    ----------
-    name
-        Its name or path; empty for the list.
-    summary
-        Title and file, then each number with its standing and source, a line each.
-    numbers
-        The same as plain values, schema ``vinefab/profiles-1``.
-    """
-
-    name: str
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        return "\n".join([f"<ProfileNumbers {self.name}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        """Show the numbers in a notebook."""
-        from vinefab.noun_methods import lines_html
-
-        return lines_html(self.summary)
 
     def json_text(self) -> str:
         """Return the numbers as JSON."""

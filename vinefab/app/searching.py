@@ -45,7 +45,7 @@ from vinefab.model.inputs import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from vinefab.search.record.result import Progress as Generation
+    from vinefab.search.record.generations import Progress as Generation
     from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
@@ -170,9 +170,9 @@ def optimize(
     settings, source = _run_of(run)
     own_task = None if task is None or isinstance(task, str) else task_of(task, {})
     if isinstance(task, str):
-        settings = replace(settings, task=PartSettings(name=task))
+        settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
-        settings = replace(settings, search=replace(settings.search, seed=seed))
+        settings = settings.changed(search=settings.search.changed(seed=seed))
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     for name, value in limits.given.items():
         if not resume:
@@ -233,14 +233,13 @@ def optimize(
         lines += prediction_lines(result.prediction)
         lines.append(outcome_line(ended, violations, where))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
-    return replace(result, summary=tuple(lines), exit_code=int(bool(violations)))
+    return replace(result, told=tuple(lines), exit_code=int(bool(violations)))
 
 
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
-    from vinefab.search.run_file import read_run
-    from vinefab.search.settings import RunSettings
+    from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
         return given, None
@@ -419,7 +418,7 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
-    from vinefab.search.run_file import read_run
+    from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
         comparison_json,

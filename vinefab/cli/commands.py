@@ -129,8 +129,8 @@ class Command:
         if result is None:
             return 0
         terminal.give_json(result.json_text())
-        more = getattr(result, "all_lines", result.summary) if verbose else result.summary
-        terminal.say_all(more)
+        details = getattr(result, "details", None) if verbose else None
+        terminal.say_all(details if isinstance(details, tuple) else result.summary)
         return int(getattr(result, "exit_code", 0))
 
     def understood(self, typed: Sequence[str]) -> dict[str, Any]:

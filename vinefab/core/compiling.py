@@ -1,5 +1,13 @@
 """Compilation of kernels: the only module that imports numba, which takes half a second.
 
+Modules with kernels, and large packages, are therefore imported when they are first used
+(`imported_later`), in the same words everywhere::
+
+    if TYPE_CHECKING:
+        from vinefab.growth import batch_kernel
+    else:
+        batch_kernel = imported_later("vinefab.growth.batch_kernel")
+
 Functions that call each other must stand in one file that imports no other module of vinefab: the
 cache on disk notices edits to a function's own file only. After a change here, the caches
 (``__pycache__/*.nbi``) must be deleted by hand.
@@ -8,8 +16,9 @@ cache on disk notices edits to a function's own file only. After a change here, 
 import importlib.util
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from importlib.machinery import SourceFileLoader
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 # mypy: allow-untyped-calls
@@ -54,6 +63,18 @@ def called(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
     return _jit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+class _Later(ModuleType):
+    """A module that is imported when something of it is first used, by any thread."""
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401  of any module
+        return getattr(import_module(self.__name__), name)
+
+
+def imported_later(name: str) -> Any:  # noqa: ANN401  a module
+    """Return a module that is imported when it is first used; a missing one is told then."""
+    return _Later(name)
+
+
 @cache
 def interpreted(name: str) -> ModuleType:
     """Return a module of compiled functions as one of plain Python functions.
@@ -66,6 +87,20 @@ def interpreted(name: str) -> ModuleType:
     module = ModuleType(loader.name)
     loader.exec_module(module)
     return module
+
+
+def rebindable(name: str) -> dict[str, Any]:
+    """Return the names of a module as `interpreted` gives it, to be replaced one by one.
+
+    Its functions are new ones, which find each other under these names: whoever replaces one sees
+    every call of it, and changes nothing for others.
+    """
+    source = vars(interpreted(name))
+    names: dict[str, Any] = dict(source)
+    for key, part in source.items():
+        if isinstance(part, FunctionType):
+            names[key] = FunctionType(part.__code__, names, key)
+    return names
 
 
 @cache

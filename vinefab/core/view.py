@@ -246,7 +246,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Plain values that stand in JSON alone, by their keys, or what makes them."""
+    """Plain values that stand in JSON alone, by their keys as of a fact, or what makes them."""
 
     content: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
 
@@ -294,7 +294,7 @@ class Result:
     schema: ClassVar[str] = ""
     origin: Origin | None = None  # a result that can be got again by a command has one
 
-    parts: ClassVar[int] = 1  # about how many details its page has
+    parts: ClassVar[int] = 1  # about how many sections its page has
 
     @property
     def title(self) -> str:
@@ -305,7 +305,7 @@ class Result:
         """Return the result: a picture, the answer, numbers and notes."""
         raise NotImplementedError
 
-    def details(self) -> Iterable[Block]:
+    def sections(self) -> Iterable[Block]:
         """Return what its page shows below the view."""
         return ()
 
@@ -313,6 +313,11 @@ class Result:
     def summary(self) -> tuple[str, ...]:
         """The result, a line each."""
         return tuple(lines(self.view()))
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """The summary with what ``--verbose`` adds."""
+        return self.summary
 
     def json_text(self) -> str:
         """Return the result as JSON."""
@@ -334,7 +339,7 @@ class Result:
             Called with the share of the page that is drawn and a few words.
         """
         blocks = list(self.view())
-        for count, block in enumerate(self.details(), start=1):
+        for count, block in enumerate(self.sections(), start=1):
             blocks.append(block)
             if progress is not None:
                 progress(min(1.0, count / self.parts), "drawing the page")
@@ -441,7 +446,8 @@ def document(blocks: Iterable[Block]) -> dict[str, Any]:
             case Notes(notes, key) if key:
                 _put(found, key, list(notes))
             case Data(content):
-                found |= content() if callable(content) else content
+                for key, value in (content() if callable(content) else content).items():
+                    _put(found, key, value)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Check a design against the rules, and present the report: as lines and as a drawing."""
+"""Check a design against the rules, and draw the findings."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import counted
+from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
@@ -18,10 +19,11 @@ from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, 
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
+from vinefab.model.finding import CheckReport, RuleSkipped
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.pages.plan import page_bytes
 from vinefab.physics.tube import inflated_diameter_mm
 
 MANY_BRANCHES = 1500
@@ -65,8 +67,6 @@ def corridors_in(
         ),
     )
 
-
-_SIGNS = {Severity.ERROR: "ERROR ", Severity.WARNING: "warn  ", Severity.INFO: "info  "}
 
 Deployed = tuple[tuple[str, Deployment], ...]
 """Deployments, each with the name of its map."""
@@ -174,12 +174,7 @@ def findings_file(design: Design, profile: LaserProfile, report: CheckReport, pa
     """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
     if path.suffix.lower() == ".dxf":
         return _drawing_dxf(findings_drawing(design, profile, report), path).encode()
-    # Plotting takes long to load, which a check without a picture has no use for.
-    from vinefab.fabrication.findings_picture import findings_picture  # noqa: PLC0415
-    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-
-    picture = findings_picture(design, profile, report)
-    return svg_bytes(picture) if path.suffix.lower() == ".svg" else png_bytes(picture)
+    return page_bytes(findings_picture(design, profile, report), path.suffix)
 
 
 def _drawing_dxf(drawing: Job, path: Path) -> str:
@@ -204,75 +199,3 @@ def deployed_lines(deployed: Deployed) -> list[str]:
         f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
         for name, found in deployed
     ]
-
-
-def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
-    """Return a check as lines for the user: findings by rule, what was not looked at, verdict."""
-    return [*findings_by_rule(report), *around_findings(report, verbose=verbose), verdict(report)]
-
-
-def findings_by_rule(report: CheckReport) -> list[str]:
-    """Return a line for every rule with findings of one severity, and below it one for each."""
-    groups = dict[tuple[str, str], list[Finding]]()
-    for finding in report.findings:
-        groups.setdefault((_sign(finding), finding.rule), []).append(finding)
-    lines = list[str]()
-    for (sign, rule), findings in groups.items():
-        lines.append(f"{sign} {rule}  {rule_title(rule)}".rstrip())
-        lines += [f"       {_finding_words(finding)}" for finding in findings]
-    return lines
-
-
-def around_findings(report: CheckReport, *, verbose: bool = False) -> list[str]:
-    """Return what else a user should know of a check: notes, changed limits, rules skipped."""
-    lines = list[str]()
-    if verbose:
-        lines += [f"ran    {r.rule}  {rule_title(r.rule)}: {r.checked} checked" for r in report.run]
-    lines += [f"note   {r.rule}  {r.note}" for r in report.run if r.note]
-    lines += [
-        f"limit  {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
-        f"from {limit.source}"
-        for limit in report.limits
-    ]
-    reasons = dict.fromkeys(skipped.reason for skipped in report.skipped)
-    lines += [
-        f"skipped {', '.join(s.rule for s in report.skipped if s.reason == why)}  {why}"
-        for why in reasons
-    ]
-    lines += [
-        f"warn   stale waiver {name}: no finding has that name; remove it from the design"
-        for name in report.stale_waivers
-    ]
-    return lines
-
-
-def verdict(report: CheckReport) -> str:
-    """Return the outcome of a check in one line."""
-    errors, warnings = report.count(Severity.ERROR), report.count(Severity.WARNING)
-    rules = f"{counted(len(report.run), 'rule')} run, {len(report.skipped)} skipped"
-    found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}; {rules}"
-    if report.blocking:
-        return f"{report.design}: not manufacturable: {found}"
-    return f"{report.design}: manufacturable: {found}"
-
-
-def _sign(finding: Finding) -> str:
-    return "waived" if finding.waived else _SIGNS[finding.severity]
-
-
-def rule_title(rule: str) -> str:
-    """Return what a rule asks for; empty for one that is not installed here."""
-    return RULES[rule].title if rule in RULES else ""
-
-
-def _finding_words(finding: Finding) -> str:
-    who = f"[{', '.join(finding.branches[:4])}] " if finding.branches else ""
-    why = f" (waived: {finding.reason})" if finding.waived else ""
-    return f"{who}{finding.message}{_numbers(finding)}{why}  #{finding.fingerprint}"
-
-
-def _numbers(finding: Finding) -> str:
-    if finding.measured is None or finding.limit is None:
-        return ""
-    unit = f" {finding.unit}" if finding.unit else ""
-    return f" (is {finding.measured:.4g}, limit {finding.limit:.4g}{unit})"

@@ -9,11 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.patches import Rectangle
-from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -26,8 +21,16 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.pages.colours import INK, SOFT
-from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import house_style
+from vinefab.pages.panel import (
+    Ink,
+    Page,
+    Panel,
+    Shape,
+    fitted,
+    page_of_paper,
+    paper,
+    text_width,
+)
 
 SEVERITY_COLOURS = {
     Severity.ERROR: "#b3002d",
@@ -58,9 +61,6 @@ _TAG_PT = 8.0
 _LIST_PT = 8.0
 _NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
 """Distances within which findings share a tag: the first one that leaves room for all tags."""
-
-_HINTED = 1.04
-"""Letters are a little wider where they are set on whole pixels."""
 
 _LEADERS_PT = (9.0, 14.0, 20.0, 28.0, 38.0, 50.0, 66.0, 86.0, 110.0, 140.0)
 _DIRECTIONS = 24
@@ -181,25 +181,20 @@ class FindingsPage:
         )
 
 
-def findings_picture(design: Design, profile: LaserProfile, report: CheckReport) -> Figure:
+def findings_picture(design: Design, profile: LaserProfile, report: CheckReport) -> Page:
     """Return the picture of a check: the robot with its lines, findings, scale and list."""
     page = FindingsPage.of(design, profile, report)
-    with house_style():
-        figure = Figure(figsize=(_WIDE_PT / 72.0, page.high_pt / 72.0))
-        limits = (0.0, _WIDE_PT), (0.0, page.high_pt)
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=limits[0], ylim=limits[1])
-        axes.axis("off")
-        axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, page.high_pt, fc="white", ec="none"))
-        page.robot.draw(axes, page.view)
-        for severity, band in page.marked.items():
-            colour = SEVERITY_COLOURS[severity]
-            fill_geometry(axes, [band], face=colour, edge="none", alpha=0.45, rank=3)
-        for tag in page.tags:
-            _draw_tag(axes, tag)
-        _draw_head(axes, page.high_pt, design, profile, report)
-        _draw_key(axes, page)
-        _draw_list(axes, page)
-    return figure
+    panel = paper(_WIDE_PT, page.high_pt)
+    page.robot.draw(panel, page.view)
+    for severity, band in page.marked.items():
+        ink = Ink(fill=SEVERITY_COLOURS[severity], fill_alpha=0.45)
+        panel.polygons([band], ink, rank=3.0)
+    for tag in page.tags:
+        _draw_tag(panel, tag)
+    _draw_head(panel, page.high_pt, design, profile, report)
+    _draw_key(panel, page)
+    _draw_list(panel, page)
+    return page_of_paper(panel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -221,7 +216,7 @@ class _Robot:
         lumen = shapely.Polygon(body_outline(design).contour.flattened_mm(0.05))
         return cls(lumen=lumen, paths=body.paths, seam_mm=max(seams, default=0.0))
 
-    def draw(self, axes: Axes, view: _View) -> None:
+    def draw(self, panel: Panel, view: _View) -> None:
         """Draw the film, the seam at its true width, and the beam's lines."""
         for path in self.paths:
             if path.operation in (Operation.WELD, Operation.WELDCUT):
@@ -233,14 +228,13 @@ class _Robot:
                 # Only inward of the beam is seam; a body that lies on itself has no one inside.
                 if path.operation is Operation.WELDCUT and around.is_valid:
                     band = band.intersection(around)
-                axes.fill(
-                    *view.points(np.array(self.lumen.exterior.coords)).T, fc=_LUMEN, ec="none"
-                )
-                fill_geometry(axes, [view.geometry(band)], face=_SEAM, edge="none", rank=1.5)
+                ring = view.points(np.array(self.lumen.exterior.coords))
+                panel.add(Shape([ring], Ink(fill=_LUMEN), closed=True))
+                panel.polygons([view.geometry(band)], Ink(fill=_SEAM), rank=1.5)
         for path in self.paths:
             colour, _ = _LINES.get(path.operation, (SOFT, ""))
             points = view.points(shapely.get_coordinates(_line_of(path)))
-            axes.plot(*points.T, color=colour, lw=0.9, zorder=2, solid_joinstyle="round")
+            panel.line(points, Ink(line=colour, width_pt=0.9))
 
 
 def _line_of(path: LaserPath) -> shapely.LineString:
@@ -377,7 +371,7 @@ def _candidates(
     at_pt: tuple[float, float], text: str
 ) -> tuple[NDArray[np.object_], NDArray[np.object_], Floats]:
     """Return places for a tag around a marker: boxes, their leaders, and the leaders' lengths."""
-    wide, high = text_width_pt(text, _TAG_PT) + 6.0, _TAG_PT + 4.0
+    wide, high = text_width(text, _TAG_PT) + 6.0, _TAG_PT + 4.0
     angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
     far, angle = (grid.ravel() for grid in np.meshgrid(_LEADERS_PT, angles))
     along = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -392,29 +386,6 @@ def _candidates(
     starts = np.array(at_pt) + 0.5 * _SIGN_PT * along
     leaders = shapely.linestrings(np.stack([starts, ends], axis=1))
     return np.asarray(boxes), np.asarray(leaders), far
-
-
-def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
-    """Return the width that a line of text takes at most, whatever the resolution."""
-    if not text.strip():
-        return 0.0
-    with house_style():
-        font = FontProperties(weight="bold" if bold else "normal")
-        drawn = TextPath((0.0, 0.0), text, size=size_pt, prop=font)
-        return _HINTED * float(np.ptp(drawn.vertices[:, 0]))
-
-
-def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> str:
-    """Return a text in one line, cut to a width."""
-    line = "".join(c if c.isprintable() else " " for c in text[:400])
-    if len(line) == len(text) and text_width_pt(line, size_pt, bold=bold) <= room_pt:
-        return line
-    low, high = 0, len(line)
-    while low < high:
-        middle = (low + high + 1) // 2
-        fits = text_width_pt(f"{line[:middle]}…", size_pt, bold=bold) <= room_pt
-        low, high = (middle, high) if fits else (low, middle - 1)
-    return f"{line[:low].rstrip()}…"
 
 
 def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Severity, BaseGeometry]:
@@ -443,58 +414,33 @@ def _outline_near(at_pt: Floats, outlines: Sequence[BaseGeometry]) -> list[Float
     return [shapely.get_coordinates(part) for part in parts if part.length > 0.0]
 
 
-def _draw_tag(axes: Axes, tag: Tag) -> None:
+def _draw_tag(panel: Panel, tag: Tag) -> None:
     x0, y0, x1, y1 = tag.box_pt
     colour, (x, y) = SEVERITY_COLOURS[tag.severity], tag.at_pt
-    nearest = shapely.get_coordinates(
-        shapely.shortest_line(shapely.Point(x, y), shapely.box(*tag.box_pt))
-    )
-    axes.plot(*nearest.T, color=colour, lw=0.8, zorder=5)
-    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="white", ec=colour, lw=0.9, zorder=6))
-    _draw_sign(axes, tag.at_pt, tag.severity)
-    axes.text(
-        *((x0 + x1) / 2, (y0 + y1) / 2 - 0.3),
-        tag.text,
-        fontsize=_TAG_PT,
-        color=INK,
-        ha="center",
-        va="center_baseline",
-        zorder=7,
-    )
+    box = shapely.box(*tag.box_pt)
+    nearest = shapely.get_coordinates(shapely.shortest_line(shapely.Point(x, y), box))
+    panel.line(nearest, Ink(line=colour, width_pt=0.8), rank=5.0)
+    panel.polygons([box], Ink(fill="#ffffff", line=colour, width_pt=0.9), rank=6.0)
+    _draw_sign(panel, tag.at_pt, tag.severity)
+    panel.words(((x0 + x1) / 2, (y0 + y1) / 2), tag.text, _TAG_PT, anchor="middle")
 
 
-def _draw_sign(axes: Axes, at_pt: tuple[float, float], severity: Severity) -> None:
-    axes.plot(
-        *at_pt,
-        _SHAPES[severity],
-        ms=8.0,
-        mfc=SEVERITY_COLOURS[severity],
-        mec="white",
-        mew=0.9,
-        zorder=8,
-    )
+def _draw_sign(panel: Panel, at_pt: tuple[float, float], severity: Severity) -> None:
+    ink = Ink(fill=SEVERITY_COLOURS[severity], line="#ffffff", width_pt=0.9)
+    panel.marks([at_pt], _SHAPES[severity], 8.0, ink, rank=8.0)
 
 
 def _draw_head(
-    axes: Axes, top_pt: float, design: Design, profile: LaserProfile, report: CheckReport
+    panel: Panel, top_pt: float, design: Design, profile: LaserProfile, report: CheckReport
 ) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
-    axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
+    panel.written((_EDGE_PT, top_pt - 24.0), name, 14.0, bold=True)
     words, severity = _outcome(profile, report)
-    axes.text(
-        _WIDE_PT - _EDGE_PT,
-        top_pt - 24.0,
-        words,
-        fontsize=11.0,
-        fontweight="bold",
-        color=SEVERITY_COLOURS[severity],
-        ha="right",
-    )
+    colour, right = SEVERITY_COLOURS[severity], _WIDE_PT - _EDGE_PT
+    panel.written((right, top_pt - 24.0), words, 11.0, colour=colour, anchor="end", bold=True)
     recipe = fitted(f"recipe {profile.recipe.name}", 0.55 * _WIDE_PT, 8.5)
-    axes.text(_EDGE_PT, top_pt - 38.0, recipe, fontsize=8.5, color=SOFT)
-    axes.text(
-        _WIDE_PT - _EDGE_PT, top_pt - 38.0, _counted(report), fontsize=8.5, color=SOFT, ha="right"
-    )
+    panel.written((_EDGE_PT, top_pt - 38.0), recipe, 8.5, colour=SOFT)
+    panel.written((right, top_pt - 38.0), _counted(report), 8.5, colour=SOFT, anchor="end")
 
 
 def _outcome(profile: LaserProfile, report: CheckReport) -> tuple[str, Severity]:
@@ -513,64 +459,46 @@ def _counted(report: CheckReport) -> str:
     return ", ".join([*counts, *more, f"{counted(len(report.skipped), 'rule')} skipped"])
 
 
-def _draw_key(axes: Axes, page: FindingsPage) -> None:
+def _draw_key(panel: Panel, page: FindingsPage) -> None:
     """Draw the scale bar and what the lines and signs mean, in one row."""
     robot, y = page.robot, page.below_pt - 18.0
-    x = _draw_scale(axes, (_EDGE_PT, y), page.view.pt_per_mm)
-    axes.plot([x, x + 16.0], [y + 3.0] * 2, color=_SEAM, lw=6.0, solid_capstyle="butt")
-    x = _written(axes, (x + 20.0, y), f"seam, {robot.seam_mm:g} mm to scale")
+    x = panel.scale_bar((_EDGE_PT, y), page.view.pt_per_mm, 130.0) + 16.0
+    entries = [(Ink(line=_SEAM, width_pt=6.0, butt=True), f"seam, {robot.seam_mm:g} mm to scale")]
     for operation in dict.fromkeys(path.operation for path in robot.paths):
         if operation in _LINES:
             colour, words = _LINES[operation]
-            axes.plot([x, x + 16.0], [y + 3.0] * 2, color=colour, lw=1.4)
-            x = _written(axes, (x + 20.0, y), words)
+            entries.append((Ink(line=colour, width_pt=1.4), words))
+    for ink, words in entries:
+        panel.line([(x, y + 3.0), (x + 16.0, y + 3.0)], ink)
+        x += 36.0 + panel.written((x + 20.0, y), words, _LIST_PT, colour=SOFT)
     for severity in dict.fromkeys(line.severity for line in page.lines):
-        _draw_sign(axes, (x + 4.0, y + 3.0), severity)
-        x = _written(axes, (x + 12.0, y), _WORDS[severity][0])
+        _draw_sign(panel, (x + 4.0, y + 3.0), severity)
+        x += 28.0 + panel.written((x + 12.0, y), _WORDS[severity][0], _LIST_PT, colour=SOFT)
 
 
-def _written(axes: Axes, at_pt: tuple[float, float], words: str) -> float:
-    """Write words and return where the next ones may begin."""
-    axes.text(*at_pt, words, fontsize=_LIST_PT, color=SOFT)
-    return at_pt[0] + text_width_pt(words, _LIST_PT) + 16.0
-
-
-def _draw_scale(axes: Axes, at_pt: tuple[float, float], pt_per_mm: float) -> float:
-    """Draw a bar of a round length, and return where the next words may begin."""
-    most_mm = 130.0 / pt_per_mm
-    power = 10.0 ** np.floor(np.log10(most_mm))
-    length_mm = float(power * max(step for step in (1, 2, 5) if step * power <= most_mm))
-    (x, y), end = at_pt, at_pt[0] + length_mm * pt_per_mm
-    axes.plot([x, x, x, end, end, end], [y, y + 6, y + 3, y + 3, y + 6, y], color=INK, lw=1.2)
-    return _written(axes, (end + 6.0, y), f"{length_mm:g} mm")
-
-
-def _draw_list(axes: Axes, page: FindingsPage) -> None:
+def _draw_list(panel: Panel, page: FindingsPage) -> None:
     lines, top_pt = page.lines, page.below_pt - _KEY_PT
     rows = lines if len(lines) <= MOST_RULES else lines[: MOST_RULES - 1]
-    axes.plot([_EDGE_PT, _WIDE_PT - _EDGE_PT], [top_pt + 6.0] * 2, color=SOFT, lw=0.5, alpha=0.6)
+    ends = [(_EDGE_PT, top_pt + 6.0), (_WIDE_PT - _EDGE_PT, top_pt + 6.0)]
+    panel.line(ends, Ink(line=SOFT, width_pt=0.5, line_alpha=0.6))
     y = top_pt - _ROW_PT + 6.0
     if not rows:
-        axes.text(_EDGE_PT, y, "No findings: nothing to mark.", fontsize=9.5, color=INK)
+        panel.written((_EDGE_PT, y), "No findings: nothing to mark.", 9.5)
     for row in rows:
         x = _EDGE_PT
-        _draw_sign(axes, (x + 4.0, y + 3.0), row.severity)
+        _draw_sign(panel, (x + 4.0, y + 3.0), row.severity)
         placed = any(_place(finding) is not None for finding in row.findings)
-        for wide, words, weight in (
-            (20.0, str(row.number), "bold"),
-            (44.0, row.rule, "normal"),
-            (92.0, _who(row.branches) if placed else "whole robot", "normal"),
-        ):
+        who = _who(row.branches) if placed else "whole robot"
+        for wide, words in ((20.0, str(row.number)), (44.0, row.rule), (92.0, who)):
             cell = fitted(words, wide - 4.0, _LIST_PT)
-            axes.text(x + 14.0, y, cell, fontsize=_LIST_PT, color=INK, fontweight=weight)
+            panel.written((x + 14.0, y), cell, _LIST_PT, bold=wide == 20.0)
             x += wide
         words = fitted(row.words, _WIDE_PT - _EDGE_PT - x - 14.0, _LIST_PT)
-        axes.text(x + 14.0, y, words, fontsize=_LIST_PT, color=INK)
+        panel.written((x + 14.0, y), words, _LIST_PT)
         y -= _ROW_PT
     if len(lines) > len(rows):
-        axes.text(
-            _EDGE_PT + 14.0, y, f"and {len(lines) - len(rows)} more", fontsize=_LIST_PT, color=SOFT
-        )
+        more = f"and {len(lines) - len(rows)} more"
+        panel.written((_EDGE_PT + 14.0, y), more, _LIST_PT, colour=SOFT)
 
 
 def _who(branches: Sequence[str]) -> str:

@@ -1,35 +1,78 @@
 """The known machines, materials and recipes, and their numbers."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import UnknownNameError
-from vinefab.core.jsontext import json_text
-from vinefab.core.table import Table
+from vinefab.core.table import Table as DeclaredTable
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Table, Text
 from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
-    plain_quantity,
 )
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, Quantity, SealerSettings, quantities
 
-_SCHEMA = "vinefab/profiles-1"
 PROFILE_KINDS = ("machine", "material", "recipe")
 
 
-def profile_list() -> list[str]:
-    """Return one line for every machine, material and recipe, the user's own marked."""
-    lines = []
-    for kind in PROFILE_KINDS:
-        own = user_names(kind)
-        lines.append(f"{kind}s")
-        for name in sorted({*names(kind), *own}):
-            mark = " (yours)" if name in own else ""
-            lines.append(f"  {name}{mark}: {_summary(kind, name)}")
-    lines.append(f"your own files belong into {user_root()} (variable VINEFAB_PROFILES)")
-    return lines
+class ProfileListing(Result):
+    """The names of all machines, materials and recipes."""
+
+    schema = "vinefab/profiles-1"
+
+    def view(self) -> Iterator[Block]:
+        """Yield one row for every profile, the user's own marked."""
+        for kind in PROFILE_KINDS:
+            own = user_names(kind)
+            known = sorted({*names(kind), *own})
+            yield Table(
+                caption=f"{kind}s",
+                headings=("", "", ""),
+                rows=tuple(
+                    (name, _summary(kind, name), "yours" if name in own else "") for name in known
+                ),
+            )
+            yield Data({kind: known})
+        yield Text(f"your own files belong into {user_root()} (variable VINEFAB_PROFILES)")
+        yield Data({"user_folder": str(user_root())})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ProfileNumbers(Result):
+    """What is known of a machine, a material or a recipe: every number with its standing.
+
+    Parameters
+    ----------
+    name
+        Its name or path.
+    """
+
+    name: str
+    schema = "vinefab/profiles-1"
+
+    def view(self) -> Iterator[Block]:
+        """Yield title and file, then each number with standing and source."""
+        kind, numbers = kind_of(self.name), profile_numbers(self.name)
+        file = str(locate(kind, self.name))
+        yield Answer(f"{kind} {_summary(kind, self.name)}")
+        parts = tuple[Fact, ...]()
+        if kind == "recipe":
+            profile = read_profile(self.name)
+            machine, material = profile.machine, profile.material
+            parts = (Fact("machine", f"{machine.name}: {machine.title}"),
+                     Fact("material", f"{material.name}: {material.title}"))  # fmt: skip
+        yield Facts((Fact("file", file, "file"), *parts))
+        yield Table(
+            caption="",
+            headings=("", "", "", ""),
+            rows=tuple((k, q.words(), str(q.standing), q.source) for k, q in numbers.items()),
+        )
+        plain = {key: quantity.content for key, quantity in numbers.items()}
+        yield Data({"kind": kind, "name": self.name, "numbers": plain})
 
 
 def kind_of(name: str) -> str:
@@ -59,38 +102,6 @@ def profile_numbers(name: str) -> dict[str, Quantity]:
     return _recipe_numbers(read_profile(name))
 
 
-def explain(name: str) -> list[str]:
-    """Return a profile as lines for the user: title, then each number with standing and source."""
-    kind = kind_of(name)
-    lines = [f"{kind} {_summary(kind, name)}", f"file {locate(kind, name)}"]
-    if kind == "recipe":
-        profile = read_profile(name)
-        lines.append(f"machine {profile.machine.name}: {profile.machine.title}")
-        lines.append(f"material {profile.material.name}: {profile.material.title}")
-    numbers = profile_numbers(name)
-    width = max(len(key) for key in numbers)
-    for key, number in numbers.items():
-        lines.append(f"  {key:<{width}}  {number.words()}  {number.standing}: {number.source}")
-    return lines
-
-
-def profile_json(name: str | None) -> str:
-    """Return one profile, or the names of all, as JSON."""
-    if name is None:
-        known = {kind: sorted({*names(kind), *user_names(kind)}) for kind in PROFILE_KINDS}
-        return json_text(_SCHEMA, {**known, "user_folder": str(user_root())})
-    kind = kind_of(name)
-    return json_text(
-        _SCHEMA,
-        {
-            "kind": kind,
-            "name": name,
-            "file": str(locate(kind, name)),
-            "numbers": {key: plain_quantity(q) for key, q in profile_numbers(name).items()},
-        },
-    )
-
-
 def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
     recipe = profile.recipe
     numbers: dict[str, Quantity] = {}
@@ -110,7 +121,7 @@ def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
     return numbers | (_prefixed(f"lap.{lap.method}", lap) if lap else {})
 
 
-def _prefixed(prefix: str, table: Table | None) -> dict[str, Quantity]:
+def _prefixed(prefix: str, table: DeclaredTable | None) -> dict[str, Quantity]:
     found = {} if table is None else quantities(table)
     return {f"{prefix}.{key}": number for key, number in found.items()}
 

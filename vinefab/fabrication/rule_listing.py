@@ -1,17 +1,11 @@
 """The design rules as a user reads them: a list, and one rule explained."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 
 from vinefab.core.errors import UnknownNameError
-from vinefab.core.front_door import front_door
-from vinefab.core.jsontext import json_text
+from vinefab.core.view import Block, Data, Remark, Result, Table, Text
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Rule
-
-_SCHEMA = "vinefab/rules-1"
-
-PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
-"""Where every rule stands with its picture."""
 
 RULE_GROUPS: Mapping[str, str] = {
     "T": "tree and outline",
@@ -27,51 +21,6 @@ RULE_GROUPS: Mapping[str, str] = {
 }
 """What rules are about, by the letter in ids of vinefab's own; those of other packages stand last
 under their own names."""
-
-
-def rule_list() -> list[str]:
-    """Return one line for every rule, under what it is about."""
-    lines = list[str]()
-    for title, rules in grouped_rules().items():
-        lines.append(title)
-        lines += [f"  {_rule_line(rule)}" for rule in rules]
-    lines += [f"  {name}  does not load ({why})" for name, why in RULES.broken.items()]
-    lines.append("vinefab rules VF-C01 explains one of them")
-    return lines
-
-
-def _rule_line(rule: Rule) -> str:
-    return f"{rule.id}  {rule.title}{limits_text(rule, ' ({})')}"
-
-
-def explain_rule(words: str) -> list[str]:
-    """Return a rule as lines: what must hold, limits, reason, remedy, change, picture.
-
-    Of several rules that words stand for, return one line each.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such rule.
-    """
-    rule, *others = rules_named(words)
-    return [_rule_line(one) for one in (rule, *others)] if others else rule_lines(rule)
-
-
-def rule_lines(rule: Rule) -> list[str]:
-    """Return a rule as lines: what must hold, limits, reason, remedy, how to change it."""
-    lines = [f"{rule.id}: {rule.title}", f"  why: {rule.reason}"]
-    if rule.remedy:
-        lines.append(f"  remedy: {rule.remedy}")
-    lines += [f"  limit {limit_text(rule, name)}" for name in rule.limits]
-    if rule.limits:
-        first = next(iter(rule.limits))
-        change = f"[limits.{rule.id}] {first} = ..., or check --limit {rule.id}.{first}=..."
-        lines.append(f"  to change a limit for one design: {change}")
-    lines.append("  to accept one finding: [[waive]] with its fingerprint and a reason")
-    if _is_own(rule):
-        lines.append(f"  picture: {PICTURES_PAGE}")
-    return lines
 
 
 def all_rules() -> list[Rule]:
@@ -104,72 +53,43 @@ def grouped_rules() -> dict[str, list[Rule]]:
     """Return all rules by what they are about, in the order of the catalogue."""
     groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
     for rule in all_rules():
-        title = RULE_GROUPS[rule.id[3]] if _is_own(rule) else "of other packages"
+        title = RULE_GROUPS.get(rule.id[3:4], rule.id) if rule.is_own else "of other packages"
         groups.setdefault(title, []).append(rule)
     return {title: rules for title, rules in groups.items() if rules}
 
 
-def _is_own(rule: Rule) -> bool:
-    return rule.id.startswith("VF-") and rule.id[3:4] in RULE_GROUPS
-
-
-class RuleBook(dict[str, Rule]):
+class RuleBook(Result, dict[str, Rule]):
     """Rules by id; an unknown one is an error that names the nearest."""
 
-    words: str | None = None  # that chose them
+    schema = "vinefab/rules-1"
 
     @classmethod
-    def of(cls, rules: Iterable[Rule], *, words: str | None = None) -> "RuleBook":
-        """Return some rules, and the words that chose them."""
-        book = cls((rule.id, rule) for rule in rules)
-        book.words = words
-        return book
+    def of(cls, words: str | None = None) -> "RuleBook":
+        """Return all rules, or those that words stand for.
 
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """The list in lines; one rule that was chosen explained."""
-        return tuple(rule_list() if self.words is None else explain_rule(self.words))
-
-    def json_text(self) -> str:
-        """Return the rules as JSON: ``vinefab/rules-1``."""
-        return rules_json(self.words)
+        Raises
+        ------
+        UnknownNameError
+            If there is no such rule.
+        """
+        rules = all_rules() if words is None else rules_named(words)
+        return cls((rule.id, rule) for rule in rules)
 
     def __missing__(self, rule_id: str) -> Rule:
         raise UnknownNameError("rule", str(rule_id), self)
 
-    def _repr_html_(self) -> str:
-        """Show the list in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
-
-
-def rules_json(words: str | None = None) -> str:
-    """Return all rules, or those that words stand for, as JSON."""
-    rules = all_rules() if words is None else rules_named(words)
-    content = [
-        {
-            "id": rule.id,
-            "title": rule.title,
-            "unit": rule.unit,
-            "limits_in": rule.limit_unit,
-            "limits": dict(rule.limits),
-            "reason": rule.reason,
-            "remedy": rule.remedy,
-        }
-        for rule in rules
-    ]
-    return json_text(_SCHEMA, {"rules": content})
-
-
-def limit_text(rule: Rule, name: str) -> str:
-    """Return a limit with its unit; those that are no error or warning have theirs in the name."""
-    unit = rule.limit_unit if name.endswith(("error", "warning")) else ""
-    return f"{name}: {rule.limits[name]:g} {unit}".rstrip()
-
-
-def limits_text(rule: Rule, form: str) -> str:
-    """Return error and warning limits in a form with one place; nothing where there are none."""
-    parts = [
-        f"{name} {rule.limits[name]:g}" for name in ("error", "warning") if name in rule.limits
-    ]
-    return form.format(f"{', '.join(parts)} {rule.limit_unit}".strip()) if parts else ""
+    def view(self) -> Iterator[Block]:
+        """Yield one rule explained, or several under what they are about."""
+        if len(self) == 1:
+            yield from next(iter(self.values())).view()
+            return
+        for title, rules in grouped_rules().items():
+            yield Table(
+                caption=title,
+                headings=("rule", "what must hold", "limits"),
+                rows=tuple(rule.cells for rule in rules if rule.id in self),
+            )
+        for name, why in RULES.broken.items():
+            yield Remark(f"{name} does not load ({why})", "warning")
+        yield Text("vinefab rules VF-C01 explains one of them")
+        yield Data({"rules": [rule.content for rule in self.values()]})

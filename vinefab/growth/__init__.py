@@ -2,6 +2,6 @@
 
 Other rooms use ``simulator`` (`grow`: one design, one pose), ``terrain`` (`Terrain`), ``options``
 (`GrowthOptions`), ``plan`` (`Plan`, `Plans`) and ``batch`` (`Batch`, `Block`, `Launches`,
-`TerrainSet`: many growths at once). The compiled ``kernel`` and its readable twin ``reference``
-run the same tests; a few growths are over before code is compiled, so Python runs the kernel then.
+`TerrainSet`: many growths at once). Tests hold the compiled ``kernel`` against a readable twin; a
+few growths are over before code is compiled, so Python runs the kernel then.
 """

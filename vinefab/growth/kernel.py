@@ -1,7 +1,7 @@
 """The compiled growth simulator: event by event, in closed form, without a time step.
 
-`vinefab.growth.reference` is the same model in plain Python; its `World` has the rules as methods
-of the same names.
+`tests/oracles/growth_reference.py` is the same model in plain Python; its `World` has the rules as
+methods of the same names.
 All that grows a branch is in this file, and it imports no module of vinefab but `core.compiling`:
 the cache of a compiled file does not notice changes of another. The arrays are described in
 `vinefab.growth.arrays`.

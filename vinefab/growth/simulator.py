@@ -3,11 +3,11 @@
 import math
 import sys
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vinefab.core.compiling import interpreted
+from vinefab.core.compiling import imported_later, interpreted
 from vinefab.core.errors import UnknownNameError
 from vinefab.growth.arrays import (
     Growth,
@@ -27,10 +27,14 @@ from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import FITTED
 
-Engine = Literal["auto", "kernel", "interpreted", "reference"]
+if TYPE_CHECKING:
+    from vinefab.growth import kernel
+else:
+    kernel = imported_later("vinefab.growth.kernel")
+
+Engine = Literal["auto", "kernel", "interpreted"]
 """``kernel``: the compiled simulator. ``interpreted``: the same code run by Python, which begins at
-once, with the same results to the last bit. ``reference``: its readable twin. ``auto``: one of the
-first two, see `quickest_engine`."""
+once, with the same results to the last bit. ``auto``: one of the two, see `quickest_engine`."""
 
 KERNEL = "vinefab.growth.kernel"
 
@@ -63,7 +67,7 @@ def grow(
     terrain: Terrain,
     pose: Pose,
     options: GrowthOptions | None = None,
-    engine: Engine = "auto",
+    engine: Engine | GrowBranches = "auto",
     plan: Plan | None = None,
 ) -> Deployment:
     """Return how a design deploys from a pose.
@@ -79,8 +83,8 @@ def grow(
     options
         Options of the growth model; the defaults if None.
     engine
-        What computes it, see `Engine`; ``kernel`` and ``interpreted`` give the same result to the
-        last bit, and ``reference`` within rounding.
+        What computes it, see `Engine`; also a function with the interface of the kernel's
+        ``grow_branches``.
     plan
         The branches to grow, such as a part of the design's, cut shorter; the design's if None.
 
@@ -155,8 +159,8 @@ def quickest_engine(branches: int, corners: int) -> Engine:
     return "interpreted"
 
 
-def grow_branches_of(engine: Engine) -> GrowBranches:
-    """Return an engine by its name, imported when first used.
+def grow_branches_of(engine: Engine | GrowBranches) -> GrowBranches:
+    """Return an engine by its name, imported when first used; a function is one itself.
 
     Raises
     ------
@@ -167,19 +171,15 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
         return _grow_as_batch
     if engine == "interpreted":
         return _interpreted("grow_branches")
-    if engine == "reference":
-        from vinefab.growth import reference  # noqa: PLC0415  only one engine is loaded
-
-        return reference.grow_reference_branches
-    raise UnknownNameError("growth engine", engine, ("kernel", "interpreted", "reference"))
+    if callable(engine):
+        return engine
+    raise UnknownNameError("growth engine", engine, ("auto", "kernel", "interpreted"))
 
 
 def grow_jobs_of(engine: Engine) -> Callable[..., None]:
     """Return ``grow_jobs`` of the compiled kernel, or as the interpreter runs it."""
     if engine == "interpreted":
         return _interpreted("grow_jobs")
-    from vinefab.growth import kernel  # noqa: PLC0415  numba takes half a second to import
-
     grow_jobs: Callable[..., None] = kernel.grow_jobs
     return grow_jobs
 

@@ -1,11 +1,12 @@
 """Findings of design rules, and the report of a whole check."""
 
-import reprlib
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Answer, Block, Data, Notes, Remark, Result, Table, lines
 
 
 class Severity(StrEnum):
@@ -17,7 +18,7 @@ class Severity(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Finding(Result):
     """One broken rule at one place.
 
     Parameters
@@ -44,6 +45,8 @@ class Finding:
         Whether the design waives it.
     reason
         The waiver's reason, or empty.
+    title
+        What the rule asks for; empty for one that is not installed here.
     """
 
     rule: str
@@ -59,21 +62,60 @@ class Finding:
     fingerprint: str = ""
     waived: bool = False
     reason: str = ""
+    title: str = ""
 
     def __repr__(self) -> str:
-        severity = "waived" if self.waived else self.severity.value
         where = f" at {', '.join(self.branches)}" if self.branches else ""
-        return f"<Finding {self.rule} {severity}{where}: {self.message}>"
+        return f"<Finding {self.rule} {self.weight}{where}: {self.message}>"
 
-    def _repr_html_(self) -> str:
-        """Show the finding in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    def view(self) -> Iterator[Block]:
+        """Yield what is wrong, where, and what it is and may be."""
+        yield Remark(f"{self.rule}  {self.title}".rstrip(), self.weight, (self.words,))
+        yield Data(self.content)
+
+    @property
+    def weight(self) -> str:
+        """How much it matters: its severity, or that it is waived."""
+        return "waived" if self.waived else self.severity.value
+
+    @property
+    def words(self) -> str:
+        """Branches, message, numbers and fingerprint in one line."""
+        who = f"[{', '.join(self.branches[:4])}] " if self.branches else ""
+        numbers = ""
+        if self.measured is not None and self.limit is not None:
+            unit = f" {self.unit}" if self.unit else ""
+            numbers = f" (is {self.measured:.4g}, limit {self.limit:.4g}{unit})"
+        why = f" (waived: {self.reason})" if self.waived else ""
+        return f"{who}{self.message}{numbers}{why}  #{self.fingerprint}"
+
+    @property
+    def content(self) -> dict[str, object]:
+        """The finding as it stands in JSON, which has no infinity."""
+        return {
+            "id": self.rule,
+            "severity": str(self.severity),
+            "message": self.message,
+            "measured": _finite(self.measured),
+            "limit": _finite(self.limit),
+            "unit": self.unit,
+            "branches": list(self.branches),
+            "x_mm": _finite(self.x_mm),
+            "y_mm": _finite(self.y_mm),
+            "marker_wkt": self.marker_wkt,
+            "fingerprint": self.fingerprint,
+            "waived": self.waived,
+            "reason": self.reason,
+        }
 
     @property
     def blocks(self) -> bool:
         """Whether the finding stands in the way of an export."""
         return self.severity is Severity.ERROR and not self.waived
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,12 +132,15 @@ class RuleRun:
         Number of findings.
     note
         What else to know: what the rule could not check, what the design gets; or empty.
+    title
+        What the rule asks for.
     """
 
     rule: str
     checked: int
     findings: int
     note: str = ""
+    title: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,8 +180,8 @@ class ChangedLimit:
     source: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CheckReport(Result):
     """Every rule, applied or skipped, and all findings.
 
     Parameters
@@ -164,43 +209,86 @@ class CheckReport:
     limits: tuple[ChangedLimit, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        names = " with ".join(reprlib.repr(name) for name in (self.design, self.recipe) if name)
-        counts = ", ".join(self._counted(severity) for severity in Severity)
-        rules = f"{counted(len(self.run), 'rule')} applied, {len(self.skipped)} skipped"
-        return f"<{' '.join(('CheckReport', names)).rstrip()}: {counts}; {rules}>"
-
-    def _repr_html_(self) -> str:
-        """Show the findings in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    schema = "vinefab/checks-1"
 
     @property
-    def summary(self) -> tuple[str, ...]:
-        """Findings by rule, what was not looked at, and the verdict, a line each."""
-        lines: tuple[str, ...] = front_door().check_summary(self)
-        return lines
+    def verdict(self) -> str:
+        """The outcome in one line."""
+        rules = f"{counted(len(self.run), 'rule')} run, {len(self.skipped)} skipped"
+        errors, warnings = self.count(Severity.ERROR), self.count(Severity.WARNING)
+        found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}; {rules}"
+        return f"{self.design}: {'not ' if self.blocking else ''}manufacturable: {found}"
+
+    def view(self) -> Iterator[Block]:
+        """Yield findings by rule, what was not looked at, limits that were changed, the verdict."""
+        yield Notes(self.notes)
+        groups = dict[tuple[str, str, str], list[str]]()
+        for one in self.findings:
+            groups.setdefault((one.weight, one.rule, one.title), []).append(one.words)
+        for (weight, rule, title), found in groups.items():
+            yield Remark(f"{rule}  {title}".rstrip(), weight, tuple(found))
+        for run in self.run:
+            if run.note:
+                yield Remark(f"{run.rule}  {run.note}", "note")
+        for limit in self.limits:
+            yield Remark(
+                f"{limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), from "
+                f"{limit.source}",
+                "limit",
+            )
+        for why in dict.fromkeys(skipped.reason for skipped in self.skipped):
+            rules = ", ".join(skipped.rule for skipped in self.skipped if skipped.reason == why)
+            yield Remark(f"{rules}  {why}", "skipped")
+        for name in self.stale_waivers:
+            yield Remark(
+                f"stale waiver {name}: no finding has that name; remove it from the design",
+                "warning",
+            )
+        yield Answer(self.verdict, "bad" if self.blocking else "good")
+        yield Data(lambda: {"design": self.design, "recipe": self.recipe, "units": "mm"})
+        yield Data(lambda: self.content)
 
     @property
-    def all_lines(self) -> tuple[str, ...]:
-        """The same with every rule that was applied."""
-        lines: tuple[str, ...] = front_door().check_summary(self, verbose=True)
-        return lines
+    def details(self) -> tuple[str, ...]:
+        """The summary and every rule that was applied."""
+        return (*lines(self.sections()), *self.summary)
 
     @property
     def exit_code(self) -> int:
         """The exit code of a command: 1 where something stands in the way of an export."""
         return int(bool(self.blocking))
 
-    def json_text(self) -> str:
-        """Return the check as JSON: ``vinefab/checks-1``."""
-        text: str = front_door().check_json(self)
-        return text
+    def sections(self) -> Iterator[Block]:
+        """Yield the rules that were applied."""
+        yield Table(
+            caption="Rules applied, with the number of items that each checked",
+            headings=("rule", "what must hold", "checked"),
+            rows=tuple((run.rule, run.title, run.checked) for run in self.run),
+        )
 
-    def _counted(self, severity: Severity) -> str:
-        count = self.count(severity)
-        plural = "s" if count != 1 and severity is not Severity.INFO else ""
-        return f"{count} {severity}{plural}"
+    @property
+    def content(self) -> dict[str, object]:
+        """The report without its names, as part of a JSON document."""
+        return {
+            "rules_run": [
+                {"id": run.rule, "checked": run.checked, "findings": run.findings}
+                for run in self.run
+            ],
+            "notes": [{"id": run.rule, "note": run.note} for run in self.run if run.note],
+            "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in self.skipped],
+            "findings": [finding.content for finding in self.findings],
+            "stale_waivers": list(self.stale_waivers),
+            "limits_changed": [
+                {
+                    "id": limit.rule,
+                    "name": limit.name,
+                    "value": limit.value,
+                    "default": limit.default,
+                    "source": limit.source,
+                }
+                for limit in self.limits
+            ],
+        }
 
     @property
     def blocking(self) -> tuple[Finding, ...]:

@@ -15,7 +15,7 @@ Commas count as spaces.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
@@ -135,7 +135,8 @@ class StartPlace:
             If nothing of the place is free there.
         """
         box = world.bounds.bounds
-        area = self.area or _side_line(str(self.side), self._inset_mm, box)
+        inset_mm = self.least_clearance_mm if self.inset_mm is None else self.inset_mm
+        area = self.area or _side_line(str(self.side), inset_mm, box)
         heading_deg = SIDES[self.side] if self.side else _inwards_deg(area, box)
         heading_rad = rad(heading_deg) if self.heading_rad is None else self.heading_rad
         start = Start(
@@ -151,10 +152,6 @@ class StartPlace:
             raise BadInputError("start", self.text, allowed) from error
         x_mm, y_mm = _middle_mm(area, pieces)
         return replace(start, pose=replace(start.pose, x_mm=x_mm, y_mm=y_mm))
-
-    @property
-    def _inset_mm(self) -> float:
-        return self.least_clearance_mm if self.inset_mm is None else self.inset_mm
 
 
 Spread = Annotated[float, Interval(ge=0.0, le=LARGEST_MM), Unit("mm")]
@@ -357,7 +354,13 @@ class _Said:
             raise self.wrong("heading DEG, heading DEG+-SPREAD or heading +-SPREAD")
         if name in SIDES and self.numbers[name]:
             raise self.wrong(f"{name} side without numbers, then heading DEG, inset MM, clear MM")
-        area = None if name in SIDES else _shape(name, self.numbers[name], self.wrong)
+        area = None
+        if name not in SIDES:
+            numbers = self.numbers[name]
+            points = list(zip(numbers[::2], numbers[1::2], strict=False))
+            if len(numbers) % 2 or len(points) < 2:
+                raise self.wrong(f"{name} X,Y X,Y: two or more points")
+            area = shape_of(name, points)
         return StartPlace(
             side=name if name in SIDES else None,
             area=area,
@@ -385,16 +388,6 @@ class _Said:
     def spread_rad(self, name: str) -> float:
         """Return the range of headings that is said, either way."""
         return rad(number("+-SPREAD", self.either_way.get(name, 0.0), 0.0, 360.0, "deg"))
-
-
-def _shape(
-    name: str, numbers: Sequence[float], wrong: Callable[[str], BadInputError]
-) -> LineString | Polygon:
-    """Return the line or area through points that stand one behind the other."""
-    points = list(zip(numbers[::2], numbers[1::2], strict=False))
-    if len(numbers) % 2 or len(points) < 2:
-        raise wrong(f"{name} X,Y X,Y: two or more points")
-    return shape_of(name, points)
 
 
 def shape_of(name: str, points: Sequence[Sequence[float]]) -> LineString | Polygon:
@@ -544,7 +537,11 @@ def start_pieces(
     if area is None:
         raise BadInputError("start", "a pose", "a start with an area")
     clear_mm = max(start.clearance_mm, clearance_mm)
-    pieces = _free_pieces(area, _near(area, free, clear_mm), clear_mm)
+    near = shapely.intersection(free, _box_around(area, clear_mm))
+    if clear_mm > _SLACK_MM:
+        near = shapely.buffer(near, _SLACK_MM - clear_mm, quad_segs=_SEGMENTS_PER_QUARTER)
+    parts = shapely.get_parts(shapely.intersection(area, near)).tolist()
+    pieces = [part for part in parts if isinstance(part, type(area)) and not part.is_empty]
     if not pieces:
         away = (
             f" at least {clear_mm:g} mm from walls: move it (a side by inset MM), or say a smaller "
@@ -558,7 +555,11 @@ def start_pieces(
 def area_notes(worlds: Sequence[Map]) -> list[str]:
     """Return from how much of the lines and areas of starts poses are drawn, if not from all."""
     drawn = [(world, start) for world in worlds for start in world.starts if start.area is not None]
-    shares = [_free_share(world, start) for world, start in drawn]
+    shares = []
+    for world, start in drawn:
+        measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
+        whole = float(measure(start.area))
+        shares.append(min(1.0, float(measure(pieces_on(world, start)).sum()) / whole))
     if not shares or min(shares) > _ALL:
         return []
     clearances_mm = {start.clearance_mm for _, start in drawn}
@@ -587,24 +588,21 @@ def start_range(start: Start) -> BaseGeometry | None:
 
 def pieces_on(world: Map, start: Start) -> list[LineString | Polygon]:
     """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
-    return start_pieces(start, _free_near(world, start))
-
-
-def _free_share(world: Map, start: Start) -> float:
-    """Return how much of a start's line or area poses are drawn from, 0 to 1."""
-    measure = shapely.area if isinstance(start.area, Polygon) else shapely.length
-    pieces = pieces_on(world, start)
-    return min(1.0, float(measure(pieces).sum() / measure(start.area)))
-
-
-def _free_near(world: Map, start: Start) -> BaseGeometry:
-    """Return the free space around a start's area, as far as its clearance may ask for."""
-    x_min, y_min, x_max, y_max = (start.area or world.bounds).bounds
-    reach_mm = start.clearance_mm + 1.0
-    around = shapely.box(x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+    around = _box_around(start.area or world.bounds, start.clearance_mm)
     solid = np.array(world.obstacles, dtype=np.object_)
     near = solid[shapely.intersects(shapely.box(*shapely.bounds(solid).T), around)]
-    return shapely.difference(shapely.intersection(world.bounds, around), shapely.union_all(near))
+    inside = shapely.intersection(world.bounds, around)
+    return start_pieces(start, shapely.difference(inside, shapely.union_all(near)))
+
+
+def _box_around(area: BaseGeometry, clearance_mm: float) -> Polygon:
+    """Return a box with all that may be within a clearance of an area."""
+    x_min, y_min, x_max, y_max = area.bounds
+    reach_mm = clearance_mm + 1.0
+    box: Polygon = shapely.box(
+        x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm
+    )
+    return box
 
 
 def share_around(start: Start, share: float) -> LineString | Polygon | None:
@@ -619,29 +617,6 @@ def share_around(start: Start, share: float) -> LineString | Polygon | None:
         spot = shapely.Point(base)
         return min(pieces, key=lambda piece: piece.distance(spot), default=smaller)
     return smaller
-
-
-def _near(area: BaseGeometry, free: BaseGeometry, reach_mm: float) -> BaseGeometry:
-    """Return the free space around an area: all that may be within a distance."""
-    x_min, y_min, x_max, y_max = area.bounds
-    reach_mm = reach_mm + 1.0
-    around = shapely.box(x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
-    return shapely.intersection(free, around)
-
-
-def _far_from_walls(free: BaseGeometry, clearance_mm: float) -> BaseGeometry:
-    if clearance_mm <= _SLACK_MM:
-        return free
-    return shapely.buffer(free, _SLACK_MM - clearance_mm, quad_segs=_SEGMENTS_PER_QUARTER)
-
-
-def _free_pieces(
-    area: LineString | Polygon, near: BaseGeometry, clearance_mm: float
-) -> list[LineString | Polygon]:
-    room = _far_from_walls(near, clearance_mm)
-    pieces = shapely.get_parts(shapely.intersection(area, room)).tolist()
-    kind = type(area)
-    return [piece for piece in pieces if isinstance(piece, kind) and not piece.is_empty]
 
 
 def _side_line(side: str, inset_mm: float, box: tuple[float, ...]) -> LineString:

@@ -5,19 +5,21 @@ launch heading, which the parent's line shows, and from the walls: the replay sl
 wall, and is believed as far as its shape is the one seen.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from vinefab.core.compiling import rebindable
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
+from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.reference import GrowingBranch, World
-from vinefab.growth.simulator import rules_of
+from vinefab.growth.simulator import KERNEL, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
@@ -91,21 +93,46 @@ class Replay:
     stop: Stop
 
 
-@dataclass(slots=True, eq=False)
-class _WatchedBranch(GrowingBranch):
-    """A growing branch that notes where its tip meets walls."""
+class _Met(NamedTuple):
+    """A tip that meets a wall."""
 
-    met: list[tuple[list[complex], float, float]] = field(default_factory=list)  # chain, angle, mm
+    chain_mm: Floats  # base, contacts and tip
+    angle_rad: float
+    front_mm: float
 
-    def meet(self, wall: int, place: float) -> None:
-        """Note the wall, and stop or slide on as always."""
-        at = self.world.walls[wall]
-        along = abs((self.u * at.tangent.conjugate()).real)
-        against = -(self.u * at.normal.conjugate()).real
-        tip = at.at(place)
-        front = self.lengths[-1] + abs(tip - self.pivots[-1])
-        self.met.append(([*self.pivots, tip], float(np.arctan2(along, against)), front))
-        GrowingBranch.meet(self, wall, place)
+
+def _grown_alone(
+    walls: WallArrays, rules: Rules, start: Launch, length_mm: float
+) -> tuple[Growth, list[_Met]]:
+    """Return the growth of one branch that no pressure stops, and where its tip met walls."""
+    kernel = rebindable(KERNEL)
+    meet, room = kernel["_meet"], 64
+    tree = TreeArrays(
+        parent=np.array([-1]),
+        turn=np.array([[1.0, 0.0]]),
+        length=np.array([length_mm]),
+        fits=np.array([True]),
+        limit=np.array([np.inf]),
+        store=np.zeros(1),
+    )
+    while True:
+        growth, met = Growth.empty(1, room), list[_Met]()
+
+        def note(walls: Any, rules: Any, tip: Any, wall: int, place: float) -> Any:  # noqa: ANN401  as the kernel
+            x, y, tangent_x, tangent_y, _ = walls.wall[wall].tolist()
+            spot = np.array([x + place * tangent_x, y + place * tangent_y])
+            chain = np.vstack([growth.points[: tip.pivot + 1], spot])  # noqa: B023  called at once
+            along = abs(tip.ux * tangent_x + tip.uy * tangent_y)
+            against = tip.ux * tangent_y - tip.uy * tangent_x
+            front = growth.chain_length[tip.pivot] + math.dist(*chain[-2:])  # noqa: B023
+            met.append(_Met(chain, math.atan2(along, against), float(front)))  # noqa: B023
+            return meet(walls, rules, tip, wall, place)
+
+        kernel["_meet"] = note
+        with np.errstate(all="ignore"):
+            if kernel["grow_branches"](walls, tree, rules, start, growth, 0, 1) == 1:
+                return growth, met
+        room *= 2
 
 
 @dataclass(slots=True, eq=False)
@@ -139,30 +166,30 @@ class Replays:
             base_mm = shapely.get_coordinates(line)[0]
         options = GrowthOptions(head_on_half_angle_rad=half_angle_rad, pressure_stop=False)
         rules = rules_of(options, terrain.tolerance_mm)
-        base = complex(*base_mm)
-        heading = complex(np.cos(heading_rad), np.sin(heading_rad))
-        walls = World.of(terrain.walls(radius_mm), rules)
-        branch = _WatchedBranch(walls, length_mm, base, heading, [base])
-        branch.grow()
-        chain = [*branch.pivots, branch.tip]
-        names = [self._wall(met[-1]) for met, _, _ in branch.met]
+        x_mm, y_mm = base_mm.tolist()
+        start = Launch(x_mm, y_mm, math.cos(heading_rad), math.sin(heading_rad))
+        growth, met = _grown_alone(terrain.walls(radius_mm), rules, start, length_mm)
         meetings = tuple(
             WallMeeting(
-                x_mm=met[-1].real,
-                y_mm=met[-1].imag,
-                wall=name,
-                angle_deg=deg(angle),
+                x_mm=float(one.chain_mm[-1, 0]),
+                y_mm=float(one.chain_mm[-1, 1]),
+                wall=self._wall(one.chain_mm[-1]),
+                angle_deg=deg(one.angle_rad),
                 angle_error_deg=0.0,
-                front_mm=front,
+                front_mm=one.front_mm,
                 outcome="slid",
             )
-            for (met, angle, front), name in zip(branch.met, names, strict=True)
+            for one in met
         )
-        stop = Stop.CORNER if branch.stop is None else branch.stop  # full length is 0
+        stop = Stop(int(growth.stop[0]))
         if stop in (Stop.CORNER, Stop.HEAD_ON) and meetings:
             meetings = (*meetings[:-1], replace(meetings[-1], outcome="stopped"))
-        chains = tuple(_plain(met) for met, _, _ in branch.met)
-        return Replay(chain_mm=_plain(chain), meetings=meetings, chains_mm=chains, stop=stop)
+        return Replay(
+            chain_mm=growth.points[: growth.first_point[1]],
+            meetings=meetings,
+            chains_mm=tuple(one.chain_mm for one in met),
+            stop=stop,
+        )
 
     def _near(self, base_mm: Floats, reach_mm: float) -> Map:
         """Return the part of the map that a branch can come to."""
@@ -170,9 +197,9 @@ class Replays:
         kept = tuple(shape for shape in self.shapes if shape.intersects(around))
         return Map(name="near", bounds=self.world.bounds, obstacles=kept)
 
-    def _wall(self, tip: complex) -> str:
+    def _wall(self, tip_mm: Floats) -> str:
         """Return the name of what a tip touches."""
-        point = shapely.Point(tip.real, tip.imag)
+        point = shapely.Point(tip_mm)
         edge = float(self.world.bounds.boundary.distance(point))
         if not self.shapes:
             return "bounds"
@@ -185,10 +212,6 @@ class Replays:
         if name == "bounds":
             return self.world.bounds.boundary
         return self.shapes[int(name.split()[1])]
-
-
-def _plain(chain: Sequence[complex]) -> Floats:
-    return np.array([(point.real, point.imag) for point in chain])
 
 
 def wall_order(meetings: Sequence[WallMeeting]) -> list[str]:

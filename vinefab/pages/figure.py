@@ -57,23 +57,6 @@ def blank(width_in: float = 6.0, height_in: float = 6.0) -> tuple[Figure, Axes]:
     return figure, figure.add_subplot()
 
 
-def plan_axes(
-    box_mm: tuple[float, float, float, float], longest_in: float = 6.5
-) -> tuple[Figure, Axes]:
-    """Return a figure for a plan: equal scales, millimetres, no wasted paper."""
-    width, height = max(box_mm[2] - box_mm[0], 1e-9), max(box_mm[3] - box_mm[1], 1e-9)
-    scale = longest_in / max(width, height)
-    figure, axes = blank(max(width * scale, 2.2) + 0.7, max(height * scale, 1.6) + 0.9)
-    margin = 0.02 * max(width, height)
-    axes.set_aspect("equal")
-    axes.set_xlim(box_mm[0] - margin, box_mm[2] + margin)
-    axes.set_ylim(box_mm[1] - margin, box_mm[3] + margin)
-    axes.set_xlabel("x (mm)")
-    axes.set_ylabel("y (mm)")
-    axes.spines[:].set_visible(False)
-    return figure, axes
-
-
 def frame(axes: Axes) -> None:
     """Leave of the box around a chart only what is read off, and add a faint grid."""
     for side in ("top", "right"):
@@ -106,20 +89,6 @@ _NOT_XML = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]|\xef\xbf[\xbe\xbf]")
 def _shortened(path: re.Match[bytes]) -> bytes:
     """Return a path with its numbers to a hundredth of a point; matplotlib writes six decimals."""
     return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
-
-
-def pdf_bytes(figure: Figure) -> bytes:
-    """Return a figure as a page of PDF, see `svg_bytes`; the same figure gives the same bytes."""
-    stream = io.BytesIO()
-    _shorten_texts(figure)
-    with house_style():
-        figure.savefig(
-            stream,
-            format="pdf",
-            bbox_inches="tight",
-            metadata={"CreationDate": None, "Creator": ROOMY_GENERATOR},
-        )
-    return stream.getvalue()
 
 
 def png_bytes(figure: Figure, dpi: int = 150) -> bytes:

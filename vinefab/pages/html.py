@@ -95,7 +95,8 @@ def page(title: str, blocks: Iterable[Block], live: Live | None = None) -> str:
 
 def blocks_html(blocks: Iterable[Block]) -> str:
     """Return blocks as HTML to be shown in a notebook."""
-    return _template("blocks.html.j2").module.show_all(list(_parts(blocks)))  # type: ignore[attr-defined,no-any-return]
+    shown = _template("blocks.html.j2").module.show_all(list(_parts(blocks)))  # type: ignore[attr-defined]
+    return str(shown)
 
 
 def _parts(blocks: Iterable[Block]) -> Iterator[tuple[str, list[Block]]]:

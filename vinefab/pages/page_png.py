@@ -12,6 +12,7 @@ from PIL.PngImagePlugin import PngInfo
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.pages.panel import (
+    MIDDLE,
     OPEN_SIGNS,
     SIGNS,
     Ink,
@@ -168,14 +169,14 @@ class _Painter:
         anchor = {"start": "l", "middle": "m", "end": "r"}[words.anchor]
         if not words.turned:
             self.draw.text(
-                (x, y + 0.36 * size), words.text, rgb(words.colour), font, f"{anchor}s",
+                (x, y + MIDDLE * size), words.text, rgb(words.colour), font, f"{anchor}s",
                 stroke_width=rim, stroke_fill="white",
             )  # fmt: skip
             return
         wide = int(font.getlength(words.text)) + 2
         high = int(1.4 * size)
         strip = Image.new("L", (wide, high))
-        ImageDraw.Draw(strip).text((1, high / 2.0 + 0.36 * size), words.text, 255, font, "ls")
+        ImageDraw.Draw(strip).text((1, high / 2.0 + MIDDLE * size), words.text, 255, font, "ls")
         turned = strip.rotate(90, expand=True)
         down = {"start": 1.0, "middle": 0.5, "end": 0.0}[words.anchor]
         place = (round(x - high / 2.0), round(y - down * wide))

@@ -4,14 +4,25 @@ import base64
 import io
 import re
 from functools import cache
-from xml.sax.saxutils import escape
+from html import escape
 
 import numpy as np
 from PIL import Image
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
-from vinefab.pages.panel import OPEN_SIGNS, SIGNS, Ink, Layer, Marks, Page, Primitive, Raster, Shape
+from vinefab.pages.panel import (
+    MIDDLE,
+    OPEN_SIGNS,
+    SIGNS,
+    Ink,
+    Layer,
+    Marks,
+    Page,
+    Primitive,
+    Raster,
+    Shape,
+)
 
 _FONT = "'DejaVu Sans', Verdana, Helvetica, Arial, sans-serif"
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -24,7 +35,7 @@ def page_svg(page: Page) -> bytes:
     parts = [
         '<?xml version="1.0" encoding="utf-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{wide}pt" height="{high}pt" '
-        f'viewBox="0 0 {size}" font-family="{_FONT}">',
+        f'viewBox="0 0 {size}" font-family="{_FONT}" xml:space="preserve">',
         f"<desc>{GENERATOR}</desc>",
         '<rect width="100%" height="100%" fill="#fff"/>',
         *(_layer(layer) for layer in page.layers),
@@ -62,14 +73,14 @@ def _primitive(primitive: Primitive) -> str:
     rim = f' stroke="#fff" stroke-width="{0.25 * primitive.size_pt:.2g}" paint-order="stroke"'
     halo = f'{rim} stroke-linejoin="round"' if primitive.halo else ""
     # The middle of small letters lies about a third of the size above the base line.
-    low = 0.36 * primitive.size_pt
+    low = MIDDLE * primitive.size_pt
     if primitive.turned:
         place = f'transform="translate({x + low:.2f} {y:.2f}) rotate(-90)"'
     else:
         place = f'x="{x:.2f}" y="{y + low:.2f}"'
     return (
         f'<text {place} font-size="{primitive.size_pt:g}" fill="{primitive.colour}"'
-        f"{anchor}{bold}{halo}>{escape(_NOT_XML.sub('?', primitive.text))}</text>"
+        f"{anchor}{bold}{halo}>{escape(_NOT_XML.sub('?', primitive.text), quote=False)}</text>"
     )
 
 

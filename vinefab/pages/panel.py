@@ -7,6 +7,7 @@ are points; places are in the panel's units.
 """
 
 import math
+import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -110,15 +111,36 @@ _WIDTHS = [
 ]  # fmt: skip
 
 
-def text_width(text: str, size_pt: float) -> float:
+_BOLD = 1.13  # bold letters are so much wider
+
+
+def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
     """Return about how wide a text is, in points."""
-    codes = (ord(letter) - 32 for letter in text)
-    return sum(_WIDTHS[code] if 0 <= code < 95 else 800 for code in codes) * size_pt / 1000.0
+    thousandths = sum(_letter_width(letter) for letter in text)
+    return (_BOLD if bold else 1.0) * thousandths * size_pt / 1000.0
+
+
+def _letter_width(letter: str) -> int:
+    if " " <= letter <= "~":
+        return _WIDTHS[ord(letter) - 32]
+    return 1000 if letter == "…" or unicodedata.east_asian_width(letter) in "WF" else 750
+
+
+def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> str:
+    """Return a text in one line, cut to a width."""
+    line = "".join(c if c.isprintable() else " " for c in text[:400])
+    if len(line) == len(text) and text_width(line, size_pt, bold=bold) <= room_pt:
+        return line
+    room_pt -= text_width("…", size_pt, bold=bold)
+    while line and text_width(line, size_pt, bold=bold) > room_pt:
+        line = line[:-1]
+    return f"{line.rstrip()}…"
 
 
 # --- Panels ---------------------------------------------------------------------------------------
 
 TICK_PT, TITLE_PT, NAME_PT = 8.0, 8.5, 9.0
+MIDDLE = 0.36  # from the base line to the middle of small letters, as a share of their size
 _LINE = 1.35  # from one line of text to the next, as a share of its size
 
 
@@ -153,7 +175,8 @@ class Panel:
         """Return places as points from the upper left corner of the panel, shape (n, 2)."""
         x0, y0, x1, y1 = self.box
         per = np.array([self.width_pt / (x1 - x0), -self.height_pt / (y1 - y0)])
-        return (np.asarray(points, dtype=float).reshape(-1, 2) - (x0, y1)) * per
+        places: Floats = np.asarray(points, dtype=float).reshape(-1, 2)
+        return np.asarray((places - (x0, y1)) * per)
 
     def add(self, primitive: Primitive, rank: float = 1.0, label: str = "") -> None:
         """Draw a primitive."""
@@ -184,7 +207,9 @@ class Panel:
         parts = shapely.get_parts(list(shapes))
         solid = [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
         if solid:
-            corners, ring = shapely.get_coordinates(shapely.get_rings(solid), return_index=True)
+            # Holes run the other way round, for programs that do not know the even-odd rule.
+            rings = shapely.get_rings(shapely.orient_polygons(solid))
+            corners, ring = shapely.get_coordinates(rings, return_index=True)
             self.add(
                 Shape(np.split(corners, np.flatnonzero(np.diff(ring)) + 1), ink, closed=True),
                 rank,
@@ -205,11 +230,11 @@ class Panel:
         self, x: ArrayLike, low: ArrayLike, high: ArrayLike, colour: str, alpha: float
     ) -> None:
         """Fill what lies between two curves; what is not finite is left out."""
-        x, low, high = (np.asarray(values, dtype=float) for values in (x, low, high))
-        known = np.isfinite(low) & np.isfinite(high)
-        x, low, high = x[known], low[known], high[known]
-        ring = np.column_stack([np.append(x, x[::-1]), np.append(high, low[::-1])])
-        if len(ring):
+        rows = np.array([np.asarray(values, dtype=float) for values in (x, low, high)])
+        across, lower, upper = rows[:, np.isfinite(rows).all(axis=0)]
+        ends = np.append(across, across[::-1]), np.append(upper, lower[::-1])
+        if len(across):
+            ring = np.column_stack(ends)
             self.add(Shape([ring], Ink(fill=colour, fill_alpha=alpha), closed=True), 1.0)
 
     def bars(
@@ -239,6 +264,34 @@ class Panel:
     ) -> None:
         """Write a line of text at a place."""
         self.add(Words(at, text, size_pt, **how), 9.0)  # type: ignore[arg-type]
+
+    def written(
+        self, at: tuple[float, float], text: str, size_pt: float = NAME_PT, **how: object
+    ) -> float:
+        """Write a line of text on a base line and return its width, in points."""
+        self.words(at, text, size_pt, shift_pt=(0.0, MIDDLE * size_pt), **how)
+        return text_width(text, size_pt, bold=bool(how.get("bold")))
+
+    def boxed(
+        self, at: tuple[float, float], text: str, size_pt: float, ink: Ink, **how: object
+    ) -> None:
+        """Write a line of text in the middle of a filled box that fits it."""
+        wide = text_width(text, size_pt, bold=bool(how.get("bold"))) / 2.0 + 0.3 * size_pt
+        across = wide * (self.box[2] - self.box[0]) / self.width_pt
+        up = 0.7 * size_pt * (self.box[3] - self.box[1]) / self.height_pt
+        (x, y), sides = at, np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+        self.add(Shape([sides * (across, up) + (x, y)], ink, closed=True), 9.0)
+        self.words(at, text, size_pt, anchor="middle", **how)
+
+    def scale_bar(self, at: tuple[float, float], pt_per_mm: float, most_pt: float) -> float:
+        """Draw a bar of a round length on paper, and return how far its words reach."""
+        most_mm = most_pt / pt_per_mm
+        power = 10.0 ** math.floor(math.log10(most_mm))
+        length_mm = power * max(step for step in (1, 2, 5) if step * power <= most_mm)
+        (x, y), end = at, at[0] + length_mm * pt_per_mm
+        ends = [(x, y), (x, y + 6), (x, y + 3), (end, y + 3), (end, y + 6), (end, y)]
+        self.line(ends, Ink(line=INK, width_pt=1.2))
+        return end + 6.0 + self.written((end + 6.0, y), f"{length_mm:g} mm", 8.0, colour=SOFT)
 
     def arrow(
         self, start: ArrayLike, end: ArrayLike, ink: Ink, head_pt: float, rank: float
@@ -370,9 +423,30 @@ class Page:
     panels: Sequence[Panel] = ()  # what it was put together from
 
 
+def paper(wide_pt: float, high_pt: float) -> Panel:
+    """Return an empty sheet whose units are points from its lower left corner."""
+    box = (0.0, 0.0, wide_pt, high_pt)
+    return Panel(box=box, width_pt=wide_pt, height_pt=high_pt, x_ticks=(), y_ticks=())
+
+
+def page_of_paper(panel: Panel) -> Page:
+    """Return a page that a panel fills, with nothing around it."""
+    drawn = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
+    layers = [Layer(primitives=drawn)]
+    return Page(width_pt=panel.width_pt, height_pt=panel.height_pt, layers=layers, panels=[panel])
+
+
 def page_of(*panels: Panel) -> Page:
     """Return a page with panels in one row."""
     return page_of_rows([panels])
+
+
+def bare_page(panel: Panel) -> Page:
+    """Return a page that is a panel alone, without axes and title: a drawing at true scale."""
+    inside = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
+    layers = [Layer(primitives=inside)]
+    wide_pt, high_pt = panel.width_pt, panel.height_pt
+    return Page(width_pt=wide_pt, height_pt=high_pt, layers=layers, panels=[panel])
 
 
 def page_of_rows(
@@ -535,6 +609,13 @@ def blended(shares: ArrayLike, colours: Sequence[str]) -> NDArray[np.uint8]:
     at = np.clip(np.where(known, shares, 0.0), 0.0, 1.0)
     channels = [np.interp(at, places, stops[:, channel]) for channel in range(3)]
     return np.stack([*channels, 255.0 * known], axis=-1).round().astype(np.uint8)
+
+
+def photo(pixels: NDArray[np.uint8], box: Box) -> Raster:
+    """Return a photo, grey or in colours, as a primitive."""
+    shades = pixels if pixels.ndim == 3 else np.repeat(pixels[:, :, None], 3, axis=2)
+    opaque = np.full((*shades.shape[:2], 1), 255)
+    return Raster(box, np.concatenate([shades[:, :, :3], opaque], axis=2).astype(np.uint8))
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -214,7 +214,7 @@ class DesignComparison(Result):
                     "measure": measure.key, "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
 
-    def details(self) -> Iterator[Block]:
+    def sections(self) -> Iterator[Block]:
         """Yield charts of every measure, designs over contacts and on the same map."""
         measure, outcomes = self.measure, self.outcomes()
         words = (

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
 from vinefab.core.verbs import MOST_SEED
-from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -19,7 +20,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import stayed_text
-from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
+from vinefab.prediction.measures import MEASURES, MeasureTable, measured_shape, worst_pressures_of
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, trunks_with_room
 
@@ -92,6 +93,11 @@ class PreparedFamily:
     label: str  # what reports call it
     maps: tuple[PreparedMap, ...]  # the maps
     poses: Poses  # for each map, the poses
+    atlas: TerrainSet = field(init=False)  # their terrains, joined once for all deployments
+
+    def __post_init__(self) -> None:
+        atlas = TerrainSet([prepared_map.terrain for prepared_map in self.maps])
+        object.__setattr__(self, "atlas", atlas)
 
     @classmethod
     def of(cls, family: MapFamily, plan: PredictionPlan) -> "PreparedFamily":
@@ -114,9 +120,7 @@ class PreparedFamily:
 
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""
-        return Launches.of(
-            TerrainSet([prepared_map.terrain for prepared_map in self.maps]), self.poses
-        )
+        return Launches.of(self.atlas, self.poses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,21 +158,20 @@ def deploy_family(
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
     if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
-        unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
+        unpressed = _grown(design, launches, plan.options.changed(pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
-        columns[index] = measure_deployment(
-            deployment,
-            design,
-            prepared.maps[terrain[index]].context,
-            unstopped,
-            plan.anchoring,
-        )
+    for index, deployment in enumerate(deployments):
+        context = prepared.maps[terrain[index]].context
+        columns[index, :-2] = measured_shape(deployment, design, context, plan.anchoring)
         progress(
             (index + 1) / len(deployments),
             f"{index + 1} of {counted(len(deployments), 'deployment')}",
         )
+    one_by_one, first = iter(unpressed), 0
+    while some := list(islice(one_by_one, BLOCK)):
+        columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T
+        first += len(some)
     names = prepared.names
     outcomes = MeasureTable(
         label=prepared.label,

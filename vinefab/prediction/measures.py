@@ -275,20 +275,19 @@ def measure_deployment(
     anchoring
         How anchoring is scored; the task's defaults if None.
     """
-    anchoring = anchoring or Anchoring()
+    shape = measured_shape(deployment, design, ground, anchoring or Anchoring())
+    return np.append(shape, worst_pressures_kpa(unpressed, design))
+
+
+def measured_shape(
+    deployment: Deployment, design: Design, ground: MapContext, anchoring: Anchoring
+) -> Floats:
+    """Return all but the last two of `MEASURES`, which are the pressures."""
     score, terms = Coverage().evaluate(deployment, ground)
     reached, _ = Reach().evaluate(deployment, ground)
     held = anchoring.anchored(deployment, design.build, ground).amplification(anchoring.friction)
-    return np.array(
-        [
-            score,
-            100.0 * terms["area"],
-            100.0 * reached,
-            held[0],
-            *shares_percent(deployment),
-            *worst_pressures_kpa(unpressed, design),
-        ]
-    )
+    areas = score, 100.0 * terms["area"], 100.0 * reached, held[0]
+    return np.array([*areas, *shares_percent(deployment)])
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
@@ -303,11 +302,16 @@ def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, 
 
     NaN if nothing emerged.
     """
-    deployed = deployment.deployed
-    if not deployed.any():
-        return float("nan"), float("nan")
-    loose_kpa, tight_kpa = growth_pressures_kpa(deployment, design)[:, deployed].max(axis=1)
-    return float(loose_kpa), float(tight_kpa)
+    loose_kpa, tight_kpa = worst_pressures_of([deployment], design)[:, 0].tolist()
+    return loose_kpa, tight_kpa
+
+
+def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Floats:
+    """Return `worst_pressures_kpa` of deployments of one design, shape (2, n)."""
+    pressures = _pressures_kpa(deployments, design, (LOOSE, TIGHT))
+    first = np.cumsum([0, *(len(deployment.tree) for deployment in deployments[:-1])])
+    worst = np.fmax.reduceat(pressures, first, axis=1)
+    return np.asarray(worst)
 
 
 LOOSE = FITTED.changed(storage_kpa=NO_TENSION)
@@ -336,9 +340,20 @@ def growth_pressures_kpa(
     ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
     path, M the sum of its lengths, each times that product over the turns behind it.
     """
-    gain, drawn_mm = path_gains(deployment, fits[0].friction.value)
-    own = deployment.tree.level - 1
-    riding = riding_mm(deployment.tree, design.build.widths_mm)
+    return _pressures_kpa([deployment], design, fits)
+
+
+def _pressures_kpa(
+    deployments: Sequence[Deployment], design: Design, fits: Sequence[GrowthConstants]
+) -> Floats:
+    """Return the pressures of several deployments, one after the other."""
+    gain, drawn_mm = _path_gains(deployments, fits[0].friction.value)
+    own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
+    of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree
+    for deployment in deployments:
+        if id(deployment.tree) not in of_tree:
+            of_tree[id(deployment.tree)] = riding_mm(deployment.tree, design.build.widths_mm)
+    riding = np.concatenate([of_tree[id(deployment.tree)] for deployment in deployments])
     rows = []
     for fit in fits:
         levels = constants_by_level(design, fit)
@@ -357,16 +372,26 @@ def constants_by_level(design: Design, fit: GrowthConstants) -> tuple[GrowthCons
     )
 
 
-def path_gains(deployment: Deployment, friction: float) -> tuple[Floats, Floats]:
-    """Return G and M (mm) of the path to each tip, shape (n,) each; NaN where none emerged."""
-    tree, runs = deployment.tree, _Runs.of(deployment)
-    gain, drawn_mm, heading = np.full((3, len(tree)), np.nan)
-    for level in range(1, int(tree.level.max()) + 1):
-        members = np.flatnonzero((tree.level == level) & deployment.deployed)
-        parents, joint = tree.parent[members], tree.offset_rad[members]
+def _path_gains(deployments: Sequence[Deployment], friction: float) -> tuple[Floats, Floats]:
+    """Return G and M (mm) of the path to each tip; NaN where none emerged.
+
+    All deployments are worked out together, as one forest: its arrays are theirs one after the
+    other, shape (n,) each in all.
+    """
+    counts = [len(deployment.tree) for deployment in deployments]
+    begin = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
+    levels = np.concatenate([deployment.tree.level for deployment in deployments])
+    parent = np.concatenate([deployment.tree.parent for deployment in deployments]) + begin
+    offset_rad = np.concatenate([deployment.tree.offset_rad for deployment in deployments])
+    deployed = np.concatenate([deployment.deployed for deployment in deployments])
+    start_rad = np.repeat([deployment.pose.heading_rad for deployment in deployments], counts)
+    runs = _Runs.of(deployments)
+    gain, drawn_mm, heading = np.full((3, len(levels)), np.nan)
+    for level in range(1, int(levels.max()) + 1):
+        members = np.flatnonzero((levels == level) & deployed)
+        parents, joint = parent[members], offset_rad[members]
         if level == 1:
-            before, g, m = np.full(1, deployment.pose.heading_rad), np.ones(1), np.zeros(1)
-            before, g, m = before[: len(members)], g[: len(members)], m[: len(members)]
+            before, g, m = start_rad[members], np.ones(len(members)), np.zeros(len(members))
         else:
             before, g, m = heading[parents], gain[parents], drawn_mm[parents]
         turn = np.abs(joint)
@@ -396,14 +421,15 @@ class _Runs:
     count: Ints
 
     @classmethod
-    def of(cls, deployment: Deployment) -> "_Runs":
-        """Return the stretches of a deployment that have a length."""
-        points, first_point = deployment.points_mm, deployment.first_point
+    def of(cls, deployments: Sequence[Deployment]) -> "_Runs":
+        """Return the stretches of deployments that have a length."""
+        points = np.concatenate([deployment.points_mm for deployment in deployments])
+        of_branch = np.concatenate([np.diff(one.first_point) for one in deployments])
         run = np.diff(points, axis=0)
         length = np.hypot(run[:, 0], run[:, 1])
-        branch = np.repeat(np.arange(len(deployment.tree)), np.diff(first_point))
+        branch = np.repeat(np.arange(len(of_branch)), of_branch)
         real = (branch[:-1] == branch[1:]) & (length > 0.0)
-        count = np.bincount(branch[:-1][real], minlength=len(deployment.tree))
+        count = np.bincount(branch[:-1][real], minlength=len(of_branch))
         return cls(
             np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
         )

@@ -194,7 +194,7 @@ class Predicted(Result):
             }
         )
 
-    def details(self) -> Iterator[Section]:
+    def sections(self) -> Iterator[Section]:
         """Yield the predictions and how the robot is made."""
         design, profile = self.prepared.design, self.prepared.profile
         yield from self.more

@@ -10,7 +10,7 @@ import numpy as np
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.checking import check_design, verdict
+from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
@@ -23,9 +23,9 @@ from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
 from vinefab.pages.map_view import STOP_WORDS
+from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
@@ -39,8 +39,8 @@ from vinefab.prediction.run_winner import (
 )
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
-from vinefab.search.record.result import RunResult, curve_of
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import curve_of
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm
@@ -381,13 +381,13 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
     if isinstance(checked, str):
         return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
     asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
-    words = (f"{verdict(checked)}; recipe {run.profile().recipe.name}.{asked}",)
+    words = (f"{checked.verdict}; recipe {run.profile().recipe.name}.{asked}",)
     if run.design.branch_count > TOO_FINE:
         return Section(
             title=title,
             paragraphs=(*words, "Too many branches to be drawn here: vinefab check --svg does."),
         )
-    image = svg_bytes(findings_picture(run.design, run.profile(), checked))
+    image = page_svg(findings_picture(run.design, run.profile(), checked))
     caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
     picture = Picture(image=image, caption=caption, wide=True, file="sheet")
     return Section(title=title, paragraphs=words, pictures=(picture,))

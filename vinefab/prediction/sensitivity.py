@@ -13,7 +13,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
@@ -36,12 +36,13 @@ from vinefab.prediction.measures import (
     STUCK,
     Measure,
     shares_percent,
-    worst_pressures_kpa,
+    worst_pressures_of,
 )
 from vinefab.prediction.pictures import effect_panels
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Poses, PreparedMap
+from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import outcomes
 
 ENOUGH_GROUPS = 6
 """With fewer maps a bootstrap interval says too little: 2^-5 is the least p-value of five."""
@@ -164,21 +165,26 @@ class VariantEvaluator:
     ) -> Floats:
         """Return the quick measures of every plan from every pose, shape (plans, launches, 5)."""
         launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
-        grown = Batch(Plans.joined(plans), launches, options).deployments()
-        unpressed = grown
-        if any((deployment.stop == Stop.PRESSURE).any() for deployment in grown):
+        if not len(launches):
+            return np.empty((len(plans), 0, len(QUICK_MEASURES)))
+        contexts = [prepared_map.context for prepared_map in self.prepared.maps]
+        unpressed = list[Deployment]()
+
+        def measured(block: Block) -> Floats:
+            seen = outcomes(Coverage(area="fast"), block, contexts).terms["area"]
+            reached = outcomes(Reach(area="fast"), block, contexts).score
+            deployments = [block.deployment(index) for index in range(len(block))]
+            unpressed.extend(deployments)
+            shares = np.array([shares_percent(deployment)[:2] for deployment in deployments])
+            return np.column_stack([100.0 * seen, 100.0 * reached, shares])
+
+        rows = np.concatenate(list(Batch(Plans.joined(plans), launches, options).each(measured)))
+        if any((deployment.stop == Stop.PRESSURE).any() for deployment in unpressed):
             free = Plans.joined([plan.without_pressure for plan in plans])
             unpressed = Batch(free, launches, options).deployments()
-        terrain = np.repeat(launches.terrain, len(plans)).tolist()
-        rows = [
-            quick_measures(deployment, self.design, self.prepared.maps[index], whole)
-            for deployment, whole, index in zip(grown, unpressed, terrain, strict=True)
-        ]
-        return (
-            np.array(rows)
-            .reshape(len(launches), len(plans), len(QUICK_MEASURES))
-            .transpose(1, 0, 2)
-        )
+        loose_kpa, _ = worst_pressures_of(unpressed, self.design)
+        table = np.column_stack([rows, loose_kpa])
+        return table.reshape(len(launches), len(plans), -1).transpose(1, 0, 2)
 
     def effect(self, variant: PredictionVariant) -> Effect:
         """Return what a change does, over the poses that are free with it and without."""
@@ -203,23 +209,6 @@ class VariantEvaluator:
             count=int(is_free.sum()),
             changes=changes,
         )
-
-
-def quick_measures(
-    deployment: Deployment, design: Design, prepared_map: PreparedMap, unpressed: Deployment
-) -> tuple[float, ...]:
-    """Return the measures of `QUICK` for one deployment.
-
-    Parameters
-    ----------
-    unpressed
-        As in `measure_deployment`.
-    """
-    _, terms = Coverage(area="fast").evaluate(deployment, prepared_map.context)
-    reached, _ = Reach(area="fast").evaluate(deployment, prepared_map.context)
-    grown, stuck, _ = shares_percent(deployment)
-    loose_kpa, _ = worst_pressures_kpa(unpressed, design)
-    return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
 
 
 def sensitivity(
@@ -307,7 +296,7 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
         low_rad, high_rad = (
             min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
         )
-        wider = replace(options, head_on_half_angle_rad=(low_rad, high_rad))
+        wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
         yield PredictionVariant(
             knob="head-on half-angle", step=step, unit="deg",
             design=design, options=wider, poses=poses,

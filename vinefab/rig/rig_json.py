@@ -14,7 +14,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.core.table import validated
-from vinefab.fabrication.rules.run_rules import checks_content
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
@@ -135,7 +134,7 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         "counts": dict(rig.counts),
         "thin_places": [_rounded(asdict(place)) for place in rig.thin_places],
         "against_map": _rounded(asdict(record.comparison)),
-        "checks": checks_content(record.report),
+        "checks": record.report.content,
         "notes": list(rig.notes),
     }
     return json_text("vinefab/rig-1", content)

@@ -3,8 +3,8 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,10 @@ from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
-from vinefab.search.record.result import RunIdentity, package_versions
-from vinefab.search.run import environment_options, fresh_maps, generated_maps, penalty_of
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.record.identity import package_versions
+from vinefab.search.run import fresh_maps, generated_maps, penalty_of
+from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -102,13 +103,13 @@ class ContestRun:
         cls, problem: RunSettings, contender: Contender, number: int, contest: Contest
     ) -> "ContestRun":
         """Return a contender's run on a problem."""
-        maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
+        maps = problem.maps.changed(seed=problem.maps.seed + number * problem.maps.count)
         if maps.seed + maps.count > FIRST_CONTEST_SEED:
             raise BadInputError(
                 "maps.seed", maps.seed, f"less than {FIRST_CONTEST_SEED - maps.count}"
             )
-        search = replace(problem.search, seed=problem.search.seed + number)
-        settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
+        search = problem.search.changed(seed=problem.search.seed + number)
+        settings = problem.changed(maps=maps, search=search, optimizer=contender.part)
         return cls(
             contender=contender.label,
             number=number,
@@ -172,10 +173,8 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
 
 @lru_cache(maxsize=4)
 def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedMap, ...]:
-    from vinefab.search.settings import MapSettings  # noqa: PLC0415
-
     settings = MapSettings(environment=environment, options=json.loads(options))
-    made = environment_options(settings)
+    made = settings.environment_options()
     make = ENVIRONMENTS[environment].make
     return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
@@ -197,7 +196,12 @@ def contest_rows(
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     tell(begun / max(1, total), f"{begun} of {total} runs")
     for done, row in enumerate(_run_all(todo, jobs), start=begun + 1):
-        _add(record, row)
+        with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
+            if stream.tell() == 0:
+                stream.write(
+                    json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n"
+                )
+            stream.write(json.dumps(asdict(row)) + "\n")
         known[row.key] = row
         last = f"{row.problem} {row.contender} {row.unseen:.4f}"
         tell(done / total, f"{done} of {total} runs, the last {last}")
@@ -222,14 +226,6 @@ def _search(settings: RunSettings) -> Search:
     return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
 
 
-def _add(record: Path, row: ContestRow) -> None:
-    """Write a line at the end of the record, which is begun when it is missing or empty."""
-    with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
-        if stream.tell() == 0:
-            stream.write(json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n")
-        stream.write(json.dumps(asdict(row)) + "\n")
-
-
 def _run_all(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
     if jobs == 1 or len(contest_runs) < 2:
         yield from map(run_contest, contest_runs)
@@ -247,14 +243,10 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     if lines.pop():
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
-        rows = [_row(json.loads(line)) for line in lines[1:]]
+        rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
     except (ValueError, TypeError) as error:
         raise UnreadableFileError(record, "is no record of a comparison") from error
     return {row.key: row for row in rows}
-
-
-def _row(values: Mapping[str, float]) -> ContestRow:
-    return ContestRow(**values)  # type: ignore[arg-type]
 
 
 _RESAMPLES = 10_000

@@ -7,7 +7,7 @@ from pathlib import Path
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.pages.html import Report, Section, Table, page_html
-from vinefab.search.record.result import package_versions
+from vinefab.search.record.identity import package_versions
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
 from vinefab.studies.experiments import EXPERIMENTS
 from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, Tell

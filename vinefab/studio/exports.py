@@ -4,7 +4,6 @@ Each calls the functions that its command calls, with the same options.
 """
 # ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
 
-import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -124,7 +123,6 @@ class PackageExport:
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the files of the package, or what forbids them."""
-        from vinefab.fabrication.checking import check_lines
         from vinefab.fabrication.job.placement import SheetOptions
         from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
 
@@ -133,7 +131,7 @@ class PackageExport:
         sheet = SheetOptions(copies=copies)
         prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
         made = MadeExport(
-            lines=tuple(check_lines(prepared.report)),
+            lines=prepared.report.summary,
             refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
             findings=_findings(prepared.report),
         )
@@ -179,7 +177,6 @@ class RigExport:
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the files of the rig, or what forbids them."""
-        from vinefab.fabrication.checking import check_lines
         from vinefab.rig.make import RigRequest, make_rig
         from vinefab.rig.rig_options import RigOptions, read_printer
 
@@ -193,7 +190,7 @@ class RigExport:
         blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         return MadeExport(
             files=made.files,
-            lines=tuple(check_lines(made.report) if blocking else made.summary()),
+            lines=made.report.summary if blocking else made.summary,
             refused=f"{blocking} forbid it" if blocking else "",
             findings=_findings(made.report),
         )
@@ -326,6 +323,5 @@ def _map_of(source: ExportSource) -> Map:
 
 
 def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
-    from vinefab.fabrication.rules.run_rules import checks_text
 
-    return tuple(json.loads(checks_text(report))["findings"])
+    return tuple([finding.content for finding in report.findings])

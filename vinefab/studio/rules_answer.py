@@ -8,7 +8,7 @@ from typing import Any
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
-from vinefab.fabrication.checking import Deployed, checked_design, map_corridors, verdict
+from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_svg import (
     SIGNS,
@@ -87,7 +87,7 @@ def terrain_of(world: Map) -> Terrain:
 def report_content(report: CheckReport) -> dict[str, Any]:
     """Return a report's verdict and which rules it is about."""
     return {
-        "verdict": verdict(report),
+        "verdict": report.verdict,
         "manufacturable": not report.blocking,
         "errors": report.count(Severity.ERROR),
         "warnings": report.count(Severity.WARNING),

@@ -5,14 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import shapely
+from annotated_types import Interval, MinLen
+from pydantic import Field
 from shapely import Polygon
 from shapely.affinity import translate
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import with_parameters
+from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -35,29 +39,32 @@ MapSource = Mapping[str, Any]
 """``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
+class Family(Table):
     """The maps of the panel with many maps: seeds of an environment, or files."""
 
-    environment: str = "grid"
-    count: int = 40
-    seed: int = 1000  # of the first map; the others follow
-    poses: int = 1  # on each map, drawn from its starts
-    files: tuple[str, ...] = ()  # in place of an environment
+    environment: Annotated[str, MinLen(1)] = "grid"
+    count: Annotated[int, Interval(ge=1, le=MOST_FAMILY)] = 40
+    seed: Annotated[int, Interval(ge=0, le=2**31), Doc("of the first map; the others follow")] = (
+        1000
+    )
+    poses: Annotated[
+        int, Interval(ge=1, le=MOST_POSES), Doc("on each map, drawn from its starts")
+    ] = 1
+    files: Annotated[
+        tuple[str, ...],
+        Field(strict=False, max_length=MOST_FAMILY),
+        Doc("in place of an environment"),
+    ] = ()
+    stamp: Annotated[str, Doc("changes when a file has changed")] = ""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> "Family":
         """Return the family that the page asks for."""
-        files = _texts("family.files", content.get("files") or [])
-        if len(files) > MOST_FAMILY:
-            raise BadInputError("family.files", len(files), f"at most {MOST_FAMILY} files", PAGE)
-        return cls(
-            environment=_text("family.environment", content.get("environment", "grid")),
-            count=whole("family.count", content.get("count", 40), 1, MOST_FAMILY),
-            seed=whole("family.seed", content.get("seed", 1000), 0, 2**31),
-            poses=whole("family.poses", content.get("poses", 1), 1, MOST_POSES),
-            files=tuple(files),
-        )
+        given = {key: value for key, value in content.items() if key != "files" or value}
+        try:
+            return validated(cls, given, PAGE)
+        except BadInputError as error:
+            raise BadInputError(f"family.{error.key}", error.value, error.allowed, PAGE) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,10 +7,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.lines import Line2D
-from matplotlib.text import Text
 
+from tests.pages.drawn import placed_texts, primitives_of, texts_of
 from vinefab.fabrication.package import assembly_drawing as drawing
 from vinefab.fabrication.package.assembly_drawing import (
     assembly_drawing,
@@ -25,6 +23,7 @@ from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.outline import Contour
 from vinefab.pages.colours import ALERT, INK
+from vinefab.pages.panel import Shape
 
 
 @pytest.fixture(scope="module")
@@ -44,14 +43,9 @@ def parts(cut_at, robot):
     return cut_at(robot, (1, 2, 3, 5, 8, 10), 12.0)
 
 
-def words_of(figure):
-    return [text for text in figure.findobj(Text) if text.get_text()]
-
-
 def test_every_piece_joint_and_step_is_on_the_page(robot, parts, recipe) -> None:
     partition, outlines = parts
-    figure = assembly_drawing(robot, partition, outlines, recipe)
-    words = [text.get_text() for text in words_of(figure)]
+    words = texts_of(assembly_drawing(robot, partition, outlines, recipe))
     joints = {sleeve.label for sleeve in partition.sleeves}
     for piece in partition.pieces:
         # Twice as a piece, apart and put together; beside plug and socket as a joint.
@@ -75,9 +69,7 @@ def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
 ) -> None:
     turned = robot.changed(build=robot.build.changed(mounting="turned"))
     partition, outlines = cut_at(turned, (1, 2), 12.0)
-    page = " ".join(
-        text.get_text() for text in words_of(assembly_drawing(turned, partition, outlines, recipe))
-    )
+    page = " ".join(texts_of(assembly_drawing(turned, partition, outlines, recipe)))
     assert "B over A: plug and socket B" in page
     assert "socket: outer piece" in page
     assert "the face that lies outside as cut is outside again" in page
@@ -87,28 +79,26 @@ def test_turned_first_the_outer_piece_goes_over_and_the_faces_end_as_cut(
 def test_a_robot_in_one_piece_has_the_drawing_of_its_faces(robot, recipe) -> None:
     """Which face is which is told from the drawn lines: the outer line as deployed, by colour."""
     for mounting, outside in (("tail_inverted", ALERT), ("turned", INK)):
-        one = robot.changed(build=robot.build.changed(mounting=mounting))
-        figure = mounting_drawing(one)
-        faces = [line for line in figure.findobj(Line2D) if len(line.get_xdata()) > 8]
-        growing = sorted(faces, key=lambda line: max(line.get_xdata()))[-2:]
-        highest = max(growing, key=lambda line: max(line.get_ydata()))
-        assert highest.get_color() == outside
-    assert list(assembly_files(one, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
+        turned = robot.changed(build=robot.build.changed(mounting=mounting))
+        drawn = primitives_of(mounting_drawing(turned))
+        lines = [one for one in drawn if isinstance(one, Shape) and len(one.chains[0]) > 8]
+        growing = sorted(lines, key=lambda line: line.chains[0][:, 0].max())[-2:]
+        highest = min(growing, key=lambda line: line.chains[0][:, 1].min())
+        assert highest.ink.line == outside
+    assert list(assembly_files(turned, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
 
 
 def test_labels_lie_on_no_other_label(robot, parts, recipe) -> None:
-    figure = exploded_picture(robot, *parts, recipe)
-    canvas = FigureCanvasAgg(figure)
-    texts = [text for text in words_of(figure) if re.fullmatch("[A-G]|[1-7]", text.get_text())]
-    boxes = [text.get_window_extent(canvas.get_renderer()) for text in texts]
+    texts = placed_texts(exploded_picture(robot, *parts, recipe))
+    boxes = [box for text, box in texts if re.fullmatch("[A-G]|[1-7]", text)]
     assert len(boxes) == 7 + 2 * 6 + 6 + 1  # pieces, ends of joints, steps, the key
     for one, two in itertools.combinations(boxes, 2):
-        assert not one.overlaps(two)
+        assert not one.intersects(two)
 
 
 def test_many_joints_are_left_to_the_readme(robot, parts, recipe, monkeypatch) -> None:
     monkeypatch.setattr(drawing, "MOST_JOINTS_LISTED", 2)
-    words = [text.get_text() for text in words_of(assembly_drawing(robot, *parts, recipe))]
+    words = texts_of(assembly_drawing(robot, *parts, recipe))
     assert "and 4 more: README.txt lists them all." in words
     assert sum(bool(re.match(r"\d+\.  ", text)) for text in words) == 2
 

@@ -190,7 +190,7 @@ BAD_CONTENT = [
     (
         "seed",
         collection(BOUNDS, vinefab={"schema": "vinefab/map-1", "seed": "x"}),
-        r"vinefab.seed is 'x'; allowed: int",
+        r"vinefab.seed is 'x'; allowed: a valid integer",
     ),
     (
         "not contained",

@@ -28,7 +28,7 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import CheckReport, RuleRun
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.figure import png_bytes
+from vinefab.pages.page_png import page_png
 
 
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
@@ -110,7 +110,7 @@ def coupon_files(coupons: Coupons) -> dict[str, bytes]:
     """Return every file of the coupon folder, by name."""
     profile, matrix = coupons.profile, coupons.matrix
     pictures = {
-        f"{job.name}.png": png_bytes(job_plan(job, coupons.report.findings)) for job in coupons.jobs
+        f"{job.name}.png": page_png(job_plan(job, coupons.report.findings)) for job in coupons.jobs
     }
     return {
         "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),

@@ -10,18 +10,12 @@ from textwrap import wrap
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
-from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.findings_picture import fitted, text_width_pt
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.package.mounting import FACES_PT, draw_faces, face_words
 from vinefab.fabrication.package.piece_joining import (
@@ -38,7 +32,17 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
-from vinefab.pages.figure import house_style, pdf_bytes, svg_bytes
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import (
+    Ink,
+    Page,
+    Panel,
+    Shape,
+    fitted,
+    page_of_paper,
+    paper,
+    text_width,
+)
 
 ASSEMBLY_NAME = "assembly"
 """Name of the drawing's files, without ending."""
@@ -58,6 +62,10 @@ _FLATTEN_PT = 0.1
 _PT_PER_MM = 72.0 / 25.4
 
 _STUB, _OUTER = LEVEL_COLOURS[:2]
+_PLUG, _SOCKET = Ink(line=INK, width_pt=1.6), Ink(line=ALERT, width_pt=1.6)
+_DEPTH = Ink(line=INK, width_pt=1.0, dash_pt=(1.0, 1.6))
+_JOINT = Ink(line=ALERT, width_pt=2.4, butt=True)
+_STRIP = Ink(line=INK, width_pt=1.6, dash_pt=(1.6, 2.6))
 
 Box = tuple[float, float, float, float]
 
@@ -79,10 +87,12 @@ def assembly_files(
         robot's flat layout.
     """
     if partition is None:
-        figure = mounting_drawing(design)
+        page = mounting_drawing(design)
     else:
-        figure = assembly_drawing(design, partition, outlines, profile)
-    return {f"{ASSEMBLY_NAME}.svg": svg_bytes(figure), f"{ASSEMBLY_NAME}.pdf": pdf_bytes(figure)}
+        page = assembly_drawing(design, partition, outlines, profile)
+    from vinefab.pages.page_pdf import page_pdf  # noqa: PLC0415  loads matplotlib
+
+    return {f"{ASSEMBLY_NAME}.svg": page_svg(page), f"{ASSEMBLY_NAME}.pdf": page_pdf(page)}
 
 
 def assembly_drawing(
@@ -90,7 +100,7 @@ def assembly_drawing(
     partition: Partition,
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
-) -> Figure:
+) -> Page:
     """Return the whole page: exploded view, robot put together, one lap, order, faces."""
     robot = _Robot.of(design, partition, outlines, profile)
     exploded = _Exploded.of(robot)
@@ -100,36 +110,32 @@ def assembly_drawing(
     low_pt = list_pt + _LOW_PT
     high_pt = low_pt + exploded.high_pt + _HEAD_PT
     middle = _WIDE_PT / 2.0
-    with house_style():
-        figure, axes = _paper(high_pt)
-        _draw_head(axes, high_pt, robot)
-        _draw_exploded(axes, exploded, low_pt)
-        _draw_together(axes, robot, (_EDGE_PT, list_pt, middle - 8.0, low_pt))
-        _draw_lap(axes, robot, (middle + 8.0, list_pt, _WIDE_PT - _EDGE_PT, low_pt))
-        for column, x in zip(notes, (_EDGE_PT, middle + 8.0), strict=True):
-            for row, words in enumerate(column):
-                weight = "bold" if row == 0 else "normal"
-                y = list_pt - (row + 1) * _LINE_PT
-                axes.text(x, y, words, fontsize=_TEXT_PT, color=INK, fontweight=weight)
-        _draw_faces(axes, design)
-    return figure
+    panel = paper(_WIDE_PT, high_pt)
+    _draw_head(panel, high_pt, robot)
+    _draw_exploded(panel, exploded, low_pt)
+    _draw_together(panel, robot, (_EDGE_PT, list_pt, middle - 8.0, low_pt))
+    _draw_lap(panel, robot, (middle + 8.0, list_pt, _WIDE_PT - _EDGE_PT, low_pt))
+    for column, x in zip(notes, (_EDGE_PT, middle + 8.0), strict=True):
+        for row, words in enumerate(column):
+            panel.written((x, list_pt - (row + 1) * _LINE_PT), words, _TEXT_PT, bold=row == 0)
+    _draw_faces(panel, design)
+    return page_of_paper(panel)
 
 
-def mounting_drawing(design: Design) -> Figure:
+def mounting_drawing(design: Design) -> Page:
     """Return the page of a robot in one piece: which face ends outside."""
     high_pt = FACES_PT + _HEAD_PT
-    with house_style():
-        figure, axes = _paper(high_pt)
-        _write_head(axes, high_pt, design, "mounting", "Not to scale.")
-        _draw_faces(axes, design)
-    return figure
+    panel = paper(_WIDE_PT, high_pt)
+    _write_head(panel, high_pt, design, "mounting", "Not to scale.")
+    _draw_faces(panel, design)
+    return page_of_paper(panel)
 
 
-def _draw_faces(axes: Axes, design: Design) -> None:
+def _draw_faces(panel: Panel, design: Design) -> None:
     """Draw along the lower edge of a page which face ends outside."""
     title = f"{face_words(design.build)} (build.mounting = {design.build.mounting})"
-    _draw_title(axes, (_EDGE_PT, FACES_PT - 22.0), "Faces", title)
-    draw_faces(axes, design.build, (_EDGE_PT, _WIDE_PT - _EDGE_PT), FACES_PT - 78.0)
+    _draw_title(panel, (_EDGE_PT, FACES_PT - 22.0), "Faces", title)
+    draw_faces(panel, design.build, (_EDGE_PT, _WIDE_PT - _EDGE_PT), FACES_PT - 78.0)
 
 
 def exploded_picture(
@@ -137,23 +143,13 @@ def exploded_picture(
     partition: Partition,
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
-) -> Figure:
+) -> Page:
     """Return the exploded view alone."""
     robot = _Robot.of(design, partition, outlines, profile)
     exploded = _Exploded.of(robot)
-    with house_style():
-        figure, axes = _paper(exploded.high_pt)
-        _draw_exploded(axes, exploded, 0.0)
-    return figure
-
-
-def _paper(high_pt: float) -> tuple[Figure, Axes]:
-    """Return an empty page and axes over it, in points from its lower left corner."""
-    figure = Figure(figsize=(_WIDE_PT / 72.0, high_pt / 72.0))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, _WIDE_PT), ylim=(0.0, high_pt))
-    axes.axis("off")
-    axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, high_pt, fc="white", ec="none"))
-    return figure, axes
+    panel = paper(_WIDE_PT, exploded.high_pt)
+    _draw_exploded(panel, exploded, 0.0)
+    return page_of_paper(panel)
 
 
 # --- what is drawn
@@ -281,11 +277,11 @@ def _longer(box: Box) -> float:
 # --- pieces, plugs, sockets
 
 
-def _draw_exploded(axes: Axes, exploded: _Exploded, below_pt: float) -> None:
+def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
     robot, view = exploded.robot, exploded.view
     top = below_pt + exploded.high_pt
     _draw_title(
-        axes,
+        panel,
         (_EDGE_PT, top - 14.0),
         "Exploded view",
         "each piece as it lies in the robot, lettered face up; lines lead from plug to socket",
@@ -298,7 +294,7 @@ def _draw_exploded(axes: Axes, exploded: _Exploded, below_pt: float) -> None:
     )
     page = _View.into(exploded.box_mm, box)
     for piece in robot.partition.pieces:
-        _draw_piece(axes, robot, piece.label, page, view.moves_mm[piece.label])
+        _draw_piece(panel, robot, piece.label, page, view.moves_mm[piece.label])
     labels = _Labels(
         (_EDGE_PT, below_pt + _TITLE_PT, _WIDE_PT - _EDGE_PT, top - _TITLE_PT),
         [
@@ -307,12 +303,12 @@ def _draw_exploded(axes: Axes, exploded: _Exploded, below_pt: float) -> None:
         ],
     )
     for step in robot.steps:
-        _draw_lead(axes, robot, step, page, view, labels)
+        _draw_lead(panel, robot, step, page, view, labels)
     for piece in robot.partition.pieces:
-        _write_piece(axes, robot, piece.label, page, view.moves_mm[piece.label], labels)
+        _write_piece(panel, robot, piece.label, page, view.moves_mm[piece.label], labels)
     for step in robot.steps:
-        _write_joint(axes, step, page, view, labels)
-    _draw_key(axes, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
+        _write_joint(panel, step, page, view, labels)
+    _draw_key(panel, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
 
 
 def _points(robot: _Robot, label: str, page: _View) -> Floats:
@@ -321,17 +317,16 @@ def _points(robot: _Robot, label: str, page: _View) -> Floats:
 
 
 def _draw_piece(
-    axes: Axes, robot: _Robot, label: str, page: _View, move_mm: Floats, alpha: float = 0.3
+    panel: Panel, robot: _Robot, label: str, page: _View, move_mm: Floats, alpha: float = 0.3
 ) -> None:
     colour = robot.colours[label]
     points = page.points(_points(robot, label, page) + move_mm)
-    axes.fill(
-        *points.T, facecolor=to_rgba(colour, alpha), edgecolor=colour, linewidth=0.8, zorder=3
-    )
+    ink = Ink(fill=colour, fill_alpha=alpha, line=colour, width_pt=0.8)
+    panel.add(Shape([points], ink, closed=True), 3.0)
 
 
 def _draw_lead(
-    axes: Axes,
+    panel: Panel,
     robot: _Robot,
     step: JoiningStep,
     page: _View,
@@ -346,19 +341,19 @@ def _draw_lead(
     plug, socket = _rims_mm(view, sleeve)
     deep = sleeve.socket_mm - sleeve.plug_mm
     half = sleeve.width_mm / 2.0
-    for place, reach, colour, style in (
-        (plug, half, INK, "-"),
-        (plug + deep * along, half, INK, ":"),
-        (socket, half + sleeve.rise_mm, ALERT, "-"),
+    for place, reach, ink in (
+        (plug, half, _PLUG),
+        (plug + deep * along, half, _DEPTH),
+        (socket, half + sleeve.rise_mm, _SOCKET),
     ):
         ends = page.points(np.array([place - reach * across, place + reach * across]))
-        axes.plot(*ends.T, style, color=colour, lw=1.6 if style == "-" else 1.0, zorder=5)
+        panel.line(ends, ink, rank=5.0)
         labels.take(shapely.buffer(shapely.LineString(ends), 1.5))
     ends = page.points(np.array([plug, socket]))
-    axes.plot(*ends.T, color=INK, lw=0.6, zorder=4)
+    panel.line(ends, Ink(line=INK, width_pt=0.6), rank=4.0)
     labels.take_line(ends)
     middle = ends.mean(axis=0)
-    _draw_number(axes, middle, step.number)
+    _draw_number(panel, middle, step.number)
     labels.take(_around(middle[None], f"{step.number}", _JOINT_PT)[0])
 
 
@@ -368,25 +363,14 @@ def _rims_mm(view: ExplodedView, sleeve: Sleeve) -> tuple[Floats, Floats]:
     return (base, stub) if sleeve.socket_on_stub else (stub, base)
 
 
-def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
+def _draw_number(panel: Panel, at_pt: Floats, number: int) -> None:
     """Draw the number of a step, white on dark."""
     x, y = at_pt.tolist()
-    axes.text(
-        x,
-        y,
-        str(number),
-        fontsize=_NUMBER_PT + 0.5,
-        color="white",
-        fontweight="bold",
-        ha="center",
-        va="center_baseline",
-        zorder=9,
-        bbox={"boxstyle": "round,pad=0.25", "fc": INK, "ec": "none"},
-    )
+    panel.boxed((x, y), str(number), _NUMBER_PT + 0.5, Ink(fill=INK), colour="#ffffff", bold=True)
 
 
 def _write_piece(  # noqa: PLR0913  where it is drawn
-    axes: Axes,
+    panel: Panel,
     robot: _Robot,
     label: str,
     page: _View,
@@ -398,49 +382,26 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
     """Write the label of a piece into its widest part."""
     points = page.points(_points(robot, label, page) + move_mm)
     x, y = labels.inside(points, label, size_pt).tolist()
-    axes.text(
-        x,
-        y,
-        label,
-        fontsize=size_pt,
-        color=INK,
-        fontweight="bold",
-        ha="center",
-        va="center_baseline",
-        zorder=8,
-        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": robot.colours[label], "lw": 0.9},
-    )
+    panel.boxed(
+        (x, y), label, size_pt,
+        Ink(fill="#ffffff", line=robot.colours[label], width_pt=0.9), bold=True,
+    )  # fmt: skip
 
 
 def _write_joint(
-    axes: Axes, step: JoiningStep, page: _View, view: ExplodedView, labels: "_Labels"
+    panel: Panel, step: JoiningStep, page: _View, view: ExplodedView, labels: "_Labels"
 ) -> None:
     """Write the joint's label beside its plug and beside its socket."""
     name = step.sleeve.label
     for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
         at = labels.beside(page.points(place), name)
-        _write(axes, at, name, _JOINT_PT, colour)
-
-
-def _write(axes: Axes, at_pt: Floats, words: str, size_pt: float, colour: str) -> None:
-    x, y = at_pt.tolist()
-    axes.text(
-        x,
-        y,
-        words,
-        fontsize=size_pt,
-        color=colour,
-        fontweight="bold",
-        ha="center",
-        va="center_baseline",
-        zorder=8,
-        path_effects=[Stroke(linewidth=2.4, foreground="white"), Normal()],
-    )
+        x, y = at.tolist()
+        panel.words((x, y), name, _JOINT_PT, colour=colour, anchor="middle", bold=True, halo=True)
 
 
 def _around(middles_pt: Floats, words: str, size_pt: float) -> NDArray[np.object_]:
     """Return the boxes around words in different places, shape (n, 2)."""
-    wide, high = text_width_pt(words, size_pt, bold=True) + 3.0, size_pt + 1.0
+    wide, high = text_width(words, size_pt, bold=True) + 3.0, size_pt + 1.0
     x, y = middles_pt.T
     return np.asarray(shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
 
@@ -522,89 +483,72 @@ def _middles(outline_pt: Floats) -> Iterator[Floats]:
 # --- key, title
 
 
-def _draw_title(axes: Axes, at_pt: tuple[float, float], title: str, words: str) -> None:
+def _draw_title(panel: Panel, at_pt: tuple[float, float], title: str, words: str) -> None:
     x, y = at_pt
-    axes.text(x, y, title, fontsize=10.0, fontweight="bold", color=INK)
-    x += text_width_pt(title, 10.0, bold=True) + 8.0
-    axes.text(x, y, words, fontsize=_TEXT_PT, color=SOFT)
+    wide = panel.written((x, y), title, 10.0, bold=True)
+    panel.written((x + wide + 8.0, y), words, _TEXT_PT, colour=SOFT)
 
 
-def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
+def _draw_head(panel: Panel, top_pt: float, robot: _Robot) -> None:
     pieces = counted(len(robot.partition.pieces), "piece")
     words = f"assembly: {pieces}, {counted(len(robot.steps), 'joint')}"
     notes = (
         f"All lengths in millimetres, lay-flat. Lap of {robot.lap_mm:g} mm and ease: assumed. Else:"
         " computed from the design."
     )
-    _write_head(axes, top_pt, robot.design, words, notes)
+    _write_head(panel, top_pt, robot.design, words, notes)
 
 
-def _write_head(axes: Axes, top_pt: float, design: Design, words: str, notes: str) -> None:
+def _write_head(panel: Panel, top_pt: float, design: Design, words: str, notes: str) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
-    axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
+    panel.written((_EDGE_PT, top_pt - 24.0), name, 14.0, bold=True)
     right = _WIDE_PT - _EDGE_PT
-    axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
-    axes.text(_EDGE_PT, top_pt - 38.0, notes, fontsize=8.5, color=SOFT)
+    panel.written((right, top_pt - 24.0), words, 11.0, anchor="end", bold=True)
+    panel.written((_EDGE_PT, top_pt - 38.0), notes, 8.5, colour=SOFT)
 
 
-def _draw_key(axes: Axes, robot: _Robot, at_pt: tuple[float, float], pt_per_mm: float) -> None:
-    x, y = at_pt
-    x = _draw_scale(axes, at_pt, pt_per_mm)
-    for colour, style, words in (
-        (INK, "-", "rim of a plug, with the joint's label"),
-        (INK, ":", f"how deep it goes into the socket, {robot.lap_mm:g} mm"),
-        (ALERT, "-", "rim of its socket"),
+def _draw_key(panel: Panel, robot: _Robot, at_pt: tuple[float, float], pt_per_mm: float) -> None:
+    y = at_pt[1]
+    x = panel.scale_bar(at_pt, pt_per_mm, 90.0) + 14.0
+    for ink, words in (
+        (_PLUG, "rim of a plug, with the joint's label"),
+        (_DEPTH, f"how deep it goes into the socket, {robot.lap_mm:g} mm"),
+        (_SOCKET, "rim of its socket"),
     ):
-        axes.plot([x, x + 14.0], [y + 3.0] * 2, style, color=colour, lw=1.6)
-        x = _written(axes, (x + 18.0, y), words)
-    _draw_number(axes, np.array([x + 4.0, y + 3.0]), 1)
-    _written(axes, (x + 13.0, y), "order of joining")
-
-
-def _written(axes: Axes, at_pt: tuple[float, float], words: str) -> float:
-    """Write words and return where the next ones may begin."""
-    axes.text(*at_pt, words, fontsize=_TEXT_PT, color=SOFT)
-    return at_pt[0] + text_width_pt(words, _TEXT_PT) + 14.0
-
-
-def _draw_scale(axes: Axes, at_pt: tuple[float, float], pt_per_mm: float) -> float:
-    """Draw a bar of a round length, and return where the next words may begin."""
-    most_mm = 90.0 / pt_per_mm
-    power = 10.0 ** np.floor(np.log10(most_mm))
-    length_mm = float(power * max(step for step in (1, 2, 5) if step * power <= most_mm))
-    (x, y), end = at_pt, at_pt[0] + length_mm * pt_per_mm
-    axes.plot([x, x, x, end, end, end], [y, y + 6, y + 3, y + 3, y + 6, y], color=INK, lw=1.2)
-    return _written(axes, (end + 6.0, y), f"{length_mm:g} mm")
+        panel.line([(x, y + 3.0), (x + 14.0, y + 3.0)], ink)
+        x += 32.0 + panel.written((x + 18.0, y), words, _TEXT_PT, colour=SOFT)
+    _draw_number(panel, np.array([x + 4.0, y + 3.0]), 1)
+    panel.written((x + 13.0, y), "order of joining", _TEXT_PT, colour=SOFT)
 
 
 # --- put together
 
 
-def _draw_together(axes: Axes, robot: _Robot, box_pt: Box) -> None:
+def _draw_together(panel: Panel, robot: _Robot, box_pt: Box) -> None:
     """Draw the robot with its laps; outer pieces lie on inner ones and show them through."""
     x0, y0, x1, y1 = box_pt
-    _draw_title(axes, (x0, y1 - 14.0), "Put together", "where pieces cross, it does not lie flat")
+    _draw_title(panel, (x0, y1 - 14.0), "Put together", "where pieces cross, it does not lie flat")
     page = _View.into(
         _box(robot.outlines, None),
         (x0 + _RIM_PT, y0 + 2.0 * _RIM_PT, x1 - _RIM_PT, y1 - _TITLE_PT - _RIM_PT),
     )
     here = np.zeros(2)
     for piece in robot.partition.pieces:
-        _draw_piece(axes, robot, piece.label, page, here, 0.35)
+        _draw_piece(panel, robot, piece.label, page, here, 0.35)
     labels = _Labels(
         (x0, y0 + _RIM_PT, x1, y1 - _TITLE_PT),
         [page.points(_points(robot, piece.label, page)) for piece in robot.partition.pieces],
     )
     for step in robot.steps:
-        labels.take(_draw_band(axes, robot, step, page))
+        labels.take(_draw_band(panel, robot, step, page))
     for piece in robot.partition.pieces:
-        _write_piece(axes, robot, piece.label, page, here, labels, size_pt=9.0)
-    x = _draw_scale(axes, (x0, y0 + 10.0), page.pt_per_mm)
-    axes.plot([x, x + 14.0], [y0 + 13.0] * 2, color=ALERT, lw=2.4)
-    _written(axes, (x + 18.0, y0 + 10.0), "joint: plug in socket")
+        _write_piece(panel, robot, piece.label, page, here, labels, size_pt=9.0)
+    x = panel.scale_bar((x0, y0 + 10.0), page.pt_per_mm, 90.0) + 14.0
+    panel.line([(x, y0 + 13.0), (x + 14.0, y0 + 13.0)], _JOINT)
+    panel.written((x + 18.0, y0 + 10.0), "joint: plug in socket", _TEXT_PT, colour=SOFT)
 
 
-def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
+def _draw_band(panel: Panel, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
     """Draw a joint as a line across its branch, in the middle of the lap, and return its place."""
     sleeve = step.sleeve
     heading = float(robot.layout.heading_rad[sleeve.branch])
@@ -614,20 +558,20 @@ def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> Bas
     middle = middle + (sleeve.socket_mm + sleeve.plug_mm) / 2.0 * along
     reach = sleeve.width_mm / 2.0 + sleeve.rise_mm
     ends = page.points(np.array([middle - reach * across, middle + reach * across]))
-    axes.plot(*ends.T, color=ALERT, lw=2.4, solid_capstyle="butt", zorder=6)
+    panel.line(ends, _JOINT, rank=6.0)
     return shapely.buffer(shapely.LineString(ends), 2.5)
 
 
 # --- one lap
 
 
-def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
+def _draw_lap(panel: Panel, robot: _Robot, box_pt: Box) -> None:
     """Draw one lap from above and in section: what goes into what, and where the strip lies."""
     x0, y0, x1, y1 = box_pt
     _draw_title(
-        axes, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
+        panel, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
     )
-    sketch = _LapSketch(axes, (x0, x1), robot)
+    sketch = _LapSketch(panel, (x0, x1), robot)
     sketch.plan(y1 - 88.0)
     sketch.sections(y0 + 132.0)
 
@@ -635,8 +579,8 @@ def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
 class _LapSketch:
     """A sketch of one lap: the base of the robot is to the left."""
 
-    def __init__(self, axes: Axes, sides_pt: tuple[float, float], robot: _Robot) -> None:
-        self.axes, self.strip = axes, needs_strips(robot.profile)
+    def __init__(self, panel: Panel, sides_pt: tuple[float, float], robot: _Robot) -> None:
+        self.panel, self.strip = panel, needs_strips(robot.profile)
         self.on_stub = robot.partition.sleeves[0].socket_on_stub
         self.left, self.right = sides_pt
         wide = self.right - self.left
@@ -661,20 +605,22 @@ class _LapSketch:
 
     def plan(self, y: float) -> None:
         """Draw the lap from above as cut, its axis at a height."""
-        plug, socket, axes = 26.0, 33.0, self.axes
+        plug, socket, panel = 26.0, 33.0, self.panel
         plug_x, socket_x = self._ends(on_stub=self.on_stub)
         stub, outer = _STUB, _OUTER
         colours = (outer, stub) if self.on_stub else (stub, outer)
         socket_y = np.array([plug, plug, socket, socket])
         sides = (plug_x, np.array([plug, plug]), colours[0]), (socket_x, socket_y, colours[1])
         for rank, (x, half, colour) in enumerate(sides, start=2):
-            face = to_rgba(colour, 0.25)
-            axes.fill_between(x, y - half, y + half, fc=face, ec="none", zorder=rank)
-            for sign in (-1.0, 1.0):
-                axes.plot(x, y + sign * half, color=colour, lw=1.2, zorder=rank + 2)
+            sides_pt = [np.column_stack([x, y + sign * half]) for sign in (-1.0, 1.0)]
+            ring = np.vstack([sides_pt[0], sides_pt[1][::-1]])
+            panel.add(Shape([ring], Ink(fill=colour, fill_alpha=0.25), closed=True), rank)
+            panel.lines(sides_pt, Ink(line=colour, width_pt=1.2), rank=rank + 2.0)
         rims = plug_x[-1], socket_x[-1]
-        axes.plot([rims[0]] * 2, [y - plug, y + plug], "--", color=colours[0], lw=1.4, zorder=5)
-        axes.plot([rims[1]] * 2, [y - socket, y + socket], color=colours[1], lw=1.8, zorder=5)
+        dashed = Ink(line=colours[0], width_pt=1.4, dash_pt=(5.0, 2.5))
+        panel.line([(rims[0], y - plug), (rims[0], y + plug)], dashed, rank=5.0)
+        full = Ink(line=colours[1], width_pt=1.8)
+        panel.line([(rims[1], y - socket), (rims[1], y + socket)], full, rank=5.0)
         self._frame((*self.band, y - socket, y + socket), ALERT, "hatched")
         if self.strip:
             ends = (self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0))
@@ -683,7 +629,7 @@ class _LapSketch:
         self._dimension(y + socket + 13.0)
         names = ("socket", "plug") if self.on_stub else ("plug", "socket")
         self._words((self.left, y + plug + 4.0), f"{names[0]}: inner piece", stub)
-        self._words((self.right, y + plug + 4.0), f"{names[1]}: outer piece", outer, "right")
+        self._words((self.right, y + plug + 4.0), f"{names[1]}: outer piece", outer, "end")
         self._words((self.band[0], y - socket - 12.0), self.band_words, ALERT)
         self._words((self.left, y - socket - 12.0), "to the base", SOFT)
 
@@ -692,13 +638,12 @@ class _LapSketch:
         self._section(y, "sealed, as cut", on_stub=self.on_stub)
         if self.strip:
             ends = [self.left + 6.0, self.end + (8.0 if self.on_stub else -5.0)]
-            self.axes.plot(ends, [y] * 2, ":", color=INK, lw=1.6)
+            self.panel.line([(ends[0], y), (ends[1], y)], _STRIP)
         below = y - 56.0
         growing = f"growing{', every face turned' if self.on_stub else ''}"
         self._section(below, growing, on_stub=False)
-        arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
         head, foot = (self.right - 4.0, below + 2.0), (self.left + 90.0, below + 2.0)
-        self.axes.annotate("", head, foot, arrowprops=arrow)
+        self.panel.arrow(foot, head, Ink(line=SOFT, width_pt=1.2), 6.0, 5.0)
         lines = [
             "Film that is still inside runs away from the base (arrow) and off the rim of",
             "the stub, which trails; the other way round it would catch.",
@@ -714,9 +659,9 @@ class _LapSketch:
         colours = (_OUTER, _STUB) if on_stub else (_STUB, _OUTER)
         for sign in (-1.0, 1.0):
             heights = y + sign * np.array([10.0, 10.0, 16.0, 16.0])
-            self.axes.plot(wide_x, heights, color=colours[1], lw=2.6, solid_capstyle="butt")
-            level = [y + sign * 10.0] * 2
-            self.axes.plot(narrow_x, level, color=colours[0], lw=2.6, solid_capstyle="butt")
+            outer, inner = (Ink(line=one, width_pt=2.6, butt=True) for one in colours[::-1])
+            self.panel.line(np.column_stack([wide_x, heights]), outer)
+            self.panel.line([(x, y + sign * 10.0) for x in narrow_x], inner)
             middle = y + sign * 13.0
             self._frame((*self.band, middle - 2.2, middle + 2.2), ALERT)
         self._words((self.left, y + 20.0), title, SOFT)
@@ -724,32 +669,33 @@ class _LapSketch:
     def _frame(self, sides_pt: Box, colour: str, look: str = "") -> None:
         """Draw a rectangle by its left, right, lower and upper sides: full, hatched or dotted."""
         left, right, low, high = sides_pt
-        patch = Rectangle((left, low), right - left, high - low, fc="none", ec=colour, zorder=6)
+        box = shapely.box(left, low, right, high)
+        if look == "dotted":
+            self.panel.polygons([box], _STRIP, rank=6.0)
+            return
+        fill = "" if look == "hatched" else colour
+        self.panel.polygons([box], Ink(fill=fill, line=colour, width_pt=1.0), rank=6.0)
         if look == "hatched":
-            patch.set_hatch("////")
-        elif look == "dotted":
-            patch.set_linestyle(":")
-        else:
-            patch.set_facecolor(colour)
-        self.axes.add_patch(patch)
+            tall = high - low
+            starts = np.arange(left - tall, right, 4.5)
+            slopes = [shapely.LineString([(x, low), (x + tall, high)]) for x in starts.tolist()]
+            inside = shapely.get_parts(shapely.intersection(slopes, box)).tolist()
+            hatch = Ink(line=colour, width_pt=0.8, butt=True)
+            self.panel.lines([shapely.get_coordinates(one) for one in inside], hatch, rank=6.0)
 
     def _dimension(self, y: float) -> None:
         """Draw the length of the lap between its rims."""
-        self.axes.annotate(
-            "",
-            (self.base, y),
-            (self.end, y),
-            arrowprops={"arrowstyle": "<|-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
-        )
-        for x in (self.base, self.end):
-            self.axes.plot([x, x], [y - 12.0, y + 4.0], color=INK, lw=0.6)
+        thin = Ink(line=INK, width_pt=0.8)
         middle = (self.base + self.end) / 2.0
-        self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "center")
+        for x in (self.base, self.end):
+            self.panel.arrow((middle, y), (x, y), thin, 5.0, 5.0)
+            self.panel.line([(x, y - 12.0), (x, y + 4.0)], Ink(line=INK, width_pt=0.6))
+        self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "middle")
 
     def _words(
-        self, at_pt: tuple[float, float], words: str, colour: str, align: str = "left"
+        self, at_pt: tuple[float, float], words: str, colour: str, anchor: str = "start"
     ) -> None:
-        self.axes.text(*at_pt, words, fontsize=_TEXT_PT, color=colour, ha=align, zorder=8)
+        self.panel.written(at_pt, words, _TEXT_PT, colour=colour, anchor=anchor)
 
 
 # --- the order, in words

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
 
 from vinefab.core.validation import Floats
 from vinefab.model.design import Build
 from vinefab.pages.colours import ALERT, INK, SOFT
+from vinefab.pages.panel import Ink, Panel
 
 FACES_PT = 132.0
 """Height of the drawing."""
@@ -25,7 +25,7 @@ def face_words(build: Build) -> str:
     return "Deployed, the face that lies inside as cut is outside"
 
 
-def draw_faces(axes: Axes, build: Build, sides_pt: tuple[float, float], y: float) -> None:
+def draw_faces(panel: Panel, build: Build, sides_pt: tuple[float, float], y: float) -> None:
     """Draw a tube lengthwise, each face in its colour: as cut, mounted, while it grows.
 
     Parameters
@@ -50,18 +50,18 @@ def draw_faces(axes: Axes, build: Build, sides_pt: tuple[float, float], y: float
     wide = (right - left) / len(stages)
     for number, (words, path, colours) in enumerate(stages):
         x = left + number * wide
-        axes.text(x, y + 36.0, words, fontsize=_TEXT_PT, color=SOFT)
+        panel.written((x, y + 36.0), words, _TEXT_PT, colour=SOFT)
         if path is not _AS_CUT:
             for side in (-1.0, 1.0):  # the base: a pipe out of a vessel
                 pipe = np.array([(0.0, 30.0), (0.0, 14.0), (40.0, 14.0)]) * (1.0, side)
-                axes.plot(*(pipe + np.array([x + 80.0, y])).T, color=SOFT, lw=2.2)
-        _draw_film(axes, np.array(path) + np.array([x, y]), colours)
+                panel.line(pipe + np.array([x + 80.0, y]), Ink(line=SOFT, width_pt=2.2))
+        _draw_film(panel, np.array(path) + np.array([x, y]), colours)
     for row, (words, colour) in enumerate(
         (("face outside as cut", INK), ("face inside as cut", ALERT))
     ):
-        axes.plot([left + 190.0 * row, left + 190.0 * row + 14.0], [y - 41.0] * 2, color=colour)
-        at = left + 190.0 * row + 18.0, y - 44.0
-        axes.text(*at, words, fontsize=_TEXT_PT, color=colour)
+        at = left + 190.0 * row
+        panel.line([(at, y - 41.0), (at + 14.0, y - 41.0)], Ink(line=colour, width_pt=1.5))
+        panel.written((at + 18.0, y - 44.0), words, _TEXT_PT, colour=colour)
 
 
 # A ply from one end of the mouth around the tip to the other, the tube's outer face to the left.
@@ -72,9 +72,9 @@ _TIP = [(92.0, -20.0), (176.0, -20.0), (186.0, -13.0), (176.0, -6.0)]
 _GROWING = [*_TIP, (42.0, -6.0), (34.0, 0.0), (42.0, 6.0), *((x, -y) for x, y in _TIP[::-1])]
 
 
-def _draw_film(axes: Axes, path_pt: Floats, colours: Sequence[str]) -> None:
+def _draw_film(panel: Panel, path_pt: Floats, colours: Sequence[str]) -> None:
     """Draw both faces of a ply beside its middle: the left one, the right one."""
     line = shapely.LineString(path_pt)
     for side, colour in zip((1.0, -1.0), colours, strict=True):
         face = shapely.get_coordinates(line.offset_curve(side * _PLY_PT / 2.0))
-        axes.plot(*face.T, color=colour, lw=1.6, solid_joinstyle="round")
+        panel.line(face, Ink(line=colour, width_pt=1.6))

@@ -32,8 +32,8 @@ from vinefab.model.laser import (
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture, Section, Table
+from vinefab.pages.page_svg import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -44,7 +44,7 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
     rows = tuple((name.replace("_", " "), _value(value)) for name, value in facts.items())
     picture = Picture(
-        image=svg_bytes(job_plan(job, tuple(findings))),
+        image=page_svg(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
         wide=True,
     )
@@ -98,7 +98,7 @@ def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ..
         return ()
     return (
         Picture(
-            image=svg_bytes(findings_plan(outline_mm, report.findings)),
+            image=page_svg(findings_plan(outline_mm, report.findings)),
             caption="Findings at their places in the flat outline; numbers as in the table. "
             "Findings about the whole robot have no place.",
             wide=True,
@@ -157,7 +157,7 @@ def pieces_section(
     """
     drawn = exploded_picture(design, partition, outlines, profile)
     picture = Picture(
-        image=svg_bytes(drawn),
+        image=page_svg(drawn),
         caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
         "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
         "together and one lap.",

@@ -9,7 +9,6 @@ from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Fact, Section, Tone
-from vinefab.fabrication.checking import verdict
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
@@ -55,8 +54,8 @@ from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.figure import png_bytes
 from vinefab.pages.html import Report, page_html
+from vinefab.pages.page_png import page_png
 
 ANIMATION_NAME = "animation.svg"
 
@@ -227,7 +226,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         profile=prepared.profile,
         job=prepared.job,
         checks=checks_text(prepared.report, prepared.beside),
-        preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
+        preview=page_png(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
         animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],
@@ -314,7 +313,7 @@ def page_content(prepared: Prepared) -> Report:
 
 def _verdict(prepared: Prepared) -> str:
     """Return what rules and recipe say together, in one line."""
-    words = verdict(prepared.report)
+    words = prepared.report.verdict
     return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
 
 

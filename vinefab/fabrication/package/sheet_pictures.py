@@ -5,10 +5,6 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.patheffects import Normal, Stroke
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
@@ -18,9 +14,8 @@ from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.colours import ALERT, INK, ROCK_EDGE, SOFT
-from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import house_style, plan_axes
-from vinefab.pages.map_view import Box
+from vinefab.pages.map_view import Box, longer_mm
+from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
 
 OPERATION_COLOURS = {
     Operation.MARK: "#000000",
@@ -38,25 +33,28 @@ _CROPPED = 0.6
 _RIM_MM = 15.0
 
 
-def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
+def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
     """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
 
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
     come first and have neither arrows nor numbers: their order does not matter.
     """
-    with house_style():
-        box, cropped = _view(job)
-        figure, axes = plan_axes(box, 9.0)
-        bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
-        fill_geometry(axes, [bed.intersection(shapely.box(*box))], face="#fbfcfd", edge=SOFT)
-        for number in range(1, len(job.sheets)):
-            axes.axvline(number * job.sheets[0].sheet_width_mm, color=SOFT, linewidth=0.8)
-        for operation in Operation:
-            _draw_operation(axes, job.along(operation), _length_mm(box) / 16.0)
-        _draw_order(axes, job)
-        axes.set_title(_title(job, findings, cropped=cropped), fontsize=9)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
-    return figure
+    box, cropped = _view(job)
+    panel = plan_panel(box, 648.0)
+    bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+    panel.polygons([bed.intersection(shapely.box(*box))], Ink(fill="#fbfcfd", line=SOFT))
+    for number in range(1, len(job.sheets)):
+        x = number * job.sheets[0].sheet_width_mm
+        panel.line([(x, panel.box[1]), (x, panel.box[3])], Ink(line=SOFT, width_pt=0.8))
+    for operation in Operation:
+        _draw_operation(panel, job.along(operation), longer_mm(box) / 16.0)
+    paths = run_paths(job)
+    for number, path in enumerate(paths if len(paths) <= MOST_NUMBERS else (), start=1):
+        x, y = path.contour.points_mm[0].tolist()
+        colour = OPERATION_COLOURS[path.operation]
+        panel.words((x, y), str(number), 7.5, colour=colour, shift_pt=(4.0, 6.0))
+    panel.title = _title(job, findings, cropped=cropped)
+    return page_of(panel)
 
 
 def run_paths(job: Job) -> tuple[LaserPath, ...]:
@@ -90,35 +88,23 @@ def _view(job: Job) -> tuple[Box, bool]:
     return used, True
 
 
-def _length_mm(box: Box) -> float:
-    return max(box[2] - box[0], box[3] - box[1])
-
-
-def _draw_operation(axes: Axes, paths: Sequence[LaserPath], spacing_mm: float) -> None:
+def _draw_operation(panel: Panel, paths: Sequence[LaserPath], spacing_mm: float) -> None:
     if not paths:
         return
     operation, lines = paths[0].operation, [path_points_mm(path) for path in paths]
     colour, thin = OPERATION_COLOURS[operation], operation is Operation.MARK
     label = f"{operation.layer} ({len(paths)})"
-    width = 0.6 if thin else 1.0
-    axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, label=label))
+    panel.lines(lines, Ink(line=colour, width_pt=0.6 if thin else 1.0), label=label)
     if thin or not operation.is_machined:
         return
-    starts = np.array([line[0] for line in lines])
-    axes.plot(starts[:, 0], starts[:, 1], "o", color=colour, markersize=3.5)
+    panel.marks(np.array([line[0] for line in lines]), "o", 3.5, Ink(fill=colour))
     at, along = _arrows(lines, spacing_mm)
-    axes.quiver(
-        *(*at.T, *along.T),
-        color=colour,
-        pivot="mid",
-        angles="xy",
-        scale=60.0,
-        width=0.0018,
-        headwidth=6.0,
-        headlength=7.0,
-        headaxislength=6.0,
-        minlength=0.0,
-    )
+    mm_per_pt = (panel.box[2] - panel.box[0]) / panel.width_pt
+    # The head of an arrow, its middle on the path.
+    shape = np.array([(3.5, 0.0), (-3.5, 2.6), (-2.0, 0.0), (-3.5, -2.6)]) * mm_per_pt
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    heads = at[:, None] + shape[:, :1] * along[:, None] + shape[:, 1:] * across[:, None]
+    panel.add(Shape(list(heads), Ink(fill=colour), closed=True), 2.5)
 
 
 def _arrows(lines: Sequence[Floats], spacing_mm: float) -> tuple[Floats, Floats]:
@@ -135,21 +121,6 @@ def _arrows(lines: Sequence[Floats], spacing_mm: float) -> tuple[Floats, Floats]
             places.append((before + after) / 2)
             directions.append((after - before) / length)
     return np.array(places), np.array(directions)
-
-
-def _draw_order(axes: Axes, job: Job) -> None:
-    paths = run_paths(job)
-    if len(paths) > MOST_NUMBERS:
-        return
-    for number, path in enumerate(paths, start=1):
-        axes.annotate(
-            str(number),
-            path.contour.points_mm[0].tolist(),
-            fontsize=7.5,
-            color=OPERATION_COLOURS[path.operation],
-            xytext=(4, 3),
-            textcoords="offset points",
-        )
 
 
 def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
@@ -172,7 +143,7 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
 WEIGHT_COLOURS = {Severity.ERROR: ALERT, Severity.WARNING: "#c46a00", Severity.INFO: "#0b6e8a"}
 
 
-def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Figure:
+def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Page:
     """Return the outline with markers, numbered as the findings are.
 
     Parameters
@@ -182,50 +153,33 @@ def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Figure:
     """
     marks = [(f, shapely.from_wkt(f.marker_wkt)) for f in findings if f.marker_wkt]
     everything = np.concatenate([outline_mm, *(shapely.get_coordinates(m) for _, m in marks)])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    with house_style():
-        figure, axes = plan_axes((low[0], low[1], high[0], high[1]), 7.0)
-        axes.fill(*outline_mm.T, facecolor="#eef2f4", edgecolor=ROCK_EDGE, linewidth=0.8)
-        for finding, mark in marks:
-            _draw_mark(axes, mark, WEIGHT_COLOURS[finding.severity])
-        _write_numbers(axes, findings)
-        for severity, colour in WEIGHT_COLOURS.items():
-            if any(finding.severity is severity for finding, _ in marks):
-                axes.plot([], [], "o", color=colour, label=severity.value)
-        if marks:
-            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
-    return figure
-
-
-def _draw_mark(axes: Axes, mark: shapely.Geometry, colour: str) -> None:
-    for part in shapely.get_parts(mark).tolist():
-        points = shapely.get_coordinates(part)
-        style = "o" if len(points) == 1 else "-"
-        axes.plot(*points.T, style, color=colour, lw=2.2, ms=6, alpha=0.6, zorder=4)
-
-
-def _write_numbers(axes: Axes, findings: Sequence[Finding]) -> None:
-    """Write every number beside its place; those at one place stand together."""
+    low, high = everything.min(axis=0).tolist(), everything.max(axis=0).tolist()
+    panel = plan_panel((*low, *high), 504.0)
+    body = Ink(fill="#eef2f4", line=ROCK_EDGE, width_pt=0.8)
+    panel.add(Shape([outline_mm], body, closed=True), 0.5)
+    for finding, mark in marks:
+        colour = WEIGHT_COLOURS[finding.severity]
+        dot = Ink(fill=colour, fill_alpha=0.6)
+        for part in shapely.get_parts(mark).tolist():
+            points = shapely.get_coordinates(part)
+            if len(points) == 1:
+                panel.marks(points, "o", 6.0, dot, rank=4.0)
+            else:
+                panel.line(points, Ink(line=colour, width_pt=2.2, line_alpha=0.6), rank=4.0)
+        panel.explain(finding.severity.value, Marks(np.empty((0, 2)), "o", 6.0, dot))
+    # Numbers at one place stand together.
     together: dict[tuple[float, float], list[int]] = {}
     for number, finding in enumerate(findings[:MOST_NUMBERS], start=1):
         if finding.x_mm is not None and finding.y_mm is not None:
             place = (round(finding.x_mm, 0), round(finding.y_mm, 0))
             together.setdefault(place, []).append(number)
     for place, numbers in together.items():
-        axes.plot(*place, "o", ms=4, color=INK, zorder=5)
-        axes.annotate(
-            ", ".join(map(str, numbers)),
-            place,
-            xytext=(5, 5),
-            textcoords="offset points",
-            fontsize=9,
-            fontweight="bold",
-            color=INK,
-            path_effects=[Stroke(linewidth=2.5, foreground="white"), Normal()],
-            zorder=6,
-        )
+        panel.marks([place], "o", 4.0, Ink(fill=INK), rank=5.0)
+        words = ", ".join(map(str, numbers))
+        panel.words(place, words, 9.0, bold=True, halo=True, shift_pt=(5.0, 8.0))
     if len(findings) > MOST_NUMBERS:
-        axes.set_title(f"the first {MOST_NUMBERS} are numbered", fontsize=8, color=SOFT)
+        panel.title, panel.title_colour = f"the first {MOST_NUMBERS} are numbered", SOFT
+    return page_of(panel)
 
 
 LONGEST_S = 20.0

@@ -1,6 +1,6 @@
 """What a design rule is, what its check returns, and how a violation is placed and marked."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
 from vinefab.core.validation import LARGEST_MM, number
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.fabrication.outline.stroke import Point
@@ -18,6 +18,9 @@ from vinefab.model.finding import Severity
 
 ROUNDING = 1e-9
 """Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
+
+PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
+"""Where every rule stands with its picture."""
 
 LimitChanges = Mapping[str, Mapping[str, float]]
 """Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
@@ -92,7 +95,7 @@ class RuleNotApplicable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rule:
+class Rule(Result):
     """A design rule: a pure check with its limits and its justification.
 
     Parameters
@@ -123,6 +126,7 @@ class Rule:
     reason: str
     remedy: str = ""
     check: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
+    schema = "vinefab/rules-1"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
@@ -137,10 +141,50 @@ class Rule:
         """What its error and warning are in."""
         return self.limits_in or self.unit
 
-    def _repr_html_(self) -> str:
-        """Show limits, reason and remedy in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    @property
+    def is_own(self) -> bool:
+        """Whether it is one of vinefab's own."""
+        return self.id.startswith("VF-")
+
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """The rule as a row: id, what must hold, error and warning limits."""
+        parts = [f"{n} {self.limits[n]:g}" for n in ("error", "warning") if n in self.limits]
+        return self.id, self.title, f"{', '.join(parts)} {self.limit_unit}".strip() if parts else ""
+
+    def limit_text(self, name: str) -> str:
+        """Return a limit with its unit; those of another kind have theirs in the name."""
+        unit = self.limit_unit if name.endswith(("error", "warning")) else ""
+        return f"{name}: {self.limits[name]:g} {unit}".rstrip()
+
+    def view(self) -> Iterator[Block]:
+        """Yield what must hold, limits, reason, remedy, and how to change it."""
+        yield Answer(f"{self.id}: {self.title}")
+        yield Facts((Fact("why", self.reason),))
+        if self.remedy:
+            yield Facts((Fact("remedy", self.remedy),))
+        yield Notes(tuple(f"limit {self.limit_text(name)}" for name in self.limits))
+        if self.limits:
+            first = next(iter(self.limits))
+            change = f"[limits.{self.id}] {first} = ..., or check --limit {self.id}.{first}=..."
+            yield Facts((Fact("to change a limit for one design", change),))
+        yield Facts((Fact("to accept one finding", "[[waive]] with its fingerprint and a reason"),))
+        if self.is_own:
+            yield Facts((Fact("picture", PICTURES_PAGE),))
+        yield Data({"rules": [self.content]})
+
+    @property
+    def content(self) -> dict[str, object]:
+        """The rule as it stands in JSON."""
+        return {
+            "id": self.id,
+            "title": self.title,
+            "unit": self.unit,
+            "limits_in": self.limit_unit,
+            "limits": dict(self.limits),
+            "reason": self.reason,
+            "remedy": self.remedy,
+        }
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
         """Return the default limits with some of them changed.

@@ -1,12 +1,12 @@
 """Run all rules on a subject, and report what was checked, skipped and found."""
 
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
+from vinefab.core.view import document
 from vinefab.fabrication.rules.catalog import (
     PIECE_RULES,
     RULES,
@@ -152,6 +152,7 @@ def _report(
                     checked=outcome.checked,
                     findings=len(outcome.violations),
                     note=outcome.note,
+                    title=rule.title,
                 )
             )
             findings.extend(_finding(rule, violation) for violation in outcome.violations)
@@ -181,6 +182,7 @@ def _finding(rule: Rule, violation: Violation) -> Finding:
         marker_wkt=violation.marker,
         # Without the measured value: a waiver must survive changes elsewhere in the design.
         fingerprint=fingerprint(rule.id, violation.aspect, *violation.branches),
+        title=rule.title,
     )
 
 
@@ -199,58 +201,8 @@ def _stale(findings: Sequence[Finding], waivers: tuple[Waiver, ...]) -> tuple[st
     return tuple(w.fingerprint for w in waivers if w.fingerprint not in found)
 
 
-CHECKS_SCHEMA = "vinefab/checks-1"
-
-
 def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
-    """Return a report as JSON: rules run and skipped, and all findings, waived ones included."""
-    names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
-    others = [{"design": other.design, **checks_content(other)} for other in beside]
+    """Return the reports of a sheet as JSON, the first with those of the other designs beside."""
+    others = [{"design": other.design, **other.content} for other in beside]
     more = {"beside": others} if others else {}
-    return json_text(CHECKS_SCHEMA, {**names, **checks_content(report), **more})
-
-
-def checks_content(report: CheckReport) -> dict[str, object]:
-    """Return a report without its names, as part of another JSON document."""
-    return {
-        "rules_run": [
-            {"id": run.rule, "checked": run.checked, "findings": run.findings} for run in report.run
-        ],
-        "notes": [{"id": run.rule, "note": run.note} for run in report.run if run.note],
-        "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
-        "findings": [_finding_content(finding) for finding in report.findings],
-        "stale_waivers": list(report.stale_waivers),
-        "limits_changed": [
-            {
-                "id": limit.rule,
-                "name": limit.name,
-                "value": limit.value,
-                "default": limit.default,
-                "source": limit.source,
-            }
-            for limit in report.limits
-        ],
-    }
-
-
-def _finding_content(finding: Finding) -> dict[str, object]:
-    return {
-        "id": finding.rule,
-        "severity": str(finding.severity),
-        "message": finding.message,
-        "measured": _number(finding.measured),
-        "limit": _number(finding.limit),
-        "unit": finding.unit,
-        "branches": list(finding.branches),
-        "x_mm": _number(finding.x_mm),
-        "y_mm": _number(finding.y_mm),
-        "marker_wkt": finding.marker_wkt,
-        "fingerprint": finding.fingerprint,
-        "waived": finding.waived,
-        "reason": finding.reason,
-    }
-
-
-def _number(value: float | None) -> float | None:
-    """Return a finite number, or None: JSON has no infinity, which a rule may measure."""
-    return None if value is None or not math.isfinite(value) else float(value)
+    return json_text(report.schema, {**document(report.view()), **more})

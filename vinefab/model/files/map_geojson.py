@@ -2,18 +2,19 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
+from pydantic import ConfigDict, Field
 from shapely import LineString, Point, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.plain_text import counted
-from vinefab.core.table import declared_keys, validated
+from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
@@ -147,11 +148,20 @@ _OF_GEOMETRY = ("line", "area")
 _SLACK_MM = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class _Content:
-    bounds: Polygon
-    obstacles: tuple[Polygon, ...]
-    starts: tuple[tuple[str, Start | StartPlace], ...]  # each with what messages call it
+class _About(Table):
+    """The foreign member of a map that vinefab wrote; other keys in it are left alone."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    schema_: Annotated[Literal["vinefab/map-1"], Field(alias="schema")] = "vinefab/map-1"
+    name: str | None = None
+    environment: str | None = None
+    seed: int | None = None
+    facts: dict[str, Any] | None = None
+
+
+_Content = tuple[Polygon, list[Polygon], list[tuple[str, Start | StartPlace]]]
+"""Bounds, obstacles, and starts, each with what messages call it."""
 
 
 def read_map(path: Path) -> Map:
@@ -170,16 +180,25 @@ def read_map(path: Path) -> Map:
     document, features = _features(path)
     try:
         about = _about(document)
-        content = _content(features)
-        world = Map(
-            name=about.get("name") or path.stem,
-            bounds=content.bounds,
-            obstacles=content.obstacles,
-            environment=about.get("environment") or "geojson",
-            seed=about.get("seed"),
-            facts=about.get("facts") or {},
+        properties = [feature.get("properties") for feature in features]
+        roles = [one.get("role") if isinstance(one, dict) else None for one in properties]
+        has_roles = any(role is not None for role in roles)
+        bounds, obstacles, starts = (
+            _with_roles(features, roles) if has_roles else _without_roles(features)
         )
-        return replace(world, starts=_starts_on(world, content))
+        world = Map(
+            name=about.name or path.stem,
+            bounds=bounds,
+            obstacles=tuple(obstacles),
+            environment=about.environment or "geojson",
+            seed=about.seed,
+            facts=about.facts or {},
+        )
+        for _, start in starts:
+            if isinstance(start, Start):
+                _check_pose(world, start.pose)
+        found = [one for key, start in starts for one in with_starts(world, (start,), key).starts]
+        return replace(world, starts=tuple(found))
     except BadInputError as error:
         raise error.at(path) from error
 
@@ -233,45 +252,24 @@ def _shape_text(area: LineString | Polygon) -> str:
     return json.dumps({"type": "LineString", "coordinates": points.tolist()}, allow_nan=False)
 
 
-def _about(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the foreign member, checked; empty for a file that other programs wrote."""
+def _about(document: dict[str, Any]) -> _About:
+    """Return the foreign member, checked; an empty one for a file that other programs wrote."""
     if "vinefab" not in document:
-        return {}
+        return _About()
     about = document["vinefab"]
     if not isinstance(about, dict):
         raise BadInputError("vinefab", about, f'an object with "schema": "{MAP_SCHEMA}"')
-    if about.get("schema") != MAP_SCHEMA:
-        raise BadInputError("vinefab.schema", about.get("schema"), MAP_SCHEMA)
-    kinds = {"name": str, "environment": str, "seed": int, "facts": dict}
-    for key, kind in kinds.items():
-        value = about.get(key)
-        if value is not None and type(value) is not kind:
-            raise BadInputError(f"vinefab.{key}", value, kind.__name__)
-    check_plain({"vinefab": {key: about.get(key) for key in kinds}})
-    return about
-
-
-def _content(features: list[dict[str, Any]]) -> _Content:
-    roles = [_role(feature) for feature in features]
-    if any(role is not None for role in roles):
-        return _with_roles(features, roles)
-    named = [
-        (feature_key(index), polygon)
-        for index, feature in enumerate(features)
-        for polygon in _polygons(feature_key(index), feature)
-    ]
-    return _without_roles(named)
-
-
-def _role(feature: dict[str, Any]) -> object:
-    properties = feature.get("properties")
-    return properties.get("role") if isinstance(properties, dict) else None
+    try:
+        found = validated(_About, about)
+        check_plain({key: value for key, value in found if value is not None})
+    except BadInputError as error:
+        raise BadInputError(f"vinefab.{error.key}", error.value, error.allowed) from error
+    return found
 
 
 def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content:
-    bounds: list[Polygon] = []
-    obstacles: list[Polygon] = []
-    starts: list[tuple[str, Start | StartPlace]] = []
+    bounds, obstacles = list[Polygon](), list[Polygon]()
+    starts = list[tuple[str, Start | StartPlace]]()
     for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
         key = feature_key(index)
         if role == "bounds":
@@ -284,10 +282,15 @@ def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content
             raise BadInputError(f"{key}.properties.role", role, ", ".join(_ROLES))
     if len(bounds) != 1:
         raise BadInputError("bounds", counted(len(bounds), "polygon"), "exactly one")
-    return _Content(bounds[0], tuple(obstacles), tuple(starts))
+    return bounds[0], obstacles, starts
 
 
-def _without_roles(named: list[tuple[str, Polygon]]) -> _Content:
+def _without_roles(features: list[dict[str, Any]]) -> _Content:
+    named = [
+        (feature_key(index), polygon)
+        for index, feature in enumerate(features)
+        for polygon in _polygons(feature_key(index), feature)
+    ]
     if not named:
         raise BadInputError("features", "no polygons", "at least one polygon, the bounds")
     key, largest = max(named, key=lambda item: Polygon(item[1].exterior).area)
@@ -301,7 +304,7 @@ def _without_roles(named: list[tuple[str, Polygon]]) -> _Content:
                 f"outside the largest polygon, {key}",
                 "inside it, as it is taken for the bounds; or a role for every feature",
             )
-    return _Content(largest, tuple(polygon for _, polygon in others), ())
+    return largest, [polygon for _, polygon in others], []
 
 
 _START_SHAPES = ("Point", "LineString", "Polygon")
@@ -364,21 +367,10 @@ def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start 
     )
 
 
-def _starts_on(world: Map, content: _Content) -> tuple[Start, ...]:
-    """Return the starts of a file, those that are places found on the map."""
-    for _, start in content.starts:
-        if isinstance(start, Start):
-            _check_pose(content, start.pose)
-    return tuple(
-        start for key, given in content.starts for start in with_starts(world, (given,), key).starts
-    )
-
-
-def _check_pose(content: _Content, pose: Pose) -> None:
+def _check_pose(world: Map, pose: Pose) -> None:
     spot = Point(pose.x_mm, pose.y_mm)
     where = f"({spot.x:g}, {spot.y:g})"
-    if not content.bounds.covers(spot):
+    if not world.bounds.covers(spot):
         raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
-    inside = shapely.contains(list(content.obstacles), spot)
-    if inside.any():
+    if shapely.contains(list(world.obstacles), spot).any():
         raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

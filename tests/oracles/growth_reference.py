@@ -1,4 +1,4 @@
-"""The growth model in plain Python: the twin that the compiled kernel is held against.
+"""The growth model in plain Python: the oracle that the compiled kernel is held against.
 
 It follows the same rules on the same arrays, but tests every wall and every vertex whose box comes
 near a move, and keeps its state in ordinary objects. The rules that decide the answer are methods
@@ -567,7 +567,7 @@ def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex)
     return True
 
 
-def grow_reference_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kernel
+def grow_reference_branches(
     walls: WallArrays,
     tree: TreeArrays,
     rules: Rules,

@@ -1,0 +1,43 @@
+"""What identifies the input of a computation: fingerprints of maps, versions of packages."""
+
+import platform
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+
+from vinefab.core.hashing import fingerprint
+from vinefab.core.version import __version__
+from vinefab.model.map import Map
+from vinefab.model.start_place import start_record
+
+_PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
+
+
+@cache
+def _versions_of_needed() -> dict[str, str]:
+    """Return the versions of the packages that vinefab itself needs; to ask takes 10 ms."""
+    return {name: version(name) for name in _PACKAGES}
+
+
+def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
+    """Return the versions of all packages that a run's numbers depend on."""
+    versions = {"vinefab": __version__, "python": platform.python_version()}
+    versions |= _versions_of_needed()
+    for name in others:
+        if name not in versions:
+            try:
+                versions[name] = version(name)
+            except PackageNotFoundError:
+                versions[name] = "none"
+    return versions
+
+
+def map_fingerprint(world: Map) -> str:
+    """Return the fingerprint of a map's name, bounds, obstacles and starts."""
+    starts = [start_record(start) for start in world.starts]
+    return fingerprint(
+        world.name,
+        world.bounds.wkb_hex,
+        [obstacle.wkb_hex for obstacle in world.obstacles],
+        starts,
+    )

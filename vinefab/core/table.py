@@ -80,6 +80,11 @@ class Table(BaseModel, metaclass=_TableType):
         validate_by_alias=True,
     )
 
+    @property
+    def content(self) -> dict[str, Any]:
+        """The values as files and reports have them; what is None is left out."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
     def __str__(self) -> str:
         return repr(self)
 
@@ -88,6 +93,12 @@ class Table(BaseModel, metaclass=_TableType):
         # Fields that were not given may follow from the others: they are found anew.
         fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**fields | changes)
+
+
+class TablePart(Table):
+    """Base of the keys that are needed of vinefab's own JSON; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore")
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None = None) -> M:

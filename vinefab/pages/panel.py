@@ -285,9 +285,7 @@ class Panel:
 
     def scale_bar(self, at: tuple[float, float], pt_per_mm: float, most_pt: float) -> float:
         """Draw a bar of a round length on paper, and return how far its words reach."""
-        most_mm = most_pt / pt_per_mm
-        power = 10.0 ** math.floor(math.log10(most_mm))
-        length_mm = power * max(step for step in (1, 2, 5) if step * power <= most_mm)
+        length_mm = round_length_mm(most_pt / pt_per_mm)
         (x, y), end = at, at[0] + length_mm * pt_per_mm
         ends = [(x, y), (x, y + 6), (x, y + 3), (end, y + 3), (end, y + 6), (end, y)]
         self.line(ends, Ink(line=INK, width_pt=1.2))
@@ -373,6 +371,18 @@ def round_ticks(low: float, high: float, most: float) -> list[tuple[float, str]]
     values = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(float(value), f"{value + 0.0:.{digits}f}") for value in np.round(values, 12)]
+
+
+def round_length_mm(most_mm: float) -> float:
+    """Return the largest of 1, 2, 5, 10, ... millimetres that is at most so long.
+
+    Examples
+    --------
+    >>> round_length_mm(130.0)
+    100.0
+    """
+    power = 10.0 ** math.floor(math.log10(most_mm))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_mm * 1.001))
 
 
 def round_step(least: float) -> float:

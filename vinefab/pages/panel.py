@@ -466,13 +466,18 @@ def page_of_rows(
     around = [[_margins(panel) for panel in row] for row in rows]
     columns = max(len(row) for row in rows)
 
-    def most(column: int, side: int) -> float:
-        return max(margins[column][side] for margins in around if column < len(margins))
-
-    left = [most(column, 0) for column in range(columns)]
-    right = [most(column, 2) for column in range(columns)]
-    wide = [max(row[c].width_pt for row in rows if c < len(row)) for c in range(columns)]
     # The last panel of a shorter row may reach over the columns to its right.
+    counted = [
+        [
+            (row[column], margins[column])
+            for row, margins in zip(rows, around, strict=True)
+            if column < len(row) - (len(row) < columns)
+        ]
+        for column in range(columns)
+    ]
+    left = [max(m[column][0] for m in around if column < len(m)) for column in range(columns)]
+    right = [max(margins[2] for _, margins in column) for column in counted]
+    wide = [max(panel.width_pt for panel, _ in column) for column in counted]
     begin = [_PAD + sum(left[:c]) + sum(wide[:c]) + sum(right[:c]) for c in range(columns)]
     width_pt = begin[-1] + left[-1] + wide[-1] + right[-1] + _PAD
     for row, margins in zip(rows, around, strict=True):

@@ -547,13 +547,13 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     again = vf.RunResult.read(tmp_path / "one")
     assert (again.best, again.run_id) == (result.best, result.run_id)
     assert repr(again) == repr(result)
-    assert "on fresh poses of the training maps (simulated)>" in repr(again)
-    assert f"<td>{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
+    assert "on fresh poses of the training maps (simulated)." in repr(again)
+    assert f">{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
     assert [row["seed"] for row in listing.rows] == [7]
-    assert listing.lines[0] in repr(listing)
-    assert listing.lines[0] in listing._repr_html_()
+    assert listing.summary[-1] in repr(listing)
+    assert listing.rows[0]["folder"] in listing._repr_html_()
     with pytest.raises(OSError, match=r"none/run\.sqlite: there is no such file"):
         vf.RunResult.read(tmp_path / "none")
 

@@ -104,10 +104,10 @@ class WrittenFolder:
 
     def _repr_html_(self) -> str:
         """Show the files and the findings in a notebook."""
-        from vinefab.noun_methods import html_of, html_table
+        from vinefab.noun_methods import html_table
 
         files = html_table(f"written: {self.path}", ("file",), [(name,) for name in self.files])
-        return files + html_of(self.report)
+        return files + self.report._repr_html_()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -1413,8 +1413,6 @@ def observe(
     >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
     """
-    from vinefab.observation.observation_json import observation_text
-    from vinefab.observation.observation_page import observation_html
     from vinefab.observation.observe_photo import observe_photo
     from vinefab.observation.photo_setup import PhotoSetup
     from vinefab.photos.photo import read_photo
@@ -1448,12 +1446,12 @@ def observe(
             map_file=world.name if isinstance(map, Map) else str(map),
             design_file=robot.name if isinstance(design, Design) else str(design),
         )
-    text = observation_text(seen)
+    text = seen.json_text()
     if page is not None:
         is_json = page.suffix.lower() == ".json"
-        write_text(page, text if is_json else observation_html(seen), force=force)
+        write_text(page, text if is_json else seen.page(), force=force)
     numbers = json.loads(text)
-    return PhotoReport(path=page, summary=tuple(seen.lines()), numbers=numbers)
+    return PhotoReport(path=page, summary=seen.summary, numbers=numbers)
 
 
 def fit_observations(

@@ -21,7 +21,8 @@ from vinefab.prediction.measures import NO_INTERVAL, REACH, Spread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
-from vinefab.rig.make import RigFiles, make_rig
+from vinefab.rig.make import make_rig
+from vinefab.rig.page import RigFiles
 from vinefab.rig.rig_options import RigOptions, read_printer
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
@@ -209,8 +210,7 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
     texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
     texts["run/best.toml"] = design_text(demo.result.best)
-    rig = (demo.rig.section,) if demo.rig.section else ()
-    more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
+    more = (unseen_section(demo.table()), search_section(demo.result, training), demo.rig.section)
     family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"

@@ -6,18 +6,17 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import python_words
-from vinefab.core.plain_text import counted, visible
+from vinefab.core.plain_text import visible
 from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -28,8 +27,6 @@ from vinefab.model.outline import Contour
 if TYPE_CHECKING:
     from vinefab.prediction.deploy import DeployedDesign
     from vinefab.prediction.map_info import MapInfo
-    from vinefab.search.record.result import RunResult
-    from vinefab.search.run_pages import RunListing
 
 START_SIZE = 0.055
 """Length of the arrow of a start in a picture, as a share of its longer side."""
@@ -190,49 +187,6 @@ def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]
     return f"{above}<table><tr>{cells}</tr>{lines}</table>" if rows else above
 
 
-def html_of(noun: object) -> str:
-    """Return a result as HTML for notebooks."""
-    # By name: a report of a check must not wait for the rooms of the others.
-    return _HTML_FORMS[type(noun).__name__](noun)
-
-
-def _run_html(result: RunResult) -> str:
-    from vinefab.prediction.run_winner import prediction_lines
-
-    rows = [
-        (
-            place,
-            counted(one.design.branch_count, "branch"),
-            f"{one.fitness:.4f}",
-            f"{one.score.composite['mean']:.4f}",
-            "yes" if one.penalty == 0.0 else "no",
-        )
-        for place, one in enumerate(result.finalists, 1)
-    ]
-    head = (
-        "finalist", "design", "fitness, which orders them (simulated)",
-        f"mean {result.score.task} on the training maps (simulated)", "keeps what was checked",
-    )  # fmt: skip
-    told = [*result.notes, *(prediction_lines(result.prediction) if result.prediction else ())]
-    below = "".join(f"<p>{escape(line)}</p>" for line in told)
-    return html_table(result.headline, head, rows) + below + (svg_of(result.best) or "")
-
-
 def lines_html(lines: Sequence[str]) -> str:
     """Return lines for the user, the first as the title, for notebooks."""
     return html_table(lines[0], ("",), [(line,) for line in lines[1:]])
-
-
-def _picture_html(data: bytes, kind: str) -> str:
-    """Return a picture in a frame of its own: names in one do not touch those in another."""
-    return f'<img alt="" src="data:image/{kind};base64,{b64encode(data).decode()}">'
-
-
-def _runs_html(listing: RunListing) -> str:
-    return lines_html([counted(len(listing.rows), "run"), *listing.lines])
-
-
-_HTML_FORMS: Mapping[str, Callable[[Any], str]] = {
-    "RunResult": _run_html,
-    "RunListing": _runs_html,
-}

@@ -45,7 +45,7 @@ def test_runs_are_listed_with_those_that_cannot_be_read(vinefab, ended, tmp_path
     (row,) = document["runs"]
     assert (row["name"], row["generations"], row["stopped"]) == ("tiny", 2, "generations")
     assert "not the record of a run" in document["broken"][0]
-    assert f"{ended}: tiny (islands, seed 1, run {row['run']}): 2/2 generations" in words
+    assert f"{ended}  tiny (islands, seed 1, run {row['run']})  2/2 " in words
     assert "stopped by generations" in words
 
 

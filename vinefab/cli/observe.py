@@ -112,8 +112,6 @@ def observe_command(
     output.ensure_json()
     given = growth_from(growth)
     # OpenCV's and scipy's parts take a moment, which `vinefab observe --help` does not need.
-    from vinefab.observation.observation_json import observation_text  # noqa: PLC0415
-    from vinefab.observation.observation_page import observation_html  # noqa: PLC0415
     from vinefab.observation.observe_photo import observe_photo  # noqa: PLC0415
     from vinefab.observation.photo_setup import PhotoSetup  # noqa: PLC0415
     from vinefab.photos.photo import read_photo  # noqa: PLC0415
@@ -138,10 +136,10 @@ def observe_command(
         map_file=str(map_file),
         design_file=design,
     )
-    output.give_json(observation_text(seen))
+    output.give_json(seen.json_text())
     if out is not None:
-        write_text(out, observation_html(seen), force=force)
-    for line in seen.lines():
+        write_text(out, seen.page(), force=force)
+    for line in seen.summary:
         output.say(line)
     if out is not None:
         output.say(f"wrote {out}")

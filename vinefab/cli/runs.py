@@ -48,9 +48,9 @@ def runs_command(
         run = EndedRun.read(folders[0])
         for path in (*rebuild(folders[0], out, force=force), write_run_page(out, run, force=force)):
             output.say(f"wrote {path}")
-    for line in listing.lines:
+    for line in listing.summary:
         output.say(line)
-    output.give_json(listing.json())
+    output.give_json(listing.json_text())
     whole = True
     if best is not None:
         whole = write_best(listing, best, force=force)

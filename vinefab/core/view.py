@@ -246,7 +246,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Plain values that stand in JSON alone, by their keys, or what makes them."""
+    """Plain values that stand in JSON alone, by their keys as of a fact, or what makes them."""
 
     content: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
 
@@ -446,7 +446,8 @@ def document(blocks: Iterable[Block]) -> dict[str, Any]:
             case Notes(notes, key) if key:
                 _put(found, key, list(notes))
             case Data(content):
-                found |= content() if callable(content) else content
+                for key, value in (content() if callable(content) else content).items():
+                    _put(found, key, value)
     return found
 
 

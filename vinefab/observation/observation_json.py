@@ -1,57 +1,48 @@
-"""An observation as JSON, ``vinefab/observation-1``; ``contacts`` of several are read again."""
+"""What of an observation stands in JSON; ``contacts`` of several are read again."""
 
 import math
+from typing import TYPE_CHECKING
 
-from vinefab.core.jsontext import json_text
-from vinefab.model.files.results_json import pose_content
 from vinefab.observation.beside_prediction import ComparedBranch
 from vinefab.observation.meetings import WallMeeting
-from vinefab.observation.observe_photo import Observation
 
-OBSERVATION_SCHEMA = "vinefab/observation-1"
+if TYPE_CHECKING:
+    from vinefab.observation.observe_photo import Observation
 
 
-def observation_text(seen: Observation) -> str:
-    """Return an observation: lengths in mm, angles in degrees, places in map coordinates.
+def observation_data(seen: "Observation") -> dict[str, object]:
+    """Return what of an observation stands in JSON alone: lengths in mm, angles in degrees.
 
     What comes from the photo is measured; what is called predicted is simulated.
     """
     film, compared = seen.film, seen.compared
-    return json_text(
-        OBSERVATION_SCHEMA,
-        {
-            "photo": seen.photo,
-            "map": seen.map_file,
-            "design": seen.design_file,
-            "pose": pose_content(compared.prediction.pose),
-            "rectified": {
-                "by": seen.rectified_by,
-                "error_mm": _rounded(seen.error_mm),
-                "mm_per_pixel": _rounded(film.view.mm_per_pixel),
-                "plane_mm": _rounded(film.sight.plane_mm),
-                "heights_corrected": film.sight.camera is not None,
-                "obstacle_height_mm": film.sight.obstacle_mm or None,
-            },
-            "film": {
-                "colour": None if film.colour is None else list(film.colour),
-                "how": film.how,
-                "width_mm": seen.trunk_width_mm,
-            },
-            "branches": [_branch(branch) for branch in compared.branches],
-            "summary": seen.summary,
-            "half_angles": [
-                {
-                    "head_on_half_angle_deg": fit.half_angle_deg,
-                    "mean_mm": _rounded(fit.mean_mm),
-                    "same_stops": fit.same_stops,
-                    "log_likelihood": _rounded(fit.log_likelihood),
-                }
-                for fit in compared.fits
-            ],
-            "cautions": list(seen.cautions),
-            "settings": {"growth": dict(compared.options.content), **seen.settings},
+    branches = compared.branches
+    return {
+        "map": seen.map_file,
+        "design": seen.design_file,
+        "pose": compared.prediction.pose.content,
+        "rectified": {
+            "by": seen.rectified_by,
+            "error_mm": _rounded(seen.error_mm),
+            "mm_per_pixel": _rounded(film.view.mm_per_pixel),
+            "plane_mm": _rounded(film.sight.plane_mm),
+            "heights_corrected": film.sight.camera is not None,
+            "obstacle_height_mm": film.sight.obstacle_mm or None,
         },
-    )
+        "film": {
+            "colour": None if film.colour is None else list(film.colour),
+            "how": film.how,
+            "width_mm": seen.trunk_width_mm,
+        },
+        "branches": [_branch(branch) for branch in branches],
+        "summary.branches": len(branches),
+        "summary.not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
+        "summary.deployed_otherwise_than_predicted": seen.not_as_predicted,
+        "summary.lines_on_film": round(seen.traced.lines_supported, 4),
+        "summary.fits": seen.fits,
+        "summary.not_told_apart": [b.id for b in branches if b.is_ambiguous],
+        "settings": {"growth": dict(compared.options.content), **seen.settings},
+    }
 
 
 def _branch(branch: ComparedBranch) -> dict[str, object]:

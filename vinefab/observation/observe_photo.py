@@ -1,14 +1,28 @@
 """A photo of a grown robot, from the file to what it says beside the prediction."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
+from vinefab.core.front_door import front_door
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Result,
+    Section,
+    Table,
+)
+from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
     DEFAULT_MARKER_GAP_MM,
     DEFAULT_MARKER_MM,
@@ -24,6 +38,8 @@ from vinefab.observation.beside_prediction import (
 )
 from vinefab.observation.centre_lines import TracedTree, trace
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
+from vinefab.observation.observation_json import observation_data
+from vinefab.observation.observation_tables import branch_section
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
@@ -61,8 +77,8 @@ _ENDINGS = {
 """How a branch ended, for the user."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Observation(Result):
     """A photo's robot, traced and compared.
 
     Parameters
@@ -141,27 +157,120 @@ class Observation:
         """Branches that were seen without being predicted, or predicted without being seen."""
         return [b.id for b in self.compared.branches if b.deployed_observed != b.deployed_predicted]
 
+    schema = "vinefab/observation-1"
+
     @property
-    def summary(self) -> dict[str, object]:
-        """The numbers to take away."""
-        branches = self.compared.branches
-        count = len(branches)
-        return {
-            "branches": count,
-            "deployed_observed": sum(b.deployed_observed for b in branches),
-            "deployed_predicted": sum(b.deployed_predicted for b in branches),
-            "not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
-            "deployed_otherwise_than_predicted": self.not_as_predicted,
-            "same_stop": sum(b.stop_observed == b.stop_predicted for b in branches),
-            "same_contact_order": sum(b.order_observed == b.order_predicted for b in branches),
-            "shape_error_mm": round(self.mean_error_mm, 3),
-            "shape_error_share": round(self.error_share, 5),
-            "film_explained": round(self.traced.film_explained, 4),
-            "lines_on_film": round(self.traced.lines_supported, 4),
-            "fits": self.fits,
-            "not_told_apart": [b.id for b in branches if b.is_ambiguous],
-            "best_half_angles_deg": list(self.compared.best_half_angles_deg),
-        }
+    def title(self) -> str:
+        """Which robot on which map."""
+        return f"{self.design.name} on {self.world.name}: seen and predicted"
+
+    def view(self) -> Iterator[Block]:
+        """Yield the verdict, the lines on the photo, and how far they lie from the prediction."""
+        compared, film, branches = self.compared, self.film, self.compared.branches
+        count, good = len(branches), self.fits and not self.not_as_predicted
+        angles = ", ".join(f"{angle:g}" for angle in compared.best_half_angles_deg)
+        yield Answer(
+            f"{self.verdict[0].upper()}{self.verdict[1:]}.",
+            "good" if good else ("caution" if self.fits else "bad"),
+        )
+        yield Picture(
+            image=lambda: front_door("observation.observation_page").overlay_picture(self),
+            caption="The photo as from straight above. Yellow: lines traced on the film "
+            "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
+            wide=True,
+        )
+        yield Notes(self.cautions, "cautions")
+        yield Notes(tuple(compared.notes))
+        yield Facts(
+            (
+                Fact(
+                    "mean distance from the prediction",
+                    Number(self.mean_error_mm, "mm", ".1f", decimals=3),
+                    "summary.shape_error_mm",
+                    "at equal arc lengths, measured against simulated",
+                ),
+                Fact(
+                    "of the way to the farthest tip",
+                    Number(self.error_share, "%", ".1f", per=0.01, decimals=5),
+                    "summary.shape_error_share",
+                ),
+                Fact(
+                    "branches seen",
+                    f"{sum(b.deployed_observed for b in branches)} of {count}",
+                    "summary.deployed_observed",
+                    "measured",
+                    "good" if good else "caution",
+                    sum(b.deployed_observed for b in branches),
+                ),
+                Fact(
+                    "branches predicted",
+                    f"{sum(b.deployed_predicted for b in branches)} of {count}",
+                    "summary.deployed_predicted",
+                    "simulated",
+                    data=sum(b.deployed_predicted for b in branches),
+                ),
+                Fact(
+                    "same stop",
+                    sum(b.stop_observed == b.stop_predicted for b in branches),
+                    "summary.same_stop",
+                    "measured against simulated",
+                ),
+                Fact(
+                    "same walls met",
+                    sum(b.order_observed == b.order_predicted for b in branches),
+                    "summary.same_contact_order",
+                    "measured against simulated",
+                ),
+                Fact(
+                    "film explained",
+                    Number(self.traced.film_explained, "%", ".0f", per=0.01, decimals=4),
+                    "summary.film_explained",
+                    "share of the film in the lines",
+                ),
+                Fact(
+                    "half-angles with this shape",
+                    f"{angles} deg",
+                    "summary.best_half_angles_deg",
+                    "by the shape's likelihood, errors assumed",
+                    data=list(compared.best_half_angles_deg),
+                ),
+            ),
+            lead=True,
+        )
+        yield Facts(
+            (
+                Fact("photo", self.photo, "photo"),
+                Fact("rectified by", self.rectified_by, "rectified.by", self.error_text),
+                Fact("film", film.how, "film.how"),
+                Fact("growth", growth_text(compared.options, [self.design])),
+            )
+        )
+        yield Table(
+            caption="Predictions over the contact range, against the shape seen",
+            headings=("half-angle deg", "mean distance mm", "same stops", "log likelihood"),
+            rows=tuple(
+                (Number(fit.half_angle_deg, form="g"), Number(fit.mean_mm, form=".2f", decimals=3),
+                 fit.same_stops, Number(fit.log_likelihood, form=".1f", decimals=3))
+                for fit in compared.fits
+            ),
+            key="half_angles",
+            keys=("head_on_half_angle_deg", "mean_mm", "same_stops", "log_likelihood"),
+        )  # fmt: skip
+        yield Data(lambda: observation_data(self))
+
+    def sections(self) -> Iterator[Section]:
+        """Yield where film was found, and every branch."""
+        pictures = front_door("observation.observation_page")
+        yield Section(
+            title="Film",
+            pictures=(
+                Picture(
+                    image=pictures.film_picture(self),
+                    caption="Where film was found (white: film).",
+                ),
+            ),
+        )
+        yield branch_section(self.compared.branches)
 
     @property
     def fits(self) -> bool:
@@ -192,38 +301,11 @@ class Observation:
             f"{self.mean_error_mm:.1f} mm beside its predicted line in the mean (measured)"
         )
 
-    def lines(self) -> list[str]:
-        """Return the result as lines for the user."""
-        found, branches = self.summary, self.compared.branches
-        seen = f"{found['deployed_observed']} of {counted(len(branches), 'branch')} seen (measured)"
-        missing = [b.id for b in branches if not b.deployed_observed and b.deployed_predicted]
-        extra = [b.id for b in branches if b.deployed_observed and not b.deployed_predicted]
-        angles = ", ".join(f"{angle:g}" for angle in self.compared.best_half_angles_deg)
-        return [
-            f"{self.photo}: {self.design.name} on {self.world.name}, rectified by "
-            f"{self.rectified_by} ({self.error_text})",
-            f"film {self.film.how}; {100 * self.traced.film_explained:.0f} % of it explained",
-            self.verdict,
-            f"{seen}, {found['deployed_predicted']} predicted (simulated)",
-            *_named("did not deploy, though predicted", missing),
-            *_named("deployed, though not predicted", extra),
-            f"mean distance from the prediction {self.mean_error_mm:.1f} mm, "
-            f"{100 * self.error_share:.1f} % of the way to the farthest tip",
-            f"same stop in {found['same_stop']}, same contacts in "
-            f"{found['same_contact_order']} of {counted(len(branches), 'branch')}",
-            f"head-on half-angles that have this shape best: {angles} deg",
-            *(f"caution: {caution}" for caution in self.cautions),
-        ]
-
 
 def _ending(stop: str, length_mm: float) -> str:
     """Return how a branch ended, in words."""
     words = _ENDINGS.get(stop, "ended early without a wall")
     return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
-
-
-def _named(title: str, names: Sequence[str]) -> list[str]:
-    return [f"{title}: {', '.join(names)}"] if names else []
 
 
 def observe_photo(  # noqa: PLR0913

@@ -1,7 +1,7 @@
 """Runs shown to the user: the listing of records, files rebuilt from one, sections of a report."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,23 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.core.view import (
+    Block,
+    Data,
+    Number,
+    Picture,
+    Remark,
+    Result,
+    Section,
+    Table,
+    Value,
+)
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.pages.charts import fitness_curve
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Page
 from vinefab.pages.plan import map_plan
@@ -33,8 +42,8 @@ from vinefab.search.record.result import (
 from vinefab.search.settings import targets_mm
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunListing:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RunListing(Result):
     """The records of runs below some folders.
 
     Parameters
@@ -48,13 +57,29 @@ class RunListing:
     rows: tuple[dict[str, Any], ...]
     broken: tuple[str, ...]
 
-    def __repr__(self) -> str:
-        return "\n".join([f"<RunListing of {counted(len(self.rows), 'run')}>", *self.lines])
+    schema = "vinefab/runs-1"
 
-    def _repr_html_(self) -> str:
-        """Show the listing in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
+    def view(self) -> Iterator[Block]:
+        """Yield the runs, those that differ in their seed alone together, and what is broken."""
+        yield Table(
+            caption=counted(len(self.rows), "run"),
+            headings=("folder", "run", "generations", "best fitness", "winner on fresh poses", ""),
+            rows=tuple(map(_run_cells, self.rows)),
+        )
+        yield from (Remark(f"unreadable: {line}", "warning") for line in self.broken)
+        yield Table(
+            caption="runs that differ in their seed alone: winners' mean scores (simulated, each "
+            "on its own fresh poses on the training maps); the best of several is partly luck: "
+            "compare winners on unseen maps with vinefab compare",
+            headings=("run", "optimizer", "seeds ended", "mean", "standard deviation", "lowest",
+                      "highest", "manufacturable", "best", "its folder"),
+            rows=tuple(summary.cells for summary in self.seeds),
+            key="seeds",
+            keys=("name", "optimizer", "", "mean", "deviation", "lowest", "highest",
+                  "manufacturable", "", ""),
+            data=tuple(summary.content for summary in self.seeds),
+        )  # fmt: skip
+        yield Data({"runs": list(self.rows), "broken": list(self.broken)})
 
     @property
     def seeds(self) -> tuple["SeedSummary", ...]:
@@ -63,19 +88,6 @@ class RunListing:
         for row in self.rows:
             alike.setdefault(row["seedless_run"], []).append(row)
         return tuple(SeedSummary.of(rows) for rows in alike.values() if len(rows) > 1)
-
-    @property
-    def lines(self) -> list[str]:
-        """The listing as lines for the user."""
-        broken = [f"unreadable: {line}" for line in self.broken]
-        merged = [line for summary in self.seeds for line in summary.lines]
-        return [*map(run_line, self.rows), *broken, *merged]
-
-    def json(self) -> str:
-        """Return the listing as JSON: ``vinefab/runs-1``."""
-        seeds = [summary.plain() for summary in self.seeds]
-        content = {"runs": list(self.rows), "broken": list(self.broken), "seeds": seeds}
-        return json_text("vinefab/runs-1", content)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,43 +129,38 @@ class SeedSummary:
         known = [row["manufacturable"] for row in self.ended]
         return None if None in known else sum(known)
 
-    def plain(self) -> dict[str, Any]:
-        """Return the summary as plain values."""
-        some = bool(self.ended)
-        return {
-            "name": self.name,
-            "optimizer": self.optimizer,
-            "seeds": sorted(row["seed"] for row in self.ended),
-            "unended": list(self.unended),
-            "manufacturable": self.manufacturable,
-            "mean": float(self.scores.mean()) if some else None,
-            "deviation": self.deviation,
-            "lowest": float(self.scores.min()) if some else None,
-            "highest": float(self.scores.max()) if some else None,
-            "best": self.ended[0]["folder"] if some else None,
-            "best_seed": self.ended[0]["seed"] if some else None,
-        }
+    @property
+    def cells(self) -> tuple[Value, ...]:
+        """The summary as a row: names, seeds, scores, how many manufacturable, the best."""
+        ended, waiting = len(self.ended), len(self.unended)
+        scores, best = self.scores, self.ended[0] if ended else None
+        ends = (scores.mean(), scores.min(), scores.max()) if ended else (None, None, None)
+        mean, lowest, highest = (
+            Number(None if value is None else float(value), form=".4f") for value in ends
+        )
+        return (
+            self.name,
+            self.optimizer,
+            f"{ended} of {ended + waiting}",
+            mean,
+            Number(self.deviation, form=".4f"),
+            lowest,
+            highest,
+            Number(self.manufacturable, form="d"),
+            "-" if best is None else f"seed {best['seed']}",
+            "-" if best is None else best["folder"],
+        )
 
     @property
-    def lines(self) -> list[str]:
-        """The summary as lines for the user."""
-        count, waiting = len(self.ended), len(self.unended)
-        rest = f", {waiting} {'has' if waiting == 1 else 'have'} not" if waiting else ""
-        heading = f"{self.name} ({self.optimizer}), {count} seed{'' if count == 1 else 's'} ended"
-        if not count:
-            return [f"{heading}{rest}"]
-        spread = "" if self.deviation is None else f" +- {self.deviation:.4f} (standard deviation)"
-        made = self.manufacturable
-        makeable = "" if made is None else f", {made} of {count} manufacturable"
-        best = self.ended[0]
-        return [
-            f"{heading}{rest}: winners' mean score {self.scores.mean():.4f}{spread}, "
-            f"{self.scores.min():.4f} to {self.scores.max():.4f}{makeable} (simulated, each on its "
-            "own fresh poses on the training maps)",
-            f"best: seed {best['seed']} in {best['folder']}, mean score "
-            f"{best['winner_score']['mean']:.4f}; the best of several is partly luck: compare "
-            "winners on unseen maps with vinefab compare",
-        ]
+    def content(self) -> dict[str, Any]:
+        """What stands in JSON beside the row."""
+        best = self.ended[0] if self.ended else {"folder": None, "seed": None}
+        return {
+            "seeds": sorted(row["seed"] for row in self.ended),
+            "unended": list(self.unended),
+            "best": best["folder"],
+            "best_seed": best["seed"],
+        }
 
 
 def list_runs(folders: Sequence[Path]) -> RunListing:
@@ -177,15 +184,17 @@ def list_runs(folders: Sequence[Path]) -> RunListing:
     return RunListing(rows=tuple(rows), broken=tuple(broken))
 
 
-def run_line(row: dict[str, Any]) -> str:
-    """Return one record of a listing as a line for the user."""
-    best = "no fitness yet" if row["best_fitness"] is None else f"best {row['best_fitness']:.4f}"
-    state = f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed"
-    done = f"{row['generations']}/{row['most_generations']} generations"
-    run = f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})"
+def _run_cells(row: dict[str, Any]) -> tuple[Value, ...]:
+    """Return one record as a row."""
     won = row["winner_score"]
-    winner = "" if won is None else f", winner {won['mean']:.4f} on fresh poses"
-    return f"{row['folder']}: {run}: {done}, {best}{winner}, {state}"
+    return (
+        row["folder"],
+        f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})",
+        f"{row['generations']}/{row['most_generations']}",
+        Number(row["best_fitness"], form=".4f"),
+        Number(None if won is None else won["mean"], form=".4f"),
+        f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed",
+    )
 
 
 def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:

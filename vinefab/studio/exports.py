@@ -190,7 +190,7 @@ class RigExport:
         blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         return MadeExport(
             files=made.files,
-            lines=made.report.summary if blocking else tuple(made.summary()),
+            lines=made.report.summary if blocking else made.summary,
             refused=f"{blocking} forbid it" if blocking else "",
             findings=_findings(made.report),
         )

@@ -20,6 +20,7 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_recipe import RunRecipe
@@ -67,8 +68,8 @@ def with_origin(
     return finalist.design.changed(name=settings.name, origin=origin)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RunResult:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
+class RunResult(Result):
     """The result of a run.
 
     Parameters
@@ -116,8 +117,27 @@ class RunResult:
     prediction: Mapping[str, Any] = field(default_factory=dict)
     recipe: RunRecipe | None = None
 
-    def __repr__(self) -> str:
-        return f"<RunResult {self.headline}>"
+    def view(self) -> Iterator[Block]:
+        """Yield the winner, how it was found, the finalists, and what is predicted of it."""
+        yield Answer(f"{self.headline}.")
+        picture = self.best._repr_svg_()
+        if picture is not None:
+            yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
+        yield Table(
+            caption="Finalists, the winner first (simulated)",
+            headings=("design", "fitness", f"mean {self.score.task} on the training maps",
+                      "keeps what was checked"),
+            rows=tuple(
+                (counted(one.design.branch_count, "branch"), Number(one.fitness, form=".4f"),
+                 Number(one.score.composite["mean"], form=".4f"), "no" if one.penalty else "yes")
+                for one in self.finalists
+            ),
+        )  # fmt: skip
+        yield Notes(self.notes)
+        if self.prediction:
+            yield Notes(
+                tuple(front_door("prediction.run_winner").prediction_lines(self.prediction))
+            )
 
     @property
     def headline(self) -> str:
@@ -153,11 +173,6 @@ class RunResult:
         """
         path = path_given("folder", folder)
         return RunArchive.read(path if path.is_file() else path / RECORD_FILE).result()
-
-    def _repr_html_(self) -> str:
-        """Show finalists and winner in a notebook."""
-        shown: str = front_door().html_of(self)
-        return shown
 
     @property
     def score(self) -> Score:
@@ -369,23 +384,23 @@ def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Gen
         "ORDER BY 1",
         (first,),
     ).fetchall()
-    return [_generation(connection, row) for row in rows]
-
-
-def _generation(connection: sqlite3.Connection, row: tuple[Any, ...]) -> Generation:
-    number, x, fitness, composite, penalty, seconds = row
-    terms = connection.execute(
-        "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
-    ).fetchall()
-    return Generation(
-        number=number,
-        x=from_blob(x, rows=len(from_blob(fitness))),
-        fitness=_scores(fitness),
-        composite=_scores(composite),
-        penalty=_scores(penalty),
-        terms={name: from_blob(value) for name, value in terms},
-        seconds=seconds,
-    )
+    found = list[Generation]()
+    for number, x, fitness, composites, penalty, seconds in rows:
+        terms = connection.execute(
+            "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
+        ).fetchall()
+        found.append(
+            Generation(
+                number=number,
+                x=from_blob(x, rows=len(from_blob(fitness))),
+                fitness=_scores(fitness),
+                composite=_scores(composites),
+                penalty=_scores(penalty),
+                terms={name: from_blob(value) for name, value in terms},
+                seconds=seconds,
+            )
+        )
+    return found
 
 
 _LARGEST_SCORE = 1e100
@@ -519,7 +534,10 @@ class RunArchive:
             history=tuple(read_generations(connection)),
             finalists=read_finalists(connection, space),
             stopped=entries.get("stopped", ""),
-            sessions=tuple(_session(*row) for row in sessions),
+            sessions=tuple(
+                Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+                for began_utc, seconds in sessions
+            ),
             repair=entries.get("repair", ""),
             extensions=read_extensions(connection),
             prediction=json.loads(entries.get("prediction", "{}")),
@@ -553,10 +571,6 @@ class RunArchive:
         if self.recipe is not None:
             result = result.with_recipe(self.recipe, self.path.parent)
         return result.with_prediction(self.prediction) if self.prediction else result
-
-
-def _session(began_utc: str, seconds: str) -> Session:
-    return Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,13 +8,13 @@ import shapely
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Section
 from vinefab.fabrication.checking import corridors_in
 from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.fixtures import with_fixtures

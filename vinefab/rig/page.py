@@ -5,6 +5,7 @@ ruler of 100 mm, by which a user sees whether a printer scaled the page.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -17,12 +18,13 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted, one_line
+from vinefab.core.view import Answer, Fact, Facts, Picture, Section, Table
 from vinefab.fabrication.package.package_page import check_section
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map, Pose
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
-from vinefab.pages.html import Picture, Report, Section, Table, page_html
+from vinefab.pages.html import page
 from vinefab.pages.map_view import UNSEEN_DETAIL, Box, longer_mm, start_marks
 from vinefab.pages.plan_document import LONGEST_PX, RANGE, START_ENTRY, plan_document
 from vinefab.pages.plan_svg import contour_path, pose_svg
@@ -335,21 +337,23 @@ def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigCom
     """Return the page about a rig as HTML."""
     x_min, y_min, x_max, y_max = (rig.options.scale * side for side in rig.plate.bounds)
     found = len(report.findings)
-    return page_html(
-        Report(
-            title=f"{rig.name}: test rig",
-            verdict=f"{counted(len(rig.parts), 'part')}; every file read back closed and "
-            "oriented; assembled, "
-            f"the walls differ from the map by {100 * comparison.share:.4f} %; "
-            f"{counted(found, 'finding')}",
-            tone="bad" if found else "good",
-            facts=(
-                ("size", f"{x_max - x_min:.0f} x {y_max - y_min:.0f} mm"),
-                ("scale", f"{rig.options.scale:.4g}"),
-                ("obstacles", f"{rig.options.height_mm:g} mm high"),
-                ("printer", rig.printer.name),
-                ("volume", f"{rig.volume_mm3 / 1000.0:.0f} cm3 (computed)"),
-            ),
-            sections=(section, check_section(report)),
-        )
+    words = (
+        f"{counted(len(rig.parts), 'part')}; every file read back closed and oriented; assembled, "
+        f"the walls differ from the map by {100 * comparison.share:.4f} %; "
+        f"{counted(found, 'finding')}"
     )
+    facts = (
+        Fact("size", f"{x_max - x_min:.0f} x {y_max - y_min:.0f} mm"),
+        Fact("scale", f"{rig.options.scale:.4g}"),
+        Fact("obstacles", f"{rig.options.height_mm:g} mm high"),
+        Fact("printer", rig.printer.name),
+        Fact("volume", f"{rig.volume_mm3 / 1000.0:.0f} cm3 (computed)"),
+    )
+    blocks = (
+        Answer(words, "bad" if found else "good"),
+        *section.pictures[:1],
+        Facts(facts),
+        replace(section, pictures=section.pictures[1:]),
+        check_section(report),
+    )
+    return page(f"{rig.name}: test rig", blocks)

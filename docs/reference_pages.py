@@ -17,16 +17,20 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
-from vinefab.core.table import Table, declared_keys
+from vinefab.core.table import DeclaredKey, Table, declared_keys
+from vinefab.core.units import deg
 from vinefab.fabrication.rule_listing import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile
 from vinefab.model.design import Design
 from vinefab.model.laser import Machine, Material, Quantity, Recipe
+from vinefab.model.map import Start
+from vinefab.model.start_place import StartTable
 from vinefab.rig.rig_options import PrinterForm
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.run_file import RunForm
+from vinefab.search.settings import RunFile
+from vinefab.search.space import Bounds
 from vinefab.tasks.shipped_tasks import TASKS
 
 
@@ -50,7 +54,7 @@ FORMATS = (
     Format(
         name="run",
         title="Run file (`vinefab/run-1`, TOML)",
-        form=RunForm,
+        form=RunFile,
         about="What `vinefab optimize` searches; `vinefab new run mine.toml` writes one. Every key "
         "but `schema` may be left out. Parameters of tasks, optimizers and environments: "
         "[parts](parts.md).",
@@ -143,7 +147,7 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
     yield prefix, form
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
-        if inner is not None and inner is not Quantity:
+        if inner not in (None, Quantity, Bounds):
             key = field.alias or name
             path = f"{prefix.strip('[]')}.{key}" if prefix else key
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
@@ -160,7 +164,7 @@ def keys_of(form: type[BaseModel]) -> list[Key]:
                 name=key.name,
                 # Limits within a list or an optional value stand in its annotation.
                 kind=_kind(key.annotation, form.model_fields[key.field].metadata),
-                default="" if key.required else _default_words(key.default),
+                default="" if key.required else _default_words(_as_in_files(key)),
                 meaning=key.meaning,
             )
             for key in declared_keys(form)
@@ -209,6 +213,8 @@ def _comments(source: str) -> dict[str, str]:
 def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     """Return the model of a table that a field holds, and whether the field holds several."""
     origin, inside = get_origin(annotation), get_args(annotation)
+    if annotation is Start:
+        return StartTable, False
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, False
     if origin is Annotated:
@@ -221,7 +227,14 @@ def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
     return None, False
 
 
-_KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
+_KINDS = {
+    str: "text",
+    float: "number",
+    int: "whole number",
+    bool: "true or false",
+    Path: "path",
+    Start: "text",
+}
 
 
 def _kind(annotation: object, metadata: Iterable[object] = ()) -> str:
@@ -247,11 +260,13 @@ def _kind_words(annotation: object) -> str:
 
 
 def _class_words(kind: type) -> str:
+    if kind is Bounds:
+        return "number, or a range `[low, high]`"
     if kind is Quantity:
         return "a number with its standing"
     if issubclass(kind, Enum):
         return " or ".join(f"`{one.value}`" for one in kind)
-    return "table" if issubclass(kind, BaseModel) else _KINDS[kind]
+    return _KINDS.get(kind, "table")
 
 
 def _annotated_words(inside: tuple[object, ...]) -> str:
@@ -274,7 +289,15 @@ def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
     return _default_words(None if field.default is PydanticUndefined else field.default)
 
 
+def _as_in_files(key: DeclaredKey) -> Any:  # noqa: ANN401  of any key
+    """Return a default as files have it: angles in degrees."""
+    in_radians = key.field.endswith("_rad") and key.unit == "deg"
+    return deg(key.default) if in_radians else key.default
+
+
 def _default_words(value: object) -> str:
+    if isinstance(value, Bounds):
+        return f"`[{value.low:g}, {value.high:g}]`"
     if isinstance(value, BaseModel) or value in (None, {}, ()):
         return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')

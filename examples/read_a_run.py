@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import vinefab as vf
-from vinefab.search.record.run_archive import RunArchive, records_in
+from vinefab.search.record.result import RunArchive, records_in
 
 
 def main(folder: Path) -> None:

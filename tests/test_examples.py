@@ -4,7 +4,6 @@ import re
 import runpy
 import subprocess
 import sys
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -23,11 +22,10 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import map_plan
 from vinefab.search.front_files import write_front
-from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
-from vinefab.search.run_file import read_run
 from vinefab.search.run_pages import rebuild
-from vinefab.search.settings import PartSettings, targets_mm
+from vinefab.search.settings import PartSettings, read_run, targets_mm
 from vinefab.search.space import Space
 from vinefab.studies import cluster_scaling
 
@@ -62,9 +60,7 @@ def small_loads(monkeypatch):
 
     def of_a_tenth(name, settings):
         population = max(10, settings.search.population // 10)
-        return whole(
-            name, replace(settings, search=replace(settings.search, population=population))
-        )
+        return whole(name, settings.changed(search=settings.search.changed(population=population)))
 
     monkeypatch.setattr(cluster_scaling, "load_of", of_a_tenth)
 
@@ -175,12 +171,11 @@ RUNS = {
 @pytest.mark.parametrize("name", RUNS)
 def test_a_run_file_runs_and_resumes(name, tmp_path):
     settings = read_run(ROOT / "examples" / f"{name}.toml")
-    short = replace(
-        settings,
-        search=replace(settings.search, population=12, generations=2),
+    short = settings.changed(
+        search=settings.search.changed(population=12, generations=2),
         # Finding designs that can be made takes longer than a test may, except in pieces.
-        evaluation=replace(
-            settings.evaluation, fabricable=settings.build.pieces is not None, finalists=3
+        evaluation=settings.evaluation.changed(
+            fabricable=settings.build.pieces is not None, finalists=3
         ),
     )
     result = run_search(short, tmp_path / "run")

@@ -67,7 +67,8 @@ if TYPE_CHECKING:
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.rig.rig_options import Printer
-    from vinefab.search.record.result import Progress, RunResult
+    from vinefab.search.record.generations import Progress
+    from vinefab.search.record.result import RunResult
     from vinefab.search.run_pages import RunListing
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task
@@ -779,10 +780,10 @@ def optimize(
     whole("workers", workers, 1, 1024)
     own_task = None if task is None or isinstance(task, str) else task_given(task, {})
     if isinstance(task, str):
-        settings = replace(settings, task=PartSettings(name=task))
+        settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
-        search = replace(settings.search, seed=whole("seed", seed, 0, _MOST_SEED))
-        settings = replace(settings, search=search)
+        search = settings.search.changed(seed=whole("seed", seed, 0, _MOST_SEED))
+        settings = settings.changed(search=search)
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     if not resume and limits.given:
         name, value = next(iter(limits.given.items()))

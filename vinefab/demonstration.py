@@ -23,7 +23,8 @@ from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.rig_options import RigOptions, read_printer
-from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
 from vinefab.search.run_pages import search_section, unseen_section
 from vinefab.search.settings import (

@@ -185,8 +185,7 @@ def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:
 
 def run_given(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
-    from vinefab.search.run_file import read_run
-    from vinefab.search.settings import RunSettings
+    from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
         return given, None

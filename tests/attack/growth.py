@@ -11,12 +11,13 @@ moved by `NUDGE` change as well are ties, which rounding may settle either way; 
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args
 
 import numpy as np
 import shapely
+from annotated_types import Ge
 from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
@@ -25,9 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.core.errors import BadInputError
+from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
-from vinefab.growth.options import NUMBERS, GrowthOptions
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
@@ -234,24 +236,25 @@ def nasty_design(rng: np.random.Generator, size_mm: float) -> Design:
 
 def nasty_options(rng: np.random.Generator) -> GrowthOptions:
     """Return growth options that each have any of their values, as they are declared."""
-    return GrowthOptions(**{one.name: _nasty_value(rng, one) for one in fields(GrowthOptions)})
+    return GrowthOptions(
+        **{one.field: _nasty_value(rng, one) for one in declared_keys(GrowthOptions)}
+    )
 
 
-def _nasty_value(rng: np.random.Generator, option: Field[Any]) -> Any:
-    kind = get_type_hints(GrowthOptions)[option.name]
-    if option.name == "head_on_half_angle_rad":
+def _nasty_value(rng: np.random.Generator, option: DeclaredKey) -> Any:
+    if option.field == "head_on_half_angle_rad":
         angle_rad = math.radians(float(rng.choice([0.0, 1.0, 15.0, 30.0, 90.0])))
         return (0.0, angle_rad) if angle_rad and rng.random() < 0.2 else angle_rad
-    if option.name == "contacts":  # says where the other numbers come from, and changes nothing
+    if option.field == "contacts":  # says where the other numbers come from, and changes nothing
         return None
-    if option.name in NUMBERS:
-        low, high, _ = NUMBERS[option.name]
+    if option.limits:
+        low, high = (one.ge if isinstance(one, Ge) else one.le for one in option.limits)
         return float(
             rng.choice([option.default, option.default, low, high, rng.uniform(low, high)])
         )
-    if kind is bool:
+    if option.annotation is bool:
         return bool(rng.random() < 0.5)
-    return rng.choice(get_args(kind)).item()
+    return rng.choice(get_args(option.annotation)).item()
 
 
 def agree(fast: Deployment, plain: Deployment, exact_mm: float) -> bool:
@@ -303,7 +306,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     angles_rad = options.half_angles_rad(len(poses)).tolist()
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
-        alone = replace(options, head_on_half_angle_rad=angles_rad[launch])
+        alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
         plain = grow(design, terrain, poses[launch], alone, grow_reference_branches)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm

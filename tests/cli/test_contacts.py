@@ -11,9 +11,7 @@ from vinefab.growth.plan import Plan
 from vinefab.inputs import growth_given
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
-from vinefab.search.record.run_archive import settings_from_plain
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import plain_settings
+from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
 [head_on_half_angle_deg]

@@ -79,7 +79,7 @@ def test_a_broken_origin_names_its_file_and_key(vinefab, grid, plain, tmp_path, 
     more = {"compare": ("plain_vine",), "report": ("--out", tmp_path / "page.html")}
     code, _, complaint = vinefab(command, plain, *more.get(command, ()), "--map", grid)
     assert code == 2
-    wanted = f"{plain}: origin.growth.pressure_stop is 3; allowed: true or false"
+    wanted = f"{plain}: origin.growth.pressure_stop is 3; allowed: a valid boolean"
     assert complaint.strip().removeprefix("error: ").endswith(wanted)
     assert len(complaint.splitlines()) == 1
 

@@ -16,7 +16,7 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.starters import CALLED_AS_FILES, shipped_examples, starter_map
-from vinefab.search.run_file import read_run
+from vinefab.search.settings import read_run
 
 
 @pytest.fixture(autouse=True)

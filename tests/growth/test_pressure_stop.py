@@ -1,7 +1,6 @@
 """Growth that the working pressure ends: closed forms, the twin, and the growth-pressure model."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,7 +47,7 @@ def test_a_straight_vine_ends_where_drag_has_used_up_the_pressure(engine, vine):
 
 
 def test_film_on_a_spool_and_too_little_pressure_stop_it_at_once(engine, vine):
-    spool = replace(PRESSED, storage_kpa=FITTED.storage_kpa.value)
+    spool = PRESSED.changed(storage_kpa=FITTED.storage_kpa.value)
     for options, pressure_kpa in ((spool, 5.0), (PRESSED, 0.5)):
         grown = grow(at_pressure(vine(300.0), pressure_kpa, (20.0,)), OPEN, ORIGIN, options, engine)
         assert (grown.stop[0], grown.grown_mm[0]) == (Stop.PRESSURE, 0.0)
@@ -59,7 +58,7 @@ def test_just_enough_pressure_is_enough(engine, tree):
     """A child of the same width has left what the trunk's film needed for what rode inside."""
     for length_mm in (50.0, 100.0, 123.0):
         robot = at_pressure(tree(3000.0, (1, length_mm, 0.0, 1.0)), 4.0, (20.0, 20.0))
-        options = replace(PRESSED, children_of_stuck="deploy")
+        options = PRESSED.changed(children_of_stuck="deploy")
         grown = grow(robot, OPEN, ORIGIN, options, engine)
         assert grown.stop.tolist() == [Stop.PRESSURE, Stop.FULL_LENGTH]
 
@@ -67,7 +66,7 @@ def test_just_enough_pressure_is_enough(engine, tree):
 def test_a_turn_at_the_base_that_the_pressure_does_not_make_keeps_the_heading(engine, tree):
     room = Terrain.of(Map(name="room", bounds=box(-4000.0, -4000.0, 100.0, 4000.0)))
     robot = tree(50.0, (1, 60.0, 0.0, 1.0), (2, 1000.0, 180.0, 1.0))
-    options = replace(PRESSED, children_of_stuck="deploy")
+    options = PRESSED.changed(children_of_stuck="deploy")
     pose = Pose(x_mm=60.0, y_mm=0.0, heading_rad=0.3)  # the trunk slides up the wall x = 100
     held = list[Deployment]()
     for pressure_kpa in np.linspace(1.0, 10.0, 400).tolist():
@@ -112,7 +111,7 @@ def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine
     """Along a wall x = 100 the body turns about its base: length h / cos, turn from the launch."""
     room = Terrain.of(Map(name="room", bounds=box(-500.0, -500.0, 100.0, 3000.0)))
     robot = at_pressure(vine(2000.0), 6.28, (20.0,))
-    grown = grow(robot, room, ORIGIN, replace(PRESSED, storage_kpa=1.0), engine)
+    grown = grow(robot, room, ORIGIN, PRESSED.changed(storage_kpa=1.0), engine)
     constants = FITTED.changed(storage_kpa=FITTED.storage_kpa.changed(value=1.0))
 
     def missing(angle_rad):
@@ -151,7 +150,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
             children_of_stuck=str(rng.choice(["stop", "deploy"])),
         )
         robot = at_pressure(robot, some_pressure_kpa(robot, terrain, pose, options, constants, rng))
-        options = replace(options, pressure_stop=True)
+        options = options.changed(pressure_stop=True)
         fast = grow(robot, terrain, pose, options, "kernel")
         plain = grow(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number

@@ -60,7 +60,7 @@ def test_the_reported_score_is_that_of_growths_at_fresh_draws(found):
         )
         if not room.covers(Point(pose.x_mm, pose.y_mm)):
             continue  # beside a wall: moved, see the tests of placing
-        options = replace(OPTIONS, head_on_half_angle_rad=float(draws.half_angle_rad[index]))
+        options = OPTIONS.changed(head_on_half_angle_rad=float(draws.half_angle_rad[index]))
         score, _ = TASK.evaluate(grow(TREE, terrain, pose, options), context)
         assert found.first.best.scores[index] == pytest.approx(score, abs=1e-9)
         checked += 1

@@ -66,7 +66,7 @@ def test_scores_of_a_batch_are_those_of_one_growth_at_a_time(task):
             TREE,
             trial.prepared.terrain,
             Pose(x_mm=x, y_mm=y, heading_rad=heading),
-            replace(OPTIONS, head_on_half_angle_rad=angle),
+            OPTIONS.changed(head_on_half_angle_rad=angle),
         )
         score, _ = task.evaluate(grown, trial.prepared.context)
         assert found[row, column] == pytest.approx(score, abs=1e-12)

@@ -26,7 +26,7 @@ def test_every_half_angle_has_the_measures_of_its_own_deployments(explorer, prep
     found = contact_range(explorer, prepared, few_poses.options)
     for index in (0, 3):
         angle_rad = rad(CONTACT_ANGLES_DEG[index])
-        options = replace(few_poses.options, head_on_half_angle_rad=angle_rad)
+        options = few_poses.options.changed(head_on_half_angle_rad=angle_rad)
         same = deploy_family(explorer, prepared, replace(few_poses, options=options)).outcomes
         for measure, most in ((GROWN, 1e-9), (STUCK, 1e-9), (SEEN, 0.2), (REACH, 0.5)):
             mean = same.spread(measure).mean
@@ -78,7 +78,7 @@ def test_page_and_json_say_the_same(explorer, prepared, few_poses):
 def test_pressures_are_those_of_growth_to_every_tip(explorer, prepared, few_poses):
     """Where pressure stops tips, what they would need is still known."""
     thin = explorer.changed(build=explorer.build.changed(pressure_kpa=8.0))
-    pressed = replace(few_poses, options=replace(few_poses.options, pressure_stop=True))
+    pressed = replace(few_poses, options=few_poses.options.changed(pressure_stop=True))
     free = replace(few_poses, options=GrowthOptions(body="inflated", pressure_stop=False))
     stopped = deploy_family(thin, prepared, pressed).outcomes
     whole = deploy_family(thin, prepared, free).outcomes

@@ -20,8 +20,8 @@ from vinefab.model.finding import CheckReport
 from vinefab.prediction import run_page
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
-from vinefab.search.record.result import Extension, Progress
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import Extension, Progress
+from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import result_lines, run_search
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
@@ -86,11 +86,10 @@ def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> Non
 
 def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = PieceSettings(most=3)
-    run = replace(
-        RUN,
+    run = RUN.changed(
         space=SpaceSettings(levels=Bounds(low=3, high=3), length_mm=Bounds(low=60, high=140)),
         build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=pieces),
-        evaluation=replace(RUN.evaluation, joint_weight=0.01, finalists=1),
+        evaluation=RUN.evaluation.changed(joint_weight=0.01, finalists=1),
     )
     seen: list[str] = []
 
@@ -170,7 +169,7 @@ def test_rules_close_to_their_limits_are_told_from_broken_ones(folder: Path) -> 
 
 
 def test_a_run_without_prediction_or_with_extensions_has_a_page_too(tmp_path: Path) -> None:
-    unchecked = replace(RUN, evaluation=replace(RUN.evaluation, fabricable=False))
+    unchecked = RUN.changed(evaluation=RUN.evaluation.changed(fabricable=False))
     result = run_search(unchecked, tmp_path)
     extension = Extension(
         utc="2026-01-01T00:00:00", generations_done=2, stopped="", before={"generations": 2},

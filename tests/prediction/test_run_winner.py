@@ -65,8 +65,7 @@ def run() -> tuple[Search, RunResult, dict[str, Any]]:
 def test_a_run_that_names_places_is_predicted_on_its_own_maps(
     parameters: dict[str, object], start: Start | None, words: str
 ) -> None:
-    settings = replace(
-        RUN,
+    settings = RUN.changed(
         maps=MapSettings(count=1, seed=3, start=start),
         task=PartSettings(name="reach", parameters=parameters),
     )
@@ -131,7 +130,7 @@ def test_a_body_placed_off_is_compared_with_itself(run: Predicted, few_unseen: i
 def test_a_run_on_files_is_tried_from_other_poses_on_them(tmp_path: Path, few_unseen: int) -> None:
     path = tmp_path / "mine.geojson"
     path.write_text(map_text(grid_map(5)))
-    settings = replace(RUN, maps=MapSettings(count=1, files=(path,)))
+    settings = RUN.changed(maps=MapSettings(count=1, files=(path,)))
     search, _, found = predicted(settings)
     assert found["unseen"]["label"] == "other poses on the 1 training map"
     assert found["unseen"]["deployments"] == few_unseen
@@ -146,7 +145,7 @@ def test_starts_without_spread_leave_one_deployment_and_no_interval(tmp_path: Pa
              for start in world.starts]  # fmt: skip
     path = tmp_path / "mine.geojson"
     path.write_text(map_text(replace(world, starts=tuple(fixed))))
-    _, _, found = predicted(replace(RUN, maps=MapSettings(count=1, files=(path,))))
+    _, _, found = predicted(RUN.changed(maps=MapSettings(count=1, files=(path,))))
     assert found["unseen"]["deployments"] == 1
     assert found["unseen"]["score"]["low"] is None
     assert np.isfinite(placed_off_range(found)).all()
@@ -166,7 +165,7 @@ def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPat
 
 def test_a_run_from_a_side_is_predicted_from_that_side_of_unseen_maps(few_unseen: int) -> None:
     words = "left side, heading +-10"
-    _, result, found = predicted(replace(RUN, maps=MapSettings(count=1, seed=3, start=words)))
+    _, result, found = predicted(RUN.changed(maps=MapSettings(count=1, seed=3, start=words)))
     label = f"{few_unseen} unseen grid maps from the left side, heading +-10"
     assert (found["unseen"]["label"], found.get("note", "")) == (label, "")
     worlds = [world.with_start(words) for world in unseen_maps("grid", few_unseen, 0).worlds]

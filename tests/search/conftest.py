@@ -1,7 +1,6 @@
 """Runs small enough to be repeated many times."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
@@ -36,7 +35,7 @@ def small() -> RunSettings:
 @pytest.fixture
 def fabricable(small: RunSettings) -> RunSettings:
     """The same with designs that can be made ranked first."""
-    return replace(small, evaluation=replace(small.evaluation, fabricable=True))
+    return small.changed(evaluation=small.evaluation.changed(fabricable=True))
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.run_archive import RECORD_FILE
+from vinefab.search.record.result import RECORD_FILE
 
 GENERATIONS = 300
 OPTIONS = ("--resume", "--workers", "2", "-q")

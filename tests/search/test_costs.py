@@ -24,7 +24,7 @@ from vinefab.search import costs
 from vinefab.search.costs import COSTS, cost_text
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity
+from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import result_lines, violations_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
@@ -104,7 +104,7 @@ def test_the_sheet_holds_the_outline() -> None:
 
 
 def limited(small: RunSettings, most: Mapping[str, float]) -> RunSettings:
-    return replace(small, space=replace(small.space, most=most))
+    return small.changed(space=small.space.changed(most=most))
 
 
 MOST = {"film_length": 900.0, "film_area": 25_000.0, "sheet_area": 120_000.0, "branches": 12.0}
@@ -141,7 +141,7 @@ def test_winners_keep_limits_that_the_search_would_exceed(
 def test_islands_evaluate_only_designs_within_the_limits(
     small: RunSettings, maps: tuple[Map, ...], most: dict[str, float]
 ) -> None:
-    islands = replace(limited(small, most), optimizer=PartSettings(name="islands"))
+    islands = limited(small, most).changed(optimizer=PartSettings(name="islands"))
     result = Search.of(islands, maps).run()
     assert sum(len(generation.x) for generation in result.history) >= 20
     assert all((generation.penalty == 0.0).all() for generation in result.history)
@@ -177,9 +177,9 @@ def test_a_winner_beyond_a_limit_is_named(small: RunSettings, maps: tuple[Map, .
         ({"film_area": 10.0}, "space.most_film_area_mm2", "every design of the space takes"),
         ({"sheet_area": 100.0}, "space.most_sheet_area_mm2", "at least 8600 mm2"),
         ({"branches": 0.5}, "space.most_branches", "at least 1,"),
-        ({"branches": -1}, "space.most_branches", "1e-06 to"),
-        ({"film_length": float("nan")}, "space.most_film_length_mm", "1e-06 to"),
-        ({"paint": 3.0}, "space.most", "film_length"),
+        ({"branches": -1}, "most_branches", "equal to 0.000001"),
+        ({"film_length": float("nan")}, "most_film_length_mm", "a finite number"),
+        ({"paint": 3.0}, "most", "film_length"),
     ],
 )
 def test_limits_that_no_design_keeps_are_refused(
@@ -187,8 +187,8 @@ def test_limits_that_no_design_keeps_are_refused(
 ) -> None:
     def search() -> None:
         trunk = {1: {"length_mm": Bounds(low=15.0, high=90.0)}}
-        space = replace(small.space, by_level=trunk, most=most)
-        Search.of(replace(small, space=space), maps)
+        space = small.space.changed(by_level=trunk, most=most)
+        Search.of(small.changed(space=space), maps)
 
     with pytest.raises(BadInputError, match=words) as caught:
         search()
@@ -204,7 +204,7 @@ def test_a_changed_limit_is_another_run_and_none_leaves_ids_alone(
             small,
             limited(small, {"branches": 9.0}),
             limited(small, {"branches": 8.0}),
-            replace(small, space=replace(small.space, symmetric=True)),
+            small.changed(space=small.space.changed(symmetric=True)),
         )
     }
     assert len(ids) == 4

@@ -44,7 +44,7 @@ Maps = tuple[Map, ...]
 
 
 def with_evaluation(small: RunSettings, **changes: object) -> RunSettings:
-    return replace(small, evaluation=replace(small.evaluation, **changes))
+    return small.changed(evaluation=small.evaluation.changed(**changes))
 
 
 def test_poses_are_redrawn_every_generation_unless_redraw_is_off(
@@ -143,7 +143,7 @@ def in_pieces(small: RunSettings, **evaluation: object) -> RunSettings:
     """A run for robots of bench size in up to three pieces."""
     build = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=3))
     islands = PartSettings(name="islands")
-    run = replace(small, space=CROSSING, build=build, optimizer=islands)
+    run = small.changed(space=CROSSING, build=build, optimizer=islands)
     return with_evaluation(run, fabricable=True, **evaluation)
 
 
@@ -169,7 +169,7 @@ def test_every_joint_costs_fitness_and_none_makes_a_design_worse_than_a_broken_o
 
 def test_joints_are_charged_only_where_they_are_counted(small: RunSettings, maps: Maps) -> None:
     whole = with_evaluation(small, fabricable=True, joint_weight=0.1)
-    free = replace(whole, build=BuildSettings(pieces=PieceSettings()))
+    free = whole.changed(build=BuildSettings(pieces=PieceSettings()))
     free = with_evaluation(free, fabricable=False)
     penalty = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
     for settings, other in ((whole, penalty), (free, penalty), (in_pieces(free), Picky())):
@@ -266,7 +266,7 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
     small: RunSettings, maps: Maps
 ) -> None:
     wide = GrowthOptions.published(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
-    evaluator = Evaluator.of(EvaluatorSpec(settings=replace(small, growth=wide), maps=maps))
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small.changed(growth=wide), maps=maps))
     draws = [evaluator.training_conditions(3, number) for number in range(3)]
     assert draws[0] == evaluator.training_conditions(3, 0)
     angles_deg = [np.degrees(draw.half_angles_rad).tolist() for draw in draws]
@@ -279,13 +279,13 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
         np.testing.assert_allclose(row, angles_deg[0])
     # Each evaluation is that of a growth with its own angle.
     for launch, angle_rad in enumerate(draws[0].half_angles_rad):
-        narrow = replace(small, growth=GrowthOptions.published(head_on_half_angle_rad=angle_rad))
+        narrow = small.changed(growth=GrowthOptions.published(head_on_half_angle_rad=angle_rad))
         alone = Evaluator.of(EvaluatorSpec(settings=narrow, maps=maps))
         same, _ = alone.evaluate(x, Conditions(poses=draws[0].poses))
         np.testing.assert_array_equal(same.score[:, launch], found.score[:, launch])
-    some = replace(small.evaluation, maps_per_generation=1)
+    some = small.evaluation.changed(maps_per_generation=1)
     part = Evaluator.of(
-        EvaluatorSpec(settings=replace(small, growth=wide, evaluation=some), maps=maps)
+        EvaluatorSpec(settings=small.changed(growth=wide, evaluation=some), maps=maps)
     ).training_conditions(3, 0)
     (taken,) = [index for index, places in enumerate(part.poses) if places]
     assert part.half_angles_rad == (draws[0].half_angles_rad[taken],)

@@ -1,7 +1,7 @@
 """Who may win: only designs that pass the full check, as long as there is one."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,18 +86,18 @@ def test_a_winner_beyond_repair_is_penalized(fabricable: RunSettings, maps: Maps
 def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
     small: RunSettings, maps: Maps
 ) -> None:
-    small = replace(small, search=replace(small.search, population=12, generations=6))
-    by_range = replace(small.evaluation, finalists=8, finalists_by="contact_range")
-    usual = optimize(replace(small, evaluation=replace(by_range, finalists_by="training")), maps)
-    result = optimize(replace(small, evaluation=by_range), maps)
-    search = Search.of(replace(small, evaluation=by_range), maps)
+    small = small.changed(search=small.search.changed(population=12, generations=6))
+    by_range = small.evaluation.changed(finalists=8, finalists_by="contact_range")
+    usual = optimize(small.changed(evaluation=by_range.changed(finalists_by="training")), maps)
+    result = optimize(small.changed(evaluation=by_range), maps)
+    search = Search.of(small.changed(evaluation=by_range), maps)
     poses = search.evaluator.final_conditions(small.search.seed).poses
     prepared = search.evaluator.maps
     for finalist in result.finalists:
         scores = [
             score_design(
                 finalist.design, prepared, poses, search.evaluator.task,
-                replace(small.growth, head_on_half_angle_rad=rad(angle)),
+                small.growth.changed(head_on_half_angle_rad=rad(angle)),
             ).composite["mean"]
             for angle in CONTACT_ANGLES_DEG
         ]  # fmt: skip
@@ -112,12 +112,12 @@ def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
 
 
 def test_other_ways_to_choose_finalists_are_refused(small: RunSettings) -> None:
-    with pytest.raises(BadInputError, match="allowed: one of fresh_maps, training, contact_range"):
-        replace(small.evaluation, finalists_by="range")
+    with pytest.raises(BadInputError, match="allowed: 'fresh_maps', 'training' or 'contact_range'"):
+        small.evaluation.changed(finalists_by="range")
 
 
 def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small: RunSettings) -> None:
-    settings = replace(small, evaluation=replace(small.evaluation, finalists=8))
+    settings = small.changed(evaluation=small.evaluation.changed(finalists=8))
     fresh = fresh_maps(settings)
     assert len(fresh) == FRESH_MAPS
     known = training_maps(settings)
@@ -144,9 +144,9 @@ def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSetti
     start = Start(pose=Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0))
     aimed = PartSettings(name="reach", parameters={"target_mm": [[100.0, 100.0]]})
     for other in (
-        replace(small, maps=replace(small.maps, start=start)),
-        replace(small, maps=replace(small.maps, files=(Path("a.geojson"),))),
-        replace(small, task=aimed),
-        replace(small, evaluation=replace(small.evaluation, finalists_by="training")),
+        small.changed(maps=small.maps.changed(start=start)),
+        small.changed(maps=small.maps.changed(files=(Path("a.geojson"),))),
+        small.changed(task=aimed),
+        small.changed(evaluation=small.evaluation.changed(finalists_by="training")),
     ):
         assert fresh_maps(other) == ()

@@ -1,7 +1,6 @@
 """Several objectives at once: fronts, NSGA-II, and runs that end with a front."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.search.evaluator import Evaluator
 from vinefab.search.front import (
-    check_objectives,
     knee,
     non_dominated,
     spread_out,
@@ -24,9 +22,10 @@ from vinefab.search.loop import Search
 from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.parallel.dask_cluster import deserialized, serialized
-from vinefab.search.record.result import RunIdentity, RunResult
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.record.result import RunResult
 from vinefab.search.record.store import RunStore
-from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.settings import PartSettings, RunSettings, check_objectives
 from vinefab.tasks.evaluate import composites, score_design
 from vinefab.tasks.reach import Reach
 
@@ -135,8 +134,8 @@ def test_the_algorithm_finds_a_front_that_is_known() -> None:
 
 
 def with_front(settings: RunSettings) -> RunSettings:
-    return replace(
-        settings, objectives=("coverage", "film_length"), optimizer=PartSettings(name="nsga2")
+    return settings.changed(
+        objectives=("coverage", "film_length"), optimizer=PartSettings(name="nsga2")
     )
 
 
@@ -171,12 +170,11 @@ def test_a_front_is_the_same_after_an_interrupt(
 
 
 def with_two_tasks(settings: RunSettings, composite: str = "mean") -> RunSettings:
-    return replace(
-        settings,
+    return settings.changed(
         objectives=("reach", "coverage", "branches"),
         other_parameters={"reach": {"buffer_mm": 25.0}},
         optimizer=PartSettings(name="nsga2"),
-        evaluation=replace(settings.evaluation, composite=composite, finalists=6),
+        evaluation=settings.evaluation.changed(composite=composite, finalists=6),
     )
 
 
@@ -186,7 +184,7 @@ def test_other_tasks_are_scored_from_the_same_growths(
 ) -> None:
     settings = with_two_tasks(small, composite)
     result = optimize(settings, maps, workers=2)
-    alone = replace(small, task=PartSettings(name="reach", parameters={"buffer_mm": 25.0}))
+    alone = small.changed(task=PartSettings(name="reach", parameters={"buffer_mm": 25.0}))
     evaluator = Search.of(alone, maps).evaluator
     for generation in result.history:
         conditions = evaluator.training_conditions(settings.search.seed, generation.number)
@@ -229,7 +227,7 @@ def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processe
     for one, other in zip(resumed.finalists, whole.finalists, strict=True):
         assert one.score == other.score
     assert len(resumed.history) == 5
-    wider = replace(settings, other_parameters={"reach": {"buffer_mm": 26.0}})
+    wider = settings.changed(other_parameters={"reach": {"buffer_mm": 26.0}})
     assert RunIdentity.of(wider, maps).run_id != identity.run_id
     # What a worker of a cluster gets evaluates as here.
     search = Search.of(settings, maps)
@@ -246,9 +244,9 @@ def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
 ) -> None:
     inside = maps[0].obstacles[3].representative_point()
     target = {"target_mm": [[250.0, 15.0], [inside.x, inside.y]]}
-    settings = replace(with_two_tasks(small), other_parameters={"reach": target})
+    settings = with_two_tasks(small).changed(other_parameters={"reach": target})
     if own == "reach":
-        settings = replace(small, task=PartSettings(name="reach", parameters=target))
+        settings = small.changed(task=PartSettings(name="reach", parameters=target))
     with pytest.raises(BadInputError, match="inside an obstacle of 'grid_1'") as caught:
         Search.of(settings, maps)
     assert caught.value.key == f"{key}target_mm[2]"
@@ -257,14 +255,13 @@ def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
 def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(
     small: RunSettings, maps: Maps
 ) -> None:
-    small = replace(
-        small,
-        growth=replace(small.growth, head_on_half_angle_rad=(0.02, 0.3)),
-        evaluation=replace(small.evaluation, head_on_weight=0.3),
+    small = small.changed(
+        growth=small.growth.changed(head_on_half_angle_rad=(0.02, 0.3)),
+        evaluation=small.evaluation.changed(head_on_weight=0.3),
     )
     both = Search.of(with_two_tasks(small), maps).evaluator
     other = PartSettings(name="reach", parameters={"buffer_mm": 25.0})
-    alone = Search.of(replace(small, task=other), maps).evaluator
+    alone = Search.of(small.changed(task=other), maps).evaluator
     x = np.random.default_rng(4).random((8, len(both.space)))
     conditions = both.training_conditions(3, 0)
     one, _ = both.evaluate(x, conditions)
@@ -284,7 +281,7 @@ class Short:
 
 
 def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps: Maps) -> None:
-    settings = with_front(replace(fabricable, search=replace(fabricable.search, population=20)))
+    settings = with_front(fabricable.changed(search=fabricable.search.changed(population=20)))
     result = optimize(settings, maps, penalty=Short())
     for finalist in result.finalists:
         assert Short()(finalist.design) == finalist.penalty == 0.0

@@ -58,8 +58,8 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
 
 def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
     straight = {"target_mm": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
-    settings = replace(
-        SETTINGS, objectives=("coverage", "reach"), other_parameters={"reach": straight}
+    settings = SETTINGS.changed(
+        objectives=("coverage", "reach"), other_parameters={"reach": straight}
     )
     run = optimize(settings, (WORLD,))
     members = front_of(run, settings)
@@ -93,7 +93,7 @@ def test_a_knee_is_named_where_there_is_one(
     result: RunResult,
 ) -> None:
     """The same finalists with fitness that rises early, and with fitness that rises late."""
-    settings = replace(SETTINGS, objectives=("coverage", "film_length"))
+    settings = SETTINGS.changed(objectives=("coverage", "film_length"))
     by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
     assert len(by_cost) >= 4
 

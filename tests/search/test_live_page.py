@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from vinefab.pages.live_curve import MOST_POINTS, live_curve
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search import live_page
 from vinefab.search.live_page import PAGE_NAME, LivePage
-from vinefab.search.record.result import Generation, Progress
+from vinefab.search.record.generations import Generation, Progress
 from vinefab.search.settings import MapSettings, RunSettings
 
 
@@ -23,7 +22,7 @@ def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings
     monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 0.0)
     monkeypatch.setattr(live_page, "_OF_PROCESSOR", 1e9)
     monkeypatch.setattr(live_page, "_OF_TIME", 1e9)
-    return replace(small, maps=MapSettings(count=1))
+    return small.changed(maps=MapSettings(count=1))
 
 
 def stopped_in(generation: int, seen: list[str], folder: Path) -> Callable[[Progress], None]:

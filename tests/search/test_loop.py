@@ -20,7 +20,8 @@ from vinefab.search.loop import AHEAD, Schedule, Search, why_stop
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 from vinefab.search.optimizers.random_search import RandomSearch
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.result import Generation, Progress, RunResult
+from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.coverage import Coverage
@@ -74,7 +75,7 @@ def test_the_number_of_workers_changes_nothing(small: RunSettings, maps: Maps) -
 
 
 def test_the_seed_changes_the_run(small: RunSettings, maps: Maps) -> None:
-    other = replace(small, search=replace(small.search, seed=4))
+    other = small.changed(search=small.search.changed(seed=4))
     assert not same(optimize(small, maps), optimize(other, maps))
 
 
@@ -93,7 +94,7 @@ def test_poses_are_the_same_within_a_generation_and_differ_between_generations(
 def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     for redraw in (True, False):
-        settings = replace(small, evaluation=replace(small.evaluation, redraw=redraw))
+        settings = small.changed(evaluation=small.evaluation.changed(redraw=redraw))
         last = optimize(settings, maps).history[4]
         poses = evaluator.conditions(3, TRAINING, 4 if redraw else 0, 1).poses
         for x, fitness in zip(last.x, last.fitness, strict=True):
@@ -132,7 +133,7 @@ def test_the_winner_is_manufacturable_when_the_run_checks_it(
 
 
 def test_the_search_learns(small: RunSettings, maps: Maps) -> None:
-    longer = replace(small, search=replace(small.search, population=10, generations=15))
+    longer = small.changed(search=small.search.changed(population=10, generations=15))
     history = optimize(longer, maps).history
     early = np.mean([g.composite.mean() for g in history[:2]])
     late = np.mean([g.composite.mean() for g in history[-2:]])
@@ -149,7 +150,7 @@ def test_points_without_valid_designs_have_the_lowest_fitness_and_do_not_stop_th
         length_mm=Bounds(low=1, high=2),
     )
     result = optimize(
-        replace(small, space=wild, search=SearchSettings(population=6, generations=1, seed=3)), maps
+        small.changed(space=wild, search=SearchSettings(population=6, generations=1, seed=3)), maps
     )
     fitness = result.history[0].fitness
     assert (fitness == INVALID_FITNESS).any()
@@ -191,7 +192,7 @@ def test_an_optimizer_that_leaves_the_space_is_named(
 ) -> None:
     parts: Mapping[str, object] = {**OPTIMIZERS._parts, "stray": StrayConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
-    stray = replace(small, optimizer=PartSettings(name="stray", parameters={"value": value}))
+    stray = small.changed(optimizer=PartSettings(name="stray", parameters={"value": value}))
     with pytest.raises(BadInputError, match="optimizer stray"):
         optimize(stray, maps)
 
@@ -221,8 +222,8 @@ def test_an_optimizer_may_reuse_the_arrays_that_it_returns_and_is_given(
 ) -> None:
     parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
-    usual = replace(small, optimizer=PartSettings(name="random"))
-    in_place = replace(small, optimizer=PartSettings(name="in_place"))
+    usual = small.changed(optimizer=PartSettings(name="random"))
+    in_place = small.changed(optimizer=PartSettings(name="in_place"))
     one, other = optimize(usual, maps), optimize(in_place, maps)
     for known, found in zip(one.history, other.history, strict=True):
         assert np.array_equal(known.x, found.x)
@@ -235,7 +236,7 @@ def test_poses_that_no_generation_needs_cannot_end_a_run(
     small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, generations: int
 ) -> None:
     """Those of another seed, and those after the last generation."""
-    settings = replace(small, search=replace(small.search, generations=generations))
+    settings = small.changed(search=small.search.changed(generations=generations))
     draw, whole = Evaluator.training_conditions, optimize(settings, maps)
 
     def rare(evaluator: Evaluator, seed: int, generation: int) -> Conditions:
@@ -262,12 +263,11 @@ def test_unusable_inputs_are_refused(
         levels=Bounds(low=1, high=1), by_level={1: {"length_mm": Bounds(low=50, high=50)}}
     )
     with pytest.raises(BadInputError, match="every variable fixed"):
-        optimize(replace(small, space=fixed), maps)
+        optimize(small.changed(space=fixed), maps)
 
 
 def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: Maps) -> None:
-    wide = replace(
-        small,
+    wide = small.changed(
         build=BuildSettings(trunk_width_mm=400.0),
         growth=GrowthOptions.published(body="inflated"),
     )
@@ -275,7 +275,7 @@ def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: M
         Search.of(wide, maps, None)
     huge = SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=9, high=10))
     with pytest.raises(BadInputError, match="at most 100000 branches"):
-        Search.of(replace(small, space=huge), maps, None)
+        Search.of(small.changed(space=huge), maps, None)
 
 
 def past(*best: float, seconds: float = 1.0) -> list[Generation]:
@@ -335,7 +335,7 @@ def test_poses_drawn_ahead_are_those_drawn_one_by_one(
 def test_poses_that_are_not_redrawn_are_drawn_once(
     small: RunSettings, maps: tuple[Map, ...]
 ) -> None:
-    still = replace(small, evaluation=replace(small.evaluation, redraw=False))
+    still = small.changed(evaluation=small.evaluation.changed(redraw=False))
     schedule = Schedule(Evaluator.of(EvaluatorSpec(settings=still, maps=maps)), 3)
     assert schedule.conditions(0) is schedule.conditions(77)
 
@@ -375,13 +375,13 @@ def search_again(small: RunSettings, maps: Maps, task: Task) -> RunResult:
 def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(
     small: RunSettings, maps: Maps
 ) -> None:
-    priced = replace(small, evaluation=replace(small.evaluation, head_on_weight=0.5))
+    priced = small.changed(evaluation=small.evaluation.changed(head_on_weight=0.5))
     assert "head_on" in Search.of(priced, maps, task=Leaves()).run().history[0].terms
-    several = replace(
-        small, objectives=("leaves", "film_length"), optimizer=PartSettings(name="nsga2")
+    several = small.changed(
+        objectives=("leaves", "film_length"), optimizer=PartSettings(name="nsga2")
     )
     assert len(Search.of(several, maps, task=Leaves()).run().finalists) >= 1
-    without = replace(several, objectives=("branches", "film_length"))
+    without = several.changed(objectives=("branches", "film_length"))
     with pytest.raises(BadInputError, match="'leaves', among them"):
         Search.of(without, maps, task=Leaves())
 
@@ -392,7 +392,7 @@ def test_a_shipped_task_is_the_same_by_name_and_as_an_object(
 ) -> None:
     key = "radius_mm" if isinstance(task, Coverage) else "buffer_mm"
     part = PartSettings(name=task.name, parameters={key: getattr(task, key)})
-    named = optimize(replace(small, task=part), maps)
+    named = optimize(small.changed(task=part), maps)
     given = Search.of(small, maps, task=task).run()
     assert given.score == named.score
     for one, other in zip(named.history, given.history, strict=True):
@@ -407,7 +407,7 @@ def test_a_search_measures_areas_fast_unless_the_task_says_how(
 
     assert task_of(small) == Coverage(area="fast")
     exact = PartSettings(name="coverage", parameters={"area": "exact"})
-    assert task_of(replace(small, task=exact)) == Coverage(area="exact")
+    assert task_of(small.changed(task=exact)) == Coverage(area="exact")
     assert task_of(small, Reach()) == Reach(area="fast")
     assert task_of(small, Reach(area="exact")) == Reach(area="exact")
     assert task_of(small, Leaves()) == Leaves()
@@ -424,7 +424,7 @@ def test_a_run_holds_no_more_than_its_history(small: RunSettings, maps: Maps) ->
             held.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()
 
-    settings = replace(small, search=SearchSettings(population=6, generations=81, seed=3))
+    settings = small.changed(search=SearchSettings(population=6, generations=81, seed=3))
     history = optimize(settings, maps[:1], progress=watch).history
     per_generation = sum(_array_bytes(generation) for generation in history) / len(history)
     # A generation is some arrays with a header each; whatever else grew would be a leak.

@@ -15,8 +15,9 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunResult, map_fingerprint
-from vinefab.search.record.run_archive import RunArchive, map_from_text, map_to_text
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.identity import map_fingerprint
+from vinefab.search.record.result import RunArchive, RunResult, map_from_text, map_to_text
 from vinefab.search.run import (
     generated_maps,
     progress_line,
@@ -48,7 +49,7 @@ def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
 
     settings = RunSettings(name="few", search=SearchSettings(population=6, generations=2))
     evaluation = EvaluationSettings(fabricable=True, finalists=1)
-    run = optimize(replace(settings, evaluation=evaluation), (grid_map(1),), penalty=penalty)
+    run = optimize(settings.changed(evaluation=evaluation), (grid_map(1),), penalty=penalty)
     assert not run.history[0].has_designs
     assert run.history[0].terms
     first, second = json.loads(result_json(run))["generations"]
@@ -76,7 +77,7 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
         MapSettings(files=(tmp_path / "bare.geojson",), start=place),
         MapSettings(count=1, seed=5, start=place),
     ):
-        settings = replace(small, maps=maps)
+        settings = small.changed(maps=maps)
         (world,) = training_maps(settings)
         assert world.starts == (place,)
         result = run_search(settings, tmp_path / f"run{len(maps.files)}")
@@ -87,7 +88,7 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
         assert any("task parameters and start" in line for line in result_lines(result))
         record = tmp_path / f"run{len(maps.files)}" / "run.sqlite"
         assert RunArchive.read(record).settings.maps == maps
-    other = replace(small, maps=MapSettings(count=1, seed=5, start=start(250.0, 31.0)))
+    other = small.changed(maps=MapSettings(count=1, seed=5, start=start(250.0, 31.0)))
     with pytest.raises(BadInputError, match=r"maps.start is 'x_mm = 250, y_mm = 31, .* with which"):
         run_search(other, tmp_path / "run0", resume=True)
 
@@ -109,7 +110,7 @@ def test_a_start_without_room_is_refused_by_name(
         obstacles=(shapely.box(100.0, 100.0, 200.0, 200.0),),
     ).write(tmp_path / "wall.geojson")
     maps = MapSettings(files=(tmp_path / "wall.geojson",), start=place)
-    settings = replace(small, maps=maps, growth=GrowthOptions())
+    settings = small.changed(maps=maps, growth=GrowthOptions())
     with pytest.raises(BadInputError, match=words) as caught:
         run_search(settings, tmp_path / "run")
     assert caught.value.key == "maps.start"
@@ -157,7 +158,7 @@ def test_the_result_says_whether_the_winner_is_manufacturable(
 def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
     small: RunSettings, tmp_path: Path
 ) -> None:
-    settings = replace(small, maps=MapSettings(count=2, seed=5, start="left side, heading +-20"))
+    settings = small.changed(maps=MapSettings(count=2, seed=5, start="left side, heading +-20"))
     worlds = training_maps(settings)
     assert {world.starts[0].area.bounds for world in worlds} == {(15.0, 0.0, 15.0, 500.0)}
     result = run_search(settings, tmp_path / "run")
@@ -170,7 +171,7 @@ def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
     assert RunArchive.read(tmp_path / "run" / "run.sqlite").settings.maps == settings.maps
     again = run_search(settings, tmp_path / "run", resume=True)
     assert again.score == result.score
-    other = replace(small, maps=MapSettings(count=2, seed=5, start="left side, heading +-21"))
+    other = small.changed(maps=MapSettings(count=2, seed=5, start="left side, heading +-21"))
     with pytest.raises(BadInputError, match=r"maps.start is 'left side, heading .* with which"):
         run_search(other, tmp_path / "run", resume=True)
 

@@ -95,11 +95,11 @@ def test_a_design_outside_the_bounds_gives_the_nearest_point() -> None:
         ("branches", Bounds(low=2.5, high=3)),
         ("length_mm", Bounds(low=20, high=10)),
         ("angle_deg", Bounds(low=0, high=361)),
-        ("growth_percent", Bounds(low=float("nan"), high=100)),
+        ("growth_percent", [float("nan"), 100]),
     ],
 )
-def test_impossible_bounds_are_refused(key: str, bounds: Bounds) -> None:
-    with pytest.raises(BadInputError, match=f"space.{key}"):
+def test_impossible_bounds_are_refused(key: str, bounds: object) -> None:
+    with pytest.raises(BadInputError, match=f"^{key}"):
         SpaceSettings(**{key: bounds})
 
 
@@ -108,7 +108,7 @@ def test_the_widths_of_the_first_levels_may_be_given() -> None:
     assert build.build(1).widths_mm == (36.0,)
     assert build.build(4).widths_mm == (36.0, 20.0, 10.0, 5.0)
     assert BuildSettings().build(3).widths_mm == BuildSettings(widths_mm=(40.0,)).build(3).widths_mm
-    with pytest.raises(BadInputError, match=r"build\.widths_mm"):
+    with pytest.raises(BadInputError, match=r"^widths_mm\[2\] is 0"):
         BuildSettings(widths_mm=(36.0, 0.0))
     with pytest.raises(BadInputError, match="at most 10"):
         BuildSettings(widths_mm=(1.0,) * 11)

@@ -30,8 +30,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.loop import Search
 from vinefab.search.run import fresh_maps, generated_maps, penalty_of
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.settings import PartSettings, RunSettings, read_run
 from vinefab.studies.optimizer_contest import FIRST_CONTEST_SEED
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
@@ -63,20 +62,19 @@ class PieceRun:
         run = read_run(EXAMPLES / "contest" / "bench.toml")
         if self.task == "anchoring":
             anchor = read_run(EXAMPLES / "six_branch_anchor.toml")
-            run = replace(run, space=anchor.space, build=anchor.build, growth=anchor.growth)
+            run = run.changed(space=anchor.space, build=anchor.build, growth=anchor.growth)
         most = CONDITIONS[self.condition]
         if most == 0:
-            evaluation = replace(run.evaluation, fabricable=False)
-            run = replace(run, evaluation=evaluation, optimizer=PartSettings(name="cmaes"))
+            evaluation = run.evaluation.changed(fabricable=False)
+            run = run.changed(evaluation=evaluation, optimizer=PartSettings(name="cmaes"))
         if most > 1:
-            run = replace(run, build=replace(run.build, pieces=PieceSettings(most=most)))
+            run = run.changed(build=run.build.changed(pieces=PieceSettings(most=most)))
         first = run.maps.seed + self.number * run.maps.count
-        return replace(
-            run,
+        return run.changed(
             name=f"{self.task}_{self.home}",
-            maps=replace(run.maps, environment=self.home, seed=first),
+            maps=run.maps.changed(environment=self.home, seed=first),
             task=PartSettings(name=self.task),
-            search=replace(run.search, seed=run.search.seed + self.number),
+            search=run.search.changed(seed=run.search.seed + self.number),
         )
 
     def done(self) -> dict[str, object]:
@@ -84,7 +82,7 @@ class PieceRun:
         began_s, settings = time.process_time(), self.settings()
         maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
         result = Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh).run()
-        tests = replace(settings.maps, seed=FIRST_CONTEST_SEED, count=UNSEEN)
+        tests = settings.maps.changed(seed=FIRST_CONTEST_SEED, count=UNSEEN)
         sites = tuple(PreparedMap.of(world) for world in generated_maps(tests))
         poses = poses_on(sites, POSES, range(UNSEEN))
         task = make_task(settings.task.name, settings.task.parameters)

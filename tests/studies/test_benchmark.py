@@ -12,13 +12,14 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree
 from vinefab.studies import benchmark as bench_module
-from vinefab.studies.benchmark import bench_lines, run_benchmark
-from vinefab.studies.benchmark_growths import (
+from vinefab.studies.benchmark import (
     BENCH_GROWTH,
     batch_on,
+    bench_lines,
     events,
     floor_on,
     free_poses,
+    run_benchmark,
     square_map,
     tree_of_40,
 )

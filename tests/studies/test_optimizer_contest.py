@@ -104,7 +104,7 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
     names = ("first", "better", "same")
     worth = dict(zip(names, (base, base + 0.02 + 0.01 * rng.random(12), base), strict=True))
     contest = Contest(
-        problems=(TINY, replace(TINY, name="other")),
+        problems=(TINY, TINY.changed(name="other")),
         contenders=tuple(Contender(label=n, part=PartSettings(name="random")) for n in names),
         seeds=12,
     )
@@ -134,7 +134,7 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
         ({"contenders": ()}, "--optimizer"),
         ({"contenders": CONTENDERS * 2}, "each once"),
         ({"problems": (TINY, TINY)}, r"RUN\.toml"),
-        ({"problems": (replace(TINY, maps=MapSettings(files=(Path("a"),))),)}, "generated maps"),
+        ({"problems": (TINY.changed(maps=MapSettings(files=(Path("a"),))),)}, "generated maps"),
     ],
 )
 def test_comparisons_that_cannot_be_are_refused(change: dict[str, object], words: str) -> None:

@@ -16,8 +16,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.tree import branch_tree
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.ablation import VARIANTS
 from vinefab.studies.optimizers_compared import evaluations_to, smoothed
 from vinefab.studies.redeployment import BEYOND, RedeploymentJob, shape_count, tip_groups

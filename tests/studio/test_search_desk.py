@@ -7,7 +7,6 @@ import json
 import sqlite3
 import time
 from contextlib import closing
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,11 +18,10 @@ from vinefab.model.files.design_toml import design_content, design_of, design_te
 from vinefab.model.files.shipped import locate
 from vinefab.search.costs import COSTS
 from vinefab.search.front_files import front_json, front_of
-from vinefab.search.record.result import Generation
-from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.record.generations import Generation
+from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
+from vinefab.search.settings import MapSettings, RunSettings, SearchSettings, read_run
 from vinefab.search.space import Bounds, Space, SpaceSettings
 from vinefab.studio.followed_run import FollowedRecord, LiveFront
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
@@ -89,11 +87,11 @@ def front_run(tmp_path):
         maps=MapSettings(count=1, options=SMALL),
         space=SpaceSettings(levels=Bounds(low=1, high=2)),
         search=SearchSettings(population=8, generations=3, seed=3),
-        optimizer=replace(RunSettings().optimizer, name="nsga2"),
+        optimizer=RunSettings().optimizer.changed(name="nsga2"),
         objectives=("coverage", "film_length"),
     )
     few = {"finalists": 6, "final_poses_per_map": 1, "finalists_by": "training"}
-    settings = replace(settings, evaluation=replace(settings.evaluation, fabricable=False, **few))
+    settings = settings.changed(evaluation=settings.evaluation.changed(fabricable=False, **few))
     folder = tmp_path / "two"
     result = run_search(settings, folder)
     (folder / "front").mkdir()

@@ -8,8 +8,7 @@ import typer
 from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, parameters_from
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import PartSettings
+from vinefab.search.settings import PartSettings, read_run
 from vinefab.studies.optimizer_contest import (
     Contender,
     Contest,

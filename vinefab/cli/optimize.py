@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +22,8 @@ from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunE
 from vinefab.model.files.shipped import locate
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search.live_page import PAGE_NAME
-from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult
 from vinefab.search.run import (
     make_point_evaluator,
     progress_line,
@@ -31,8 +31,7 @@ from vinefab.search.run import (
     result_lines,
     violations_of,
 )
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunLimits, RunSettings, limit_option
+from vinefab.search.settings import RunLimits, RunSettings, limit_option, read_run
 
 FRONT_FILES = ("front.json", "front.svg", "front.png")
 
@@ -105,7 +104,7 @@ def optimize_command(
     source = locate("run file", run_file)
     settings = read_run(source)
     if seed is not None:
-        settings = replace(settings, search=replace(settings.search, seed=seed))
+        settings = settings.changed(search=settings.search.changed(seed=seed))
     limits = _limits(generations, evaluations, wall_time_s, resume=resume)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(FRONT_FILES if settings.objectives else ())):

@@ -1,5 +1,13 @@
 """Compilation of kernels: the only module that imports numba, which takes half a second.
 
+Modules with kernels, and large packages, are therefore imported when they are first used
+(`imported_later`), in the same words everywhere::
+
+    if TYPE_CHECKING:
+        from vinefab.growth import batch_kernel
+    else:
+        batch_kernel = imported_later("vinefab.growth.batch_kernel")
+
 Functions that call each other must stand in one file that imports no other module of vinefab: the
 cache on disk notices edits to a function's own file only. After a change here, the caches
 (``__pycache__/*.nbi``) must be deleted by hand.
@@ -8,6 +16,7 @@ cache on disk notices edits to a function's own file only. After a change here, 
 import importlib.util
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from importlib.machinery import SourceFileLoader
 from types import FunctionType, ModuleType
 from typing import Any
@@ -52,6 +61,18 @@ def called(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
     if _is_interpreted(function):
         return function
     return _jit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+class _Later(ModuleType):
+    """A module that is imported when something of it is first used, by any thread."""
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401  of any module
+        return getattr(import_module(self.__name__), name)
+
+
+def imported_later(name: str) -> Any:  # noqa: ANN401  a module
+    """Return a module that is imported when it is first used; a missing one is told then."""
+    return _Later(name)
 
 
 @cache

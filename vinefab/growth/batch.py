@@ -5,10 +5,11 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
 from vinefab.growth.options import GrowthOptions
@@ -24,6 +25,11 @@ from vinefab.growth.simulator import (
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
+
+if TYPE_CHECKING:
+    from vinefab.growth import batch_kernel
+else:
+    batch_kernel = imported_later("vinefab.growth.batch_kernel")
 
 MOST_KEPT = 8
 """Arrays are kept for so many sets of radii, then the oldest are dropped."""
@@ -200,8 +206,6 @@ class Block:
 
     def tips_mm(self) -> tuple[Floats, Ints]:
         """Return the tips of all deployed branches, shape (m, 2), and where each growth's begin."""
-        from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
-
         tips_mm, first = np.empty((len(self.growth.stop), 2)), np.empty_like(self.branch)
         count = batch_kernel.gather_tips(
             self.branch,

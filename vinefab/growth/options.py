@@ -2,12 +2,16 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Le, Unit
+from pydantic import BeforeValidator, Field, model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
+from vinefab.core.table import LATER, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
@@ -25,68 +29,88 @@ own robots replace them (`GrowthOptions.contact_angles_deg`)."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
-NUMBERS = {
-    "storage_kpa": (0.0, 1000.0, "kPa"),
-    "fitted_diameter_mm": (1.0, 1000.0, "mm"),
-    "body_width_ratio": (0.5, 2.0, ""),
-}
-"""Options that are plain numbers, with least, most and unit."""
+
+def _half_angle_rad(given: Any) -> float | tuple[float, float]:  # noqa: ANN401  of a file
+    """Return a head-on half-angle, or its range, from degrees."""
+    ends: list[Any] = list(given) if isinstance(given, list | tuple) else [given, given]
+    if len(ends) != 2:
+        raise BadInputError(HALF_ANGLE_DEG, given, "a number, or a range [low, high]")
+    for end in ends:
+        if isinstance(end, bool):
+            raise BadInputError(HALF_ANGLE_DEG, end, "0 to 90 deg")
+    low_rad, high_rad = (rad(number(HALF_ANGLE_DEG, end, 0.0, 90.0, "deg")) for end in ends)
+    return low_rad if low_rad == high_rad else (low_rad, high_rad)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GrowthOptions:
+class GrowthOptions(Table):
     """Options of the growth model; recorded with every result, because results depend on them.
 
-    Parameters
-    ----------
-    head_on_half_angle_rad
-        A tip that meets a wall with its heading within this angle of the wall's inward normal
-        stops there; 0 to pi/2. Real robots slid at up to 75 degrees from the wall's tangent, so
-        the true value is at most about 15 degrees. A range (low, high) gives every evaluation a
-        value of its own: the same for all designs that are compared.
-    children_of_stuck
-        Whether children of a branch that stopped early stay inside (``stop``: a tip that cannot
-        move cannot evert them) or grow from where it stopped (``deploy``).
-    body
-        ``inflated``: every level sees the free space shrunk by its inflated radius, lay-flat
-        width / pi. ``centerline``: the body is a line (the published model).
-    pressure_stop
-        Whether growth stops where the design's working pressure no longer everts the film (see
-        `vinefab.physics.growth_pressure`); a design with a pressure of 0 is never stopped by it.
-        The published model has no pressure.
-    storage_kpa
-        Tension of the film as it leaves its store, as a pressure: 0 for film that lies loosely,
-        8.32 for a tight spool (published fit).
-    fitted_diameter_mm
-        Inflated diameter of the tube that the constants of the growth pressure were fitted to; it
-        was not published (assumed).
-    body_width_ratio
-        How far inflated bodies keep their centre lines from walls, against lay-flat width / pi: 1
-        for round tubes, more where laps and seams stand off. Pressures and areas do not change.
-    contacts
-        What photos of grown robots measured (`vinefab.model.contacts`), so that results say which
-        of these numbers are measured; None where all are assumed.
+    ``head_on_half_angle_rad``: a tip that meets a wall with its heading within this angle of the
+    wall's inward normal stops there. Real robots slid at up to 75 degrees from the wall's tangent,
+    so the true value is at most about 15 degrees. A range (low, high) gives every evaluation
+    another value: the same for all designs that are compared.
+
+    ``body``: inflated, every level sees the free space shrunk by its inflated radius, lay-flat
+    width / pi. The published model has a line, and no pressure.
     """
 
-    head_on_half_angle_rad: float | tuple[float, float] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
-    children_of_stuck: Literal["stop", "deploy"] = "stop"
-    body: Literal["centerline", "inflated"] = "inflated"
-    pressure_stop: bool = True
-    storage_kpa: float = 0.0
-    fitted_diameter_mm: float = FITTED_DIAMETER_MM.value
-    body_width_ratio: float = field(default=1.0, metadata={"later": True})
-    contacts: MeasuredContacts | None = field(default=None, metadata={"later": True})
+    head_on_half_angle_rad: Annotated[
+        float | Annotated[tuple[float, float], Field(strict=False)],
+        Field(alias=HALF_ANGLE_DEG),
+        Unit("deg"),
+        Doc("within it of head-on a tip stops, 0 to 90; [low, high]: drawn"),
+    ] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
+    children_of_stuck: Annotated[
+        Literal["stop", "deploy"],
+        Doc("of a branch that stopped early: they stay inside, or grow from where it stopped"),
+    ] = "stop"
+    body: Annotated[
+        Literal["centerline", "inflated"], Doc("inflated, or a line as in the paper")
+    ] = "inflated"
+    pressure_stop: Annotated[
+        bool, Doc("whether growth ends where the design's pressure no longer everts the film")
+    ] = True
+    storage_kpa: Annotated[
+        float,
+        Ge(0),
+        Le(1000),
+        Unit("kPa"),
+        Doc("tension of the film in its store: 0 if it lies loosely, 8.32 on a tight spool"),
+    ] = 0.0
+    fitted_diameter_mm: Annotated[
+        float,
+        Ge(1),
+        Le(1000),
+        Unit("mm"),
+        Doc("of the tube of the published fit of the growth pressure (assumed)"),
+    ] = FITTED_DIAMETER_MM.value
+    body_width_ratio: Annotated[
+        float,
+        Ge(0.5),
+        Le(2),
+        Doc("how far bodies keep their centre lines from walls, over lay-flat width / pi"),
+        LATER,
+    ] = 1.0
+    contacts: Annotated[
+        MeasuredContacts | None,
+        BeforeValidator(lambda given: None if given is None else contacts_of(given)),
+        Doc("measured: a file, relative to the run file, or its name; or the numbers themselves"),
+        LATER,
+    ] = None
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="before")
+    @classmethod
+    def _degrees_of_files(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+        if isinstance(given, Mapping) and HALF_ANGLE_DEG in given:
+            return {**given, HALF_ANGLE_DEG: _half_angle_rad(given[HALF_ANGLE_DEG])}
+        return given
+
+    @model_validator(mode="after")
+    def _half_angle_is_allowed(self) -> "GrowthOptions":
         low_rad, high_rad = self.half_angle_range_rad
-        number("head_on_half_angle_deg", deg(high_rad), 0.0, 90.0, "deg")
-        number("head_on_half_angle_deg", deg(low_rad), 0.0, deg(high_rad), "deg")
-        if self.children_of_stuck not in ("stop", "deploy"):
-            raise BadInputError("children_of_stuck", self.children_of_stuck, "'stop' or 'deploy'")
-        if self.body not in ("centerline", "inflated"):
-            raise BadInputError("body", self.body, "'centerline' or 'inflated'")
-        for name, (low, high, unit) in NUMBERS.items():
-            number(name, getattr(self, name), low, high, unit)
+        number(HALF_ANGLE_DEG, deg(high_rad), 0.0, 90.0, "deg")
+        number(HALF_ANGLE_DEG, deg(low_rad), 0.0, deg(high_rad), "deg")
+        return self
 
     @classmethod
     def published(cls, **changes: Any) -> "GrowthOptions":  # noqa: ANN401  as the class
@@ -115,27 +139,21 @@ class GrowthOptions:
         UnknownNameError
             If there is no such option.
         """
-        base = base or cls()
         for name in given:
             if name not in GROWTH_NAMES:
                 raise UnknownNameError("growth option", name, GROWTH_NAMES)
-        values: dict[str, Any] = dict(given)
+        base, values = base or cls(), dict(given)
         if values.get("contacts") is not None:
-            values["contacts"] = contacts_of(values["contacts"])
-            values = {**_measured_values(values["contacts"]), **values}
-        for name, (low, high, unit) in NUMBERS.items():
-            if name in values:
-                values[name] = _number(name, values[name], low, high, unit)
+            values = {**measured_values(values["contacts"]), **values}
+        kept = {name: getattr(base, name) for name in cls.model_fields if name not in values}
         if HALF_ANGLE_DEG in values:
-            values["head_on_half_angle_rad"] = _half_angle_rad(values.pop(HALF_ANGLE_DEG))
-        if not isinstance(values.get("pressure_stop", True), bool):
-            raise BadInputError("pressure_stop", values["pressure_stop"], "true or false")
-        return replace(base, **values)
+            del kept["head_on_half_angle_rad"]
+        return cls(**kept, **values)
 
     @property
     def content(self) -> dict[str, object]:
         """All options as files, records and pages have them; later ones where they say more."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:-2]}
         if self.body_width_ratio != 1.0:
             plain["body_width_ratio"] = self.body_width_ratio
         if self.contacts is not None:
@@ -199,7 +217,7 @@ class GrowthOptions:
         angle_rad, measured = self.half_angle_range_rad[0], self.measured_half_angle
         if self.draws_half_angle and measured is not None and measured.value is not None:
             angle_rad = rad(measured.value)
-        return replace(self, head_on_half_angle_rad=angle_rad)
+        return self.changed(head_on_half_angle_rad=angle_rad)
 
     @property
     def measured_half_angle(self) -> MeasuredNumber | None:
@@ -254,7 +272,7 @@ class GrowthOptions:
         return self.children_of_stuck == "deploy"
 
 
-GROWTH_NAMES = (HALF_ANGLE_DEG, *(f.name for f in fields(GrowthOptions)[1:]))
+GROWTH_NAMES = tuple(key.name for key in declared_keys(GrowthOptions))
 """Names of the options in files and on the command line."""
 
 
@@ -380,8 +398,9 @@ def _measured_standing(found: MeasuredNumber) -> str:
     return words + other[found.side]
 
 
-def _measured_values(contacts: MeasuredContacts) -> dict[str, Any]:
+def measured_values(given: object) -> dict[str, Any]:
     """Return the growth options that measured contacts give, as files have them."""
+    contacts = contacts_of(given)
     values: dict[str, Any] = {}
     if contacts.head_on_half_angle_deg is not None:
         values[HALF_ANGLE_DEG] = list(half_angle_ends_deg(contacts.head_on_half_angle_deg))
@@ -407,19 +426,3 @@ def _pressure_text(options: GrowthOptions, pressures_kpa: set[float]) -> str:
     film = f"held back by {options.storage_kpa:g} kPa" if options.storage_kpa else "stored loosely"
     at = f"{max(pressures_kpa):g} kPa" if len(pressures_kpa) == 1 else "each design's pressure"
     return f"stops at {at} (film {film}, assumed)"
-
-
-def _half_angle_rad(given: object) -> float | tuple[float, float]:
-    """Return a head-on half-angle, or its range, from degrees."""
-    ends: list[Any] = list(given) if isinstance(given, list | tuple) else [given, given]
-    if len(ends) != 2:
-        raise BadInputError(HALF_ANGLE_DEG, given, "a number, or a range [low, high]")
-    low_rad, high_rad = (rad(_number(HALF_ANGLE_DEG, end, 0.0, 90.0, "deg")) for end in ends)
-    return low_rad if low_rad == high_rad else (low_rad, high_rad)
-
-
-def _number(name: str, value: Any, low: float, high: float, unit: str) -> float:  # noqa: ANN401
-    """Return a number from a file or a caller; there, true is none."""
-    if isinstance(value, bool):
-        raise BadInputError(name, value, f"{low:g} to {high:g} {unit}")
-    return number(name, value, low, high, unit)

@@ -3,11 +3,11 @@
 import math
 import sys
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vinefab.core.compiling import interpreted
+from vinefab.core.compiling import imported_later, interpreted
 from vinefab.core.errors import UnknownNameError
 from vinefab.growth.arrays import (
     Growth,
@@ -26,6 +26,11 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import FITTED
+
+if TYPE_CHECKING:
+    from vinefab.growth import kernel
+else:
+    kernel = imported_later("vinefab.growth.kernel")
 
 Engine = Literal["auto", "kernel", "interpreted"]
 """``kernel``: the compiled simulator. ``interpreted``: the same code run by Python, which begins at
@@ -175,8 +180,6 @@ def grow_jobs_of(engine: Engine) -> Callable[..., None]:
     """Return ``grow_jobs`` of the compiled kernel, or as the interpreter runs it."""
     if engine == "interpreted":
         return _interpreted("grow_jobs")
-    from vinefab.growth import kernel  # noqa: PLC0415  numba takes half a second to import
-
     grow_jobs: Callable[..., None] = kernel.grow_jobs
     return grow_jobs
 

@@ -6,7 +6,7 @@ whole shapes: every robot is grown again at many half-angles and compared with i
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -311,7 +311,7 @@ def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
     """Return the mean squared distance of each branch from its photo, shape (branches, angles)."""
     if photo.design is None or photo.world is None:
         return None
-    options = replace(GrowthChoice.of([photo.design]).options, body_width_ratio=width_ratio)
+    options = GrowthChoice.of([photo.design]).options.changed(body_width_ratio=width_ratio)
     poses = [photo.pose] * len(SHAPE_ANGLES_DEG)
     atlas = TerrainSet([Terrain.of(photo.world)])
     launches = Launches.of(atlas, [poses], [rad(angle) for angle in SHAPE_ANGLES_DEG])

@@ -141,7 +141,7 @@ def aim_growth(designs: Sequence[Design], given: Mapping[str, object] | None) ->
         return choice
     angles_deg = choice.options.contact_angles_deg
     ends = (rad(angles_deg[0]), rad(angles_deg[-1]))
-    return replace(choice, options=replace(choice.options, head_on_half_angle_rad=ends))
+    return replace(choice, options=choice.options.changed(head_on_half_angle_rad=ends))
 
 
 def plain_vine_of(design: Design) -> Design:

@@ -196,7 +196,7 @@ def wedged(
 ) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
-    inflated = replace(options, body="inflated")
+    inflated = options.changed(body="inflated")
     radii_mm = [inflated.radius_mm(width_mm) for width_mm in design.build.widths_mm]
     return tuple(_place(radii_mm, deployment, branch, branch) for branch in stuck)
 
@@ -387,7 +387,7 @@ def growth_on_maps(design: Design, given: Mapping[str, object] | None = None) ->
     """Return how a design is grown where rules are checked on maps."""
     choice = GrowthChoice.of([design], given).single
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
-    return replace(choice, options=replace(choice.options, pressure_stop=False))
+    return replace(choice, options=choice.options.changed(pressure_stop=False))
 
 
 def deploy_from_starts(

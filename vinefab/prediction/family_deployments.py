@@ -157,7 +157,7 @@ def deploy_family(
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
     if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
-        unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
+        unpressed = _grown(design, launches, plan.options.changed(pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):

@@ -5,7 +5,7 @@ tube that the growth pressure was fitted to, and how the film is stored. None of
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
     names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
     columns: dict[str, list[ContactValue]] = {measure.key: [] for measure in CONTACT_MEASURES}
     for angle_deg in options.contact_angles_deg:
-        at_angle = replace(options, head_on_half_angle_rad=rad(angle_deg))
+        at_angle = options.changed(head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
         for measure, values in zip(CONTACT_MEASURES, table, strict=True):
             columns[measure.key].append(contact_value(values, names))
@@ -175,8 +175,7 @@ def pressure_range(
         known_kpa = values[np.isfinite(values)]
         usual_kpa = float(np.percentile(known_kpa, 95.0)) if len(known_kpa) else None
         for diameter_mm in _DIAMETERS_MM:
-            pressed = replace(
-                options,
+            pressed = options.changed(
                 pressure_stop=True,
                 storage_kpa=tension_kpa,
                 fitted_diameter_mm=diameter_mm,

@@ -7,8 +7,8 @@ from typing import Any
 from vinefab.search.live_page import LivePage
 from vinefab.search.loop import Search
 from vinefab.search.parallel.point_evaluator import PointEvaluator
-from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.record.run_archive import resumed_limits
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult, resumed_limits
 from vinefab.search.run import run_search
 from vinefab.search.settings import RunLimits, RunSettings
 from vinefab.tasks.task import Task

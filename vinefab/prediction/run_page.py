@@ -50,8 +50,8 @@ from vinefab.prediction.run_winner import (
 )
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
-from vinefab.search.record.result import RunResult, curve_of
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import curve_of
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm

@@ -77,7 +77,7 @@ class WinnerTrial:
         """Return the mean score at every half-angle that predictions are shown for."""
         names = names_of(family)
         at_angles = [
-            replace(self.growth, head_on_half_angle_rad=rad(angle))
+            self.growth.changed(head_on_half_angle_rad=rad(angle))
             for angle in self.growth.contact_angles_deg
         ]
         return tuple(contact_value(self.scores(family, growth), names) for growth in at_angles)
@@ -257,7 +257,7 @@ def _started(family: MapFamily, settings: RunSettings) -> MapFamily:
 
 def _with_whole_range(settings: RunSettings) -> RunSettings:
     # The run's pose range was applied to these maps already.
-    return replace(settings, evaluation=replace(settings.evaluation, pose_range=1.0))
+    return settings.changed(evaluation=settings.evaluation.changed(pose_range=1.0))
 
 
 def _prepared(family: MapFamily, settings: RunSettings, poses: int, seed: int) -> PreparedFamily:

@@ -296,7 +296,7 @@ def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
         low_rad, high_rad = (
             min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
         )
-        wider = replace(options, head_on_half_angle_rad=(low_rad, high_rad))
+        wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
         yield PredictionVariant(
             knob="head-on half-angle", step=step, unit="deg",
             design=design, options=wider, poses=poses,

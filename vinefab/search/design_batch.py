@@ -8,16 +8,22 @@ take as long as growing it, in one thread at a time. Results equal those of
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import LONG_WIDTHS, Feed, Plan, Plans, Spans
 from vinefab.model.design import MOST_BRANCHES, Build, Design
 from vinefab.model.tree import BranchTree
+
+if TYPE_CHECKING:
+    from vinefab.growth import batch_kernel
+else:
+    batch_kernel = imported_later("vinefab.growth.batch_kernel")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,8 +98,6 @@ class BatchBranches(NamedTuple):
 
 def batch_branches(designs: DesignBatch) -> BatchBranches:
     """Return all branches of a design batch, as `vinefab.model.tree.branch_tree` has them."""
-    from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
-
     first = np.zeros(len(designs) + 1, dtype=np.int64)
     np.cumsum(designs.sizes, out=first[1:])
     parent, level = np.empty((2, first[-1]), dtype=np.int64)
@@ -166,8 +170,6 @@ def planned_batch(
     options: GrowthOptions,
 ) -> Plans:
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
-    from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
-
     first, parent, level, offset_rad, length_mm = batch_branches(designs)
     turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
     deepest = builds[max(builds)]

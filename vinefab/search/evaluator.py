@@ -1,8 +1,7 @@
 """Evaluating points of the search: growth, score, penalty and fitness."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate, pairwise, product
@@ -23,7 +22,12 @@ from vinefab.model.score import Score
 from vinefab.model.start_place import share_around
 from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit, in_work_units
-from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
+from vinefab.search.settings import (
+    EvaluationSettings,
+    RunSettings,
+    keys_of_other_task,
+    make_other_task,
+)
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
@@ -291,7 +295,7 @@ class Evaluator:
         maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in spec.maps)
         names = ["", *(other.name for other in settings.other_tasks)]
         for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
-            with _keys_of_other_task(name):
+            with keys_of_other_task(name):
                 check_on_map(task, prepared.world, prepared.context)
         return cls(
             spec=replace(spec, penalty=penalty),
@@ -330,7 +334,7 @@ class Evaluator:
     @property
     def winner_penalty(self) -> Penalty | None:
         """The penalty that a winner must not have; None where nothing is asked of designs."""
-        if not self.space.settings.most:
+        if not self.space.most:
             return self.penalty
         return PenaltyWithLimits(rules=self.penalty, space=self.space)
 
@@ -403,7 +407,7 @@ class Evaluator:
             if penalties:
                 penalty = np.concatenate([unit.result[0] for unit in penalties])
                 evaluations = evaluations.with_penalties(penalty + excess)
-            elif self.space.settings.most:
+            elif self.space.most:
                 evaluations = evaluations.with_penalties(excess)
             spent = [unit.result[1] for unit in penalties] + [unit.result[1] for unit in growths]
             return evaluations, Work.total([planning, *spent])
@@ -424,12 +428,12 @@ class Evaluator:
     @property
     def screens(self) -> bool:
         """Whether `penalties` tells designs apart: by rules at once, or by limits."""
-        return self.penalty_of_batch is not None or bool(self.space.settings.most)
+        return self.penalty_of_batch is not None or bool(self.space.most)
 
     def _excess(self, designs: DesignBatch) -> Floats:
         """Return by how much designs exceed limits, 0 where they are not valid, shape (m,)."""
         excess = np.zeros(len(designs))
-        if self.space.settings.most:
+        if self.space.most:
             rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
             excess[rows] = self.space.limit_excess(designs.part(rows))
         return excess
@@ -530,22 +534,6 @@ def _check_joint_weight(spec: EvaluatorSpec) -> None:
     if weight > 0.0 and not (counted and settings.build.pieces):
         allowed = "0: joints are counted only with build.pieces and evaluation.fabricable = true"
         raise BadInputError("evaluation.joint_weight", weight, allowed)
-
-
-def make_other_task(named: PartSettings) -> Task:
-    """Return another objective's task; errors name its table in the run file."""
-    with _keys_of_other_task(named.name):
-        return make_task(named.name, named.parameters)
-
-
-@contextmanager
-def _keys_of_other_task(name: str) -> Iterator[None]:
-    """Name the keys of another task in errors as the run file does; as they are without a name."""
-    try:
-        yield
-    except BadInputError as error:
-        key = error.key.replace("task.", f"task.{name}." if name else "task.", 1)
-        raise BadInputError(key, error.value, error.allowed) from error
 
 
 def final_seed(seed: int) -> int:

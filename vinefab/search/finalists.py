@@ -15,7 +15,7 @@ from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evalua
 from vinefab.search.feasibility_repair import RepairResults
 from vinefab.search.front import feasible_points, non_dominated, spread_out
 from vinefab.search.parallel.point_evaluator import Begin
-from vinefab.search.record.result import Finalist, Generation
+from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions, score_designs
 
@@ -185,8 +185,8 @@ def _on_fresh_maps(
     """Return finalists whose fitness is that on maps that the search has not seen."""
     x = np.array([finalist.x for finalist in finalists])
     settings = evaluator.spec.settings
-    whole = replace(settings.evaluation, maps_per_generation=0)
-    spec = replace(evaluator.spec, maps=tuple(worlds), settings=replace(settings, evaluation=whole))
+    whole = settings.evaluation.changed(maps_per_generation=0)
+    spec = replace(evaluator.spec, maps=tuple(worlds), settings=settings.changed(evaluation=whole))
     unseen = Evaluator.of(spec)
     conditions = unseen.conditions(settings.search.seed, FRESH, 0, FRESH_POSES)
     scores = unseen.evaluate(x, conditions)[0].score

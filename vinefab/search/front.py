@@ -5,39 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.search.costs import COSTS
-from vinefab.search.record.result import Generation
+from vinefab.search.record.generations import Generation
 from vinefab.search.space import Space
-from vinefab.tasks.shipped_tasks import TASKS
-
-
-def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
-    """Raise `BadInputError` for objectives that do not fit together."""
-    key = "task.objectives"
-    if not objectives:
-        return
-    for name in objectives:
-        if name not in (task, *COSTS) and name not in TASKS:
-            others, known = [other for other in TASKS if other != task], (task, *TASKS, *COSTS)
-            allowed = (
-                f"{task!r}, other tasks ({', '.join(others)}) and costs ({', '.join(COSTS)})"
-                f"{nearest(name, known)}"
-            )
-            raise BadInputError(key, name, allowed)
-        if list(objectives).count(name) > 1:
-            raise BadInputError(key, name, "each objective once")
-    if task not in objectives:
-        raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
-    if len(objectives) < 2:
-        allowed = (
-            f"a cost ({', '.join(COSTS)}) or another task beside the score, or no objectives at all"
-        )
-        raise BadInputError(key, list(objectives), allowed)
-    if optimizer != "nsga2":
-        raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
 
 
 def minimized(

@@ -27,7 +27,7 @@ from vinefab.pages.html import Live, page
 from vinefab.pages.live_curve import live_curve
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
-from vinefab.search.record.result import Generation, Progress, curve_of
+from vinefab.search.record.generations import Generation, Progress, curve_of
 from vinefab.search.run import first_map, run_profile
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
-from vinefab.search.front import check_objectives, minimized
+from vinefab.search.front import minimized
 from vinefab.search.optimizers.islands import (
     ScreeningOptimizer,
     StartingOptimizer,
@@ -22,17 +22,15 @@ from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
-from vinefab.search.record.result import (
-    Finalist,
-    Generation,
-    Progress,
-    RunIdentity,
-    RunResult,
-    with_origin,
-)
-from vinefab.search.record.run_archive import damage_errors
+from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.result import RunResult, damage_errors, with_origin
 from vinefab.search.record.store import Recorder, RunStore
-from vinefab.search.settings import PartSettings, RunSettings, SearchSettings
+from vinefab.search.settings import (
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+    check_objectives,
+)
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.task import Task
@@ -114,7 +112,7 @@ class Search:
             For settings that do not fit together, and spaces that no search could use.
         """
         if task is not None:
-            settings = replace(settings, task=_task_settings(task))
+            settings = settings.changed(task=_task_settings(task))
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)
         config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)

@@ -6,7 +6,7 @@ favourable corner of the space. What depends on several variables at once is lef
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -222,7 +222,7 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
 def _leaf_alone(query: SpaceQuery, depth: int) -> Build:
     """Return the build of a vine as wide as the leaves of designs with so many levels."""
     build = query.settings.build
-    return replace(build, widths_mm=build.build(depth).widths_mm[-1:]).build(1)
+    return build.changed(widths_mm=build.build(depth).widths_mm[-1:]).build(1)
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -256,7 +256,7 @@ def _crotches(query: SpaceQuery) -> Iterator[BadInputError]:
 
 def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by a tail that does not fit the bed with the shortest trunk."""
-    build = replace(query.settings.build, pouch=None).build(1)
+    build = query.settings.build.changed(pouch=None).build(1)
     key, length = query.bounds(1, "length_mm")
     vine = Design(name="vine", trunk_length_mm=length.low, build=build)
     if excess_mm(capsules_of(flat_layout(vine), build), query.sheet_mm) > 0.0:

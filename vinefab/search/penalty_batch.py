@@ -4,10 +4,11 @@ Everything that depends on a level or a depth alone is computed once, by the rea
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.job.passes import reach_mm, taken_mm
 from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, sleeve_size
@@ -37,6 +38,11 @@ from vinefab.model.laser import LaserProfile
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.design_batch import DesignBatch, batch_branches
 from vinefab.search.space import Space
+
+if TYPE_CHECKING:
+    from vinefab.search import penalty_kernel
+else:
+    penalty_kernel = imported_later("vinefab.search.penalty_kernel")
 
 
 class DesignArrays(NamedTuple):
@@ -227,8 +233,6 @@ class BatchPenalty:
 
     def _of_valid(self, designs: DesignBatch) -> tuple[Floats, Ints]:
         """Return the penalties and joints of designs of which none is too large."""
-        from vinefab.search import penalty_kernel  # noqa: PLC0415  numba takes a second to import
-
         branches = batch_branches(designs)
         arrays = DesignArrays(
             depth=np.ascontiguousarray(designs.depth),

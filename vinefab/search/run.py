@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
-from vinefab.core.registry import with_parameters
 from vinefab.core.rng import child
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -32,9 +31,10 @@ from vinefab.search.manufacturability import (
     SpaceQuery,
     refuse_infeasible_space,
 )
+from vinefab.search.parallel.dask_cluster import DaskEvaluator
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
-from vinefab.search.record.result import Progress, RunIdentity, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
+from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, resumed_limits
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -49,14 +49,9 @@ from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
 
 
-def environment_options(maps: MapSettings) -> Any:  # noqa: ANN401 - every environment has its own
-    """Return the options of a run's environment."""
-    return with_parameters(ENVIRONMENTS[maps.environment].options, "maps.options", maps.options)
-
-
 def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
     """Return the maps that an environment generates for a run's seeds."""
-    options = environment_options(maps)
+    options = maps.environment_options()
     make = ENVIRONMENTS[maps.environment].make
     return _started((make(maps.seed + index, options) for index in range(maps.count)), maps)
 
@@ -90,13 +85,13 @@ def fresh_maps(settings: RunSettings) -> tuple[Map, ...]:
     if not chooses_on_fresh_maps(settings):
         return ()
     first = int(child(settings.search.seed, _STREAM).integers(2**40, 2**41))
-    return generated_maps(replace(settings.maps, seed=first, count=FRESH_MAPS))
+    return generated_maps(settings.maps.changed(seed=first, count=FRESH_MAPS))
 
 
 def first_map(settings: RunSettings) -> Map:
     """Return the first of the training maps."""
-    maps = replace(settings.maps, count=1, files=settings.maps.files[:1])
-    return training_maps(replace(settings, maps=maps))[0]
+    maps = settings.maps.changed(count=1, files=settings.maps.files[:1])
+    return training_maps(settings.changed(maps=maps))[0]
 
 
 def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
@@ -152,8 +147,6 @@ def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvalu
         if workers == 0:
             raise BadInputError("--workers", 0, "1 or more; 0 only with --cluster")
         return ThreadEvaluator(1 if workers is None else workers)
-    from vinefab.search.parallel.dask_cluster import DaskEvaluator  # noqa: PLC0415 - optional
-
     return DaskEvaluator(cluster, threads=workers)
 
 
@@ -224,7 +217,7 @@ def run_search(  # noqa: PLR0913  options by keyword
 
 def _raised(settings: RunSettings, limits: RunLimits, folder: Path) -> RunSettings:
     """Return settings with raised limits, unless a run that has ended would end all the same."""
-    raised = replace(settings, search=limits.raised(settings.search))
+    raised = settings.changed(search=limits.raised(settings.search))
     path = folder / RECORD_FILE
     if raised == settings or not path.is_file():
         return raised

@@ -30,10 +30,11 @@ from vinefab.pages.charts import fitness_curve
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Page
 from vinefab.pages.plan import map_plan
-from vinefab.search.record.result import Generation, RunResult, curve_of
-from vinefab.search.record.run_archive import (
+from vinefab.search.record.generations import Generation, curve_of
+from vinefab.search.record.result import (
     RECORD_FILE,
     RunArchive,
+    RunResult,
     damage_errors,
     plain_summary,
     records_in,

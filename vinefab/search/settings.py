@@ -1,122 +1,281 @@
-"""The settings of a run."""
+"""The settings of a run: run files (TOML, schema ``vinefab/run-1``), nouns and records at once.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+In a run file only ``schema`` is required. Further keys of ``[task]`` and ``[optimizer]`` are the
+parameters of the task and the optimizer named there.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import BaseModel
+from annotated_types import Ge, Le, Unit
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
+from typing_extensions import Doc
 
-from vinefab.core import table
-from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.growth.options import GrowthOptions
+from vinefab.core.errors import BadInputError, located, nearest, values_hidden
+from vinefab.core.plain_text import counted
+from vinefab.core.registry import with_parameters
+from vinefab.core.table import LATER, Table, validated
+from vinefab.core.validation import SMALLEST, Floats
+from vinefab.growth.options import GrowthOptions, measured_values
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.files import toml
+from vinefab.model.files.contacts_toml import read_contacts
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.map import Start
-from vinefab.model.start_place import StartPlace, start_from, start_record
+from vinefab.model.score import STANDARD_DEVIATION
+from vinefab.model.start_place import (
+    StartPlace,
+    StartTable,
+    start_from,
+    start_of_record,
+    start_record,
+)
 from vinefab.search.costs import COSTS
-from vinefab.search.space import LATER, BuildSettings, SpaceSettings
-from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
+from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.space import SYMMETRIC_PERCENT, BuildSettings, Space, SpaceSettings
+from vinefab.tasks.shipped_tasks import TASKS, make_task
+from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8
-FINALISTS_BY = ("fresh_maps", "training", "contact_range")
+MOST_SEED = 2**62
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapSettings:
-    """The training maps: generated, or from files.
-
-    Parameters
-    ----------
-    environment
-        Which generator.
-    count
-        How many maps.
-    seed
-        Seed of the first; each next map has the next seed.
-    options
-        The generator's options.
-    files
-        Map files in place of generated maps.
-    start
-        The start of every map, with its spread, in place of its own; or a place that is found on
-        each of them, ``"left side"``.
-    """
-
-    environment: str = "grid"
-    count: int = 4
-    seed: int = 1
-    options: Mapping[str, object] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
-    start: Start | StartPlace | None = field(default=None, metadata=LATER)
-
-    def __post_init__(self) -> None:
-        if isinstance(self.start, str):
-            object.__setattr__(self, "start", start_from(self.start, "maps.start"))
-        listed = (self.files,) if isinstance(self.files, str | PathLike) else tuple(self.files)
-        for one in listed:
-            if not isinstance(one, str | PathLike):
-                raise BadInputError("maps.files", one, "paths of map files; Map.write makes one")
-        object.__setattr__(self, "files", tuple(Path(one) for one in listed))
-        whole("maps.count", self.count, 1, 1000)
-        whole("maps.seed", self.seed, 0, 2**62)
+def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+    """Return the start of a table of a run file, or of a record; another one as it is."""
+    if not isinstance(given, Mapping):
+        return given
+    if "spread_heading_rad" in given:
+        return start_of_record(given)
+    return validated(StartTable, given).start
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartSettings:
-    """A part from a registry, with the parameters that differ from its defaults.
+class MapSettings(Table):
+    """Table ``[maps]``: the training maps, generated or from files."""
 
-    Parameters
-    ----------
-    name
-        Name in the registry.
-    parameters
-        Names and values.
-    """
+    environment: Annotated[str, Doc("a generator; see `vinefab map --help`")] = "grid"
+    count: Annotated[int, Ge(1), Le(1000), Doc("of maps")] = 4
+    seed: Annotated[
+        int, Ge(0), Le(MOST_SEED), Doc("of the first map; the next have the next seeds")
+    ] = 1
+    options: Annotated[Mapping[str, Any], Doc("of the generator")] = {}
+    files: Annotated[
+        tuple[Path, ...],
+        Doc("map files, relative to the run file, in place of all above"),
+    ] = ()
+    start: Annotated[
+        InstanceOf[Start] | InstanceOf[StartPlace] | None,
+        BeforeValidator(_start),
+        Doc("of every map, in place of its own"),
+        LATER,
+    ] = None
 
-    name: str
-    parameters: Mapping[str, object] = field(default_factory=dict)
+    @model_validator(mode="before")
+    @classmethod
+    def _files_and_words(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+        if not isinstance(given, Mapping):
+            return given
+        values = dict(given)
+        if isinstance(start := values.get("start"), str):
+            values["start"] = start_from(start)
+        elif start is not None and not isinstance(start, Mapping | Start | StartPlace):
+            raise BadInputError("start", start, 'a table, or words such as "left side"')
+        if "files" in values:
+            files = values["files"]
+            listed = (files,) if isinstance(files, str | PathLike) else tuple(files)
+            for one in listed:
+                if not isinstance(one, str | PathLike):
+                    raise BadInputError("files", one, "paths of map files; Map.write makes one")
+            values["files"] = tuple(Path(one) for one in listed)
+        return values
+
+    def environment_options(self) -> Any:  # noqa: ANN401  every environment has its own
+        """Return the options of the environment, checked."""
+        options = ENVIRONMENTS[self.environment].options
+        return with_parameters(options, "maps.options", self.options)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SearchSettings:
-    """How long and with what seed the optimizer searches.
+class PartSettings(Table):
+    """A part from a registry, by its name, with the parameters that differ from its defaults."""
 
-    Parameters
-    ----------
-    population
-        Designs per generation.
-    generations
-        Most generations.
-    seed
-        Seed of everything random in the run but the maps.
-    stall_generations
-        Stop when the best fitness has not improved for so many; 0: never.
-    stall_tolerance
-        What counts as an improvement, relative to the best fitness.
-    evaluations
-        Stop after the generation that reaches this number of evaluated designs; 0: never.
-    wall_time_s
-        Stop after the generation in which all sessions together exceed this time; 0: never. Runs
-        that stop by time are not reproducible in length.
-    """
+    name: Annotated[str, Doc("in the registry")]
+    parameters: Annotated[Mapping[str, Any], Doc("names and values")] = {}
 
-    population: int = 20
-    generations: int = 15
-    seed: int = 1
-    stall_generations: int = 0
-    stall_tolerance: float = 0.0
-    evaluations: int = 0
-    wall_time_s: float = 0.0
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+        return {"name": given} if isinstance(given, str) else given
 
-    def __post_init__(self) -> None:
-        whole("optimizer.population", self.population, 2, 100_000)
-        whole("optimizer.generations", self.generations, 1, 1_000_000)
-        whole("optimizer.seed", self.seed, 0, 2**62)
-        whole("optimizer.stall_generations", self.stall_generations, 0, 1_000_000)
-        number("optimizer.stall_tolerance", self.stall_tolerance, 0.0, 1.0)
-        whole("optimizer.evaluations", self.evaluations, 0, 2**53)
-        number("optimizer.wall_time_s", self.wall_time_s, 0.0, MOST_SECONDS, "s")
+
+class SearchSettings(Table):
+    """How long and with what seed the optimizer searches: a part of ``[optimizer]``."""
+
+    population: Annotated[int, Ge(2), Le(100_000), Doc("designs of a generation")] = 20
+    generations: Annotated[int, Ge(1), Le(1_000_000), Doc("at most")] = 15
+    seed: Annotated[int, Ge(0), Le(MOST_SEED), Doc("of everything random but the maps")] = 1
+    stall_generations: Annotated[
+        int, Ge(0), Le(1_000_000), Doc("without improvement that end it; 0: never")
+    ] = 0
+    stall_tolerance: Annotated[
+        float, Ge(0), Le(1), Doc("what counts as improvement, relative to the best fitness")
+    ] = 0.0
+    evaluations: Annotated[int, Ge(0), Le(2**53), Doc("of designs that end it; 0: never")] = 0
+    wall_time_s: Annotated[
+        float,
+        Ge(0),
+        Le(MOST_SECONDS),
+        Unit("s"),
+        Doc("of all sessions that ends it, not reproducibly; 0: never"),
+    ] = 0.0
+
+
+class EvaluationSettings(Table):
+    """Table ``[evaluation]``: how a design's fitness is computed."""
+
+    poses_per_map: Annotated[
+        int, Ge(1), Le(10_000), Doc("drawn for every generation, the same for all its designs")
+    ] = 1
+    maps_per_generation: Annotated[int, Ge(0), Le(1000), Doc("drawn for each; 0: all")] = 0
+    pose_range: Annotated[
+        float, Ge(0), Le(10), Doc("share of the starts' range that poses are drawn from")
+    ] = 1.0
+    composite: Annotated[
+        Literal["mean", "best", "min_deviation", "single"],
+        Doc("how scores are combined; single: of one evaluation, from one pose on one map"),
+    ] = "mean"
+    reference_deviation: Annotated[
+        float, Ge(SMALLEST), Le(1e6), Doc("of scores, that earns nothing in min_deviation")
+    ] = STANDARD_DEVIATION
+    redraw: Annotated[bool, Doc("new poses, and maps where not all, for every generation")] = True
+    fabricable: Annotated[bool, Doc("designs that break rules rank below all others")] = True
+    recipe: Annotated[
+        str,
+        Doc(
+            "whose limits decide that: a file, relative to the run file, or a name; empty: the "
+            "shipped one"
+        ),
+    ] = ""
+    head_on_weight: Annotated[
+        float, Ge(0), Le(1e3), Doc("of branches that stop head-on: what their share costs a score")
+    ] = 0.0
+    penalty_weight: Annotated[
+        float, Ge(SMALLEST), Le(1e6), Doc("fitness that one unit of broken rules costs")
+    ] = 1.0
+    finalists: Annotated[
+        int, Ge(1), Le(10_000), Doc("best designs that are scored again at the end")
+    ] = 8
+    final_poses_per_map: Annotated[int, Ge(1), Le(10_000), Doc("fresh ones, for them")] = 5
+    finalists_by: Annotated[
+        Literal["fresh_maps", "training", "contact_range"],
+        Doc(
+            "where that is: on maps that the search did not see, where maps are generated and the "
+            "run names no places; on the training maps; or there over the range of contacts"
+        ),
+    ] = "fresh_maps"
+    joint_weight: Annotated[
+        float,
+        Ge(0),
+        Le(1e3),
+        Doc("fitness that every sleeve joint costs, with build.pieces"),
+        LATER,
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _single_is_one(self) -> "EvaluationSettings":
+        if self.composite == "single":
+            for name, least in (("poses_per_map", "1"), ("maps_per_generation", "0 or 1")):
+                if getattr(self, name) > 1:
+                    allowed = f"{least} with composite = 'single', which has one evaluation"
+                    raise BadInputError(name, getattr(self, name), allowed)
+        return self
+
+
+class RunSettings(Table):
+    """A whole run; `changed` gives another one."""
+
+    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
+    maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
+    task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
+    space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
+    build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
+    growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
+    optimizer: Annotated[PartSettings, Doc("what searches")] = PartSettings(name="islands")
+    search: Annotated[SearchSettings, Doc("how long it searches")] = SearchSettings()
+    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
+    objectives: Annotated[
+        tuple[str, ...], Field(strict=False), Doc("for a front: the task, other tasks and costs")
+    ] = ()
+    other_parameters: Annotated[
+        Mapping[str, Mapping[str, Any]], Doc("of the other tasks among the objectives"), LATER
+    ] = {}
+    start_from: Annotated[
+        tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
+        Field(strict=False),
+        Doc("points of the space at which the optimizer begins, beside its own"),
+        LATER,
+    ] = ()
+
+    @classmethod
+    def read(cls, name_or_path: str | PathLike[str]) -> "RunSettings":
+        """Return the settings in a run file.
+
+        Parameters
+        ----------
+        name_or_path
+            A run file (TOML, ``vinefab/run-1``), or the name of a shipped one.
+
+        Raises
+        ------
+        BadInputError
+            If a value in the file cannot be used.
+        UnknownNameError
+            If there is no run file of that name.
+        UnreadableFileError
+            If there is no such file, or it is not TOML.
+
+        Examples
+        --------
+        >>> RunSettings.read("grid_coverage").task.name
+        'coverage'
+        """
+        return read_run(name_or_path)
+
+    @property
+    def further_objectives(self) -> tuple[str, ...]:
+        """The objectives beside the task's score, in their order: other tasks and costs."""
+        return tuple(name for name in self.objectives if name != self.task.name)
+
+    @property
+    def costs(self) -> tuple[str, ...]:
+        """The objectives that are costs, in their order."""
+        return tuple(name for name in self.objectives if name in COSTS)
+
+    @property
+    def front_axis(self) -> str:
+        """The further objective that fronts are ordered and drawn by: the first cost, if any."""
+        return (*self.costs, *self.further_objectives)[0]
+
+    @property
+    def other_tasks(self) -> tuple[PartSettings, ...]:
+        """The other tasks among the objectives, in their order."""
+        names = [name for name in self.further_objectives if name not in COSTS]
+        given = self.other_parameters
+        return tuple(PartSettings(name=name, parameters=given.get(name, {})) for name in names)
+
+
+# --- Limits that `--resume` raises ----------------------------------------------------------------
+
+LIMIT_NAMES = ("generations", "evaluations", "wall_time_s")
+
+
+def limit_option(name: str) -> str:
+    """Return the command's option for a limit."""
+    return f"--{name.replace('_', '-')}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,212 +315,276 @@ class RunLimits:
                 lifted = ", or 0 for no limit" if can_be_lifted and before else ""
                 raise BadInputError(limit_option(name), value, f"{has}{lifted}")
         try:
-            return replace(search, **self.given)  # type: ignore[arg-type]
+            return search.changed(**self.given)
         except BadInputError as error:
-            option = limit_option(error.key.removeprefix("optimizer."))
-            raise BadInputError(option, error.value, error.allowed) from error
+            raise BadInputError(limit_option(error.key), error.value, error.allowed) from error
 
 
-LIMIT_NAMES = ("generations", "evaluations", "wall_time_s")
+# --- As plain values ------------------------------------------------------------------------------
 
 
-def limit_option(name: str) -> str:
-    """Return the command's option for a limit."""
-    return f"--{name.replace('_', '-')}"
+def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each kind
+    """Return settings as plain values for JSON, the same for the same settings."""
+    if isinstance(settings, Start | StartPlace):
+        return start_record(settings)
+    if isinstance(settings, SpaceSettings):
+        ranges = ("levels", "length_mm", "angle_deg", "branches", "growth_percent", "by_level")
+        said = [name for name in ("most", "symmetric") if getattr(settings, name)]
+        return {name: plain_settings(getattr(settings, name)) for name in (*ranges, *said)}
+    if isinstance(settings, BaseModel):
+        declared = type(settings).model_fields
+        values = {name: getattr(settings, name) for name in declared}
+        later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
+        return {
+            name: plain_settings(value)
+            for name, value in values.items()
+            if name not in later or (value and value != later[name])
+        }
+    if is_dataclass(settings):
+        return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
+    if isinstance(settings, Mapping):
+        return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
+    if isinstance(settings, list | tuple):
+        return [plain_settings(entry) for entry in settings]
+    return settings if isinstance(settings, bool | int | float | str | None) else str(settings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EvaluationSettings:
-    """How a design's fitness is computed.
-
-    Parameters
-    ----------
-    poses_per_map
-        Poses that every design of a generation grows from on each map.
-    maps_per_generation
-        Training maps that the designs of a generation grow on, drawn for each generation; 0: all.
-    pose_range
-        How far poses may be from the maps' starts, over the range that each start gives: 0 takes
-        the starts as they are (fixed initial conditions), 1 all of the range.
-    composite
-        How scores are combined: ``mean``, ``best`` or ``min_deviation``; ``single``: one
-        evaluation, from one pose on one map; finalists are then ranked by their mean.
-    reference_deviation
-        Standard deviation of the scores that earns nothing in ``min_deviation``. The default
-        suits scores from 0 to 1; anchoring needs a larger one.
-    redraw
-        Draw new poses, and maps where not all are used, for every generation; otherwise all
-        generations use the same. All designs of a generation always use the same.
-    fabricable
-        Rank designs that are not manufacturable (a penalty above 0) below all that are.
-    recipe
-        Recipe whose limits apply: its name or file; empty for the default.
-    head_on_weight
-        Weight of branches that stop head-on: every score is reduced by this weight times their
-        share of the deployed branches.
-    penalty_weight
-        Fitness that one unit of penalty costs.
-    finalists
-        Number of best designs that are evaluated again to choose the winner.
-    final_poses_per_map
-        Fresh poses on each map for that.
-    finalists_by
-        What their fitness is there: ``training``, on the training maps; ``contact_range``, the
-        same over the head-on half-angles of `CONTACT_ANGLES_DEG`; ``fresh_maps``, on maps of the
-        run's environment that the search did not see, where these are generated and the run
-        names no places, and on the training maps elsewhere.
-    joint_weight
-        Fitness that every sleeve joint of a design in pieces costs.
-    """
-
-    poses_per_map: int = 1
-    maps_per_generation: int = 0
-    pose_range: float = 1.0
-    composite: str = "mean"
-    reference_deviation: float = STANDARD_DEVIATION
-    redraw: bool = True
-    fabricable: bool = True
-    recipe: str = ""
-    head_on_weight: float = 0.0
-    penalty_weight: float = 1.0
-    finalists: int = 8
-    final_poses_per_map: int = 5
-    finalists_by: str = "fresh_maps"
-    joint_weight: float = field(default=0.0, metadata=LATER)
-
-    def __post_init__(self) -> None:
-        whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)
-        whole("evaluation.finalists", self.finalists, 1, 10_000)
-        whole("evaluation.final_poses_per_map", self.final_poses_per_map, 1, 10_000)
-        positive("evaluation.penalty_weight", self.penalty_weight, 1e6, "")
-        if self.composite not in COMPOSITES:
-            raise BadInputError(
-                "evaluation.composite", self.composite, f"one of {', '.join(COMPOSITES)}"
-            )
-        if self.finalists_by not in FINALISTS_BY:
-            allowed = f"one of {', '.join(FINALISTS_BY)}"
-            raise BadInputError("evaluation.finalists_by", self.finalists_by, allowed)
-        whole("evaluation.maps_per_generation", self.maps_per_generation, 0, 1000)
-        number("evaluation.pose_range", self.pose_range, 0.0, 10.0)
-        positive("evaluation.reference_deviation", self.reference_deviation, 1e6, "")
-        number("evaluation.head_on_weight", self.head_on_weight, 0.0, 1e3)
-        number("evaluation.joint_weight", self.joint_weight, 0.0, 1e3)
-        if self.composite == "single" and self.poses_per_map > 1:
-            allowed = "1 with composite = 'single', which has one evaluation"
-            raise BadInputError("evaluation.poses_per_map", self.poses_per_map, allowed)
-        if self.composite == "single" and self.maps_per_generation > 1:
-            allowed = "0 or 1 with composite = 'single', which has one evaluation"
-            key = "evaluation.maps_per_generation"
-            raise BadInputError(key, self.maps_per_generation, allowed)
+def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
+    """Return the settings of `plain_settings`, also of a record of an older vinefab."""
+    known = {name: record[name] for name in RunSettings.model_fields if name in record}
+    # Before pressure stopped growth, records did not speak of it.
+    growth = {"pressure_stop": False, **record["growth"]}
+    return RunSettings(**{**known, "growth": growth})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunSettings:
-    """A whole run.
+# --- Run files ------------------------------------------------------------------------------------
 
-    Parameters
-    ----------
-    name
-        Name of the run and its best design; valid as a design's name.
-    maps, task, space, build, growth, optimizer, search, evaluation
-        The parts.
-    objectives
-        Names of the objectives: the task, other tasks and costs; empty in a run for the best score
-        alone.
-    other_parameters
-        Parameters of the other tasks among the objectives, by their names.
-    start_from
-        Points of the space at which the optimizer begins, beside its own.
-    """
 
-    name: str = "run"
-    maps: MapSettings = MapSettings()
-    task: PartSettings = PartSettings(name="coverage")
-    space: SpaceSettings = field(default_factory=SpaceSettings)
-    build: BuildSettings = field(default_factory=BuildSettings)
-    growth: GrowthOptions = field(default_factory=GrowthOptions)
-    optimizer: PartSettings = PartSettings(name="islands")
-    search: SearchSettings = SearchSettings()
-    evaluation: EvaluationSettings = EvaluationSettings()
-    objectives: tuple[str, ...] = ()
-    other_parameters: Mapping[str, Mapping[str, object]] = field(
-        default_factory=dict, metadata=LATER
+class TaskTable(Table):
+    """Table ``[task]``; that of another task among the objectives is ``[task.NAME]`` in it."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: Annotated[str, Doc("coverage, reach, anchoring, or of another package")] = "coverage"
+    objectives: Annotated[
+        tuple[str, ...], Field(strict=False), Doc("for a front: tasks and costs")
+    ] = ()
+
+
+class OptimizerTable(SearchSettings):
+    """Table ``[optimizer]``; without a name the optimizer that does best."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: Annotated[
+        str,
+        Doc("islands, cmaes, evolution, particleswarm, pso, nsga2 or random; empty: as fits"),
+    ] = ""
+    start_from: Annotated[
+        tuple[str, ...],
+        Field(strict=False),
+        Doc("designs to begin at, files or names; islands only"),
+    ] = ()
+
+
+class RunFile(Table):
+    """A whole run file."""
+
+    schema_: Annotated[
+        Literal["vinefab/run-1"], Field(alias="schema"), Doc("kind of file and its version")
+    ] = "vinefab/run-1"
+    name: Annotated[str | None, Doc("of the run and its best design; default: the file's")] = None
+    maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
+    task: Annotated[TaskTable, Doc("what is scored")] = TaskTable()
+    space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
+    build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
+    growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
+    optimizer: Annotated[OptimizerTable, Doc("how it is searched")] = OptimizerTable()
+    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
+
+
+_MOST_LETTERS = 90
+"""Of a run's name: the best designs are called after it, some with a number behind."""
+
+
+def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
+    """Return the settings of a run file, given as a path or the name of a shipped example."""
+    path = locate("run file", name_or_path)
+    content = toml.read_toml(path)
+    with located(path):
+        _read_files_in(content, path.parent)
+    file = toml.validated(RunFile, content, path)
+    with located(path):
+        return _settings(file, path)
+
+
+def _beside(folder: Path, given: str) -> str:
+    """Return the path of a file beside the run file, or what was given if there is none."""
+    return str(folder / given) if (folder / given).is_file() else given
+
+
+def _read_files_in(content: dict[str, Any], folder: Path) -> None:
+    """Put into the content of a run file what stands in the files that it names."""
+    growth = content.get("growth")
+    if isinstance(growth, dict) and "contacts" in growth:
+        contacts = growth["contacts"]
+        if isinstance(contacts, str):
+            with values_hidden():
+                contacts = read_contacts(_beside(folder, contacts))
+        try:
+            growth |= {**measured_values(contacts), **growth, "contacts": contacts}
+        except BadInputError as error:
+            key = f"growth.contacts.{error.key}".removesuffix(".contacts")
+            raise BadInputError(key, error.value, error.allowed) from error
+
+
+def _settings(file: RunFile, path: Path) -> RunSettings:
+    name = path.stem if file.name is None else file.name
+    if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
+        raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
+    if len(name) > _MOST_LETTERS:
+        raise BadInputError("name", name, f"at most {_MOST_LETTERS} characters")
+    _refuse_together(file)
+    task, optimizer = file.task, file.optimizer
+    parameters, others = dict(task.model_extra or {}), dict[str, Mapping[str, object]]()
+    for key in [key for key, value in parameters.items() if isinstance(value, Mapping)]:
+        if key in task.objectives and key != task.name:
+            others[key] = cast("Mapping[str, object]", parameters.pop(key))
+        elif key in TASKS:
+            allowed = f"no table: {key!r} is not another task among task.objectives"
+            raise BadInputError(f"task.{key}", "a table", allowed)
+    # Islands do best only where designs have to be manufacturable.
+    best = "islands" if file.evaluation.fabricable else "cmaes"
+    settings = RunSettings(
+        name=name,
+        maps=_with_files(file.maps, path.parent),
+        task=PartSettings(name=task.name, parameters=parameters),
+        space=file.space,
+        build=file.build,
+        growth=file.growth,
+        optimizer=PartSettings(
+            name=optimizer.name or ("nsga2" if task.objectives else best),
+            parameters=optimizer.model_extra or {},
+        ),
+        search=SearchSettings(**{n: getattr(optimizer, n) for n in SearchSettings.model_fields}),
+        evaluation=file.evaluation.changed(recipe=_beside(path.parent, file.evaluation.recipe)),
+        objectives=task.objectives,
+        other_parameters=others,
     )
-    start_from: tuple[tuple[float, ...], ...] = field(default=(), metadata=LATER)
-
-    def __post_init__(self) -> None:
-        for name, kind in _PARTS.items():
-            given = getattr(self, name)
-            if kind is PartSettings and isinstance(given, str):
-                given = PartSettings(name=given)
-                object.__setattr__(self, name, given)
-            if not isinstance(given, kind):
-                words = "a name or " if kind is PartSettings else ""
-                raise BadInputError(name, given, f"{words}{kind.__name__}")
-
-    @classmethod
-    def read(cls, name_or_path: str | PathLike[str]) -> "RunSettings":
-        """Return the settings in a run file; `dataclasses.replace` changes them.
-
-        Parameters
-        ----------
-        name_or_path
-            A run file (TOML, ``vinefab/run-1``), or the name of a shipped one.
-
-        Raises
-        ------
-        BadInputError
-            If a value in the file cannot be used.
-        UnknownNameError
-            If there is no run file of that name.
-        UnreadableFileError
-            If there is no such file, or it is not TOML.
-
-        Examples
-        --------
-        >>> RunSettings.read("grid_coverage").task.name
-        'coverage'
-        """
-        # Run files are built on this module.
-        from vinefab.model.files.shipped import locate  # noqa: PLC0415
-        from vinefab.search.run_file import read_run  # noqa: PLC0415
-
-        return read_run(locate("run file", name_or_path))
-
-    @property
-    def further_objectives(self) -> tuple[str, ...]:
-        """The objectives beside the task's score, in their order: other tasks and costs."""
-        return tuple(name for name in self.objectives if name != self.task.name)
-
-    @property
-    def costs(self) -> tuple[str, ...]:
-        """The objectives that are costs, in their order."""
-        return tuple(name for name in self.objectives if name in COSTS)
-
-    @property
-    def front_axis(self) -> str:
-        """The further objective that fronts are ordered and drawn by: the first cost, if any."""
-        return (*self.costs, *self.further_objectives)[0]
-
-    @property
-    def other_tasks(self) -> tuple[PartSettings, ...]:
-        """The other tasks among the objectives, in their order."""
-        names = [name for name in self.further_objectives if name not in COSTS]
-        given = self.other_parameters
-        return tuple(PartSettings(name=name, parameters=given.get(name, {})) for name in names)
+    settings = settings.changed(start_from=_points(optimizer.start_from, settings, path))
+    check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+    # Built once here, so that a wrong name or parameter is reported with the file.
+    settings.maps.environment_options()
+    make_task(settings.task.name, settings.task.parameters)
+    for other in settings.other_tasks:
+        make_other_task(other)
+    make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+    return settings
 
 
-_PARTS: Mapping[str, type] = {
-    "maps": MapSettings,
-    "task": PartSettings,
-    "space": SpaceSettings,
-    "build": BuildSettings,
-    "growth": GrowthOptions,
-    "optimizer": PartSettings,
-    "search": SearchSettings,
-    "evaluation": EvaluationSettings,
-}
-"""What the parts of a run are."""
+def _refuse_together(file: RunFile) -> None:
+    """Refuse keys of a run file that do not stand beside each other."""
+    build, space = file.build, file.space
+    if isinstance(space.most_branches, float):
+        raise BadInputError("space.most_branches", space.most_branches, "a valid integer")
+    if "widths_mm" in build.model_fields_set:
+        if "trunk_width_mm" in build.model_fields_set:
+            allowed = "not beside build.widths_mm"
+            raise BadInputError("build.trunk_width_mm", build.trunk_width_mm, allowed)
+        if not build.widths_mm:
+            raise BadInputError("build.widths_mm", [], "at least the trunk's width")
+    if space.symmetric:
+        given = {f"space.level {level.number}": level.growth_percent for level in space.level}
+        if "growth_percent" in space.model_fields_set:
+            given["space"] = space.growth_percent
+        for table, growth in given.items():
+            if growth is not None and (growth.low, growth.high) != (SYMMETRIC_PERCENT,) * 2:
+                key, ends = f"{table}.growth_percent", [growth.low, growth.high]
+                allowed = (
+                    "100, or left out: with symmetric = true children of a fan are all as long"
+                )
+                raise BadInputError(key, ends, allowed)
+
+
+def _with_files(maps: MapSettings, folder: Path) -> MapSettings:
+    """Return maps with the paths of their files, which are relative to a run file."""
+    if "files" not in maps.model_fields_set:
+        return maps
+    for name in maps.model_fields_set - {"files", "start"}:
+        raise BadInputError(f"maps.{name}", getattr(maps, name), "not together with maps.files")
+    if not maps.files:
+        raise BadInputError("maps.files", [], "at least one map file")
+    for index, file in enumerate(maps.files, start=1):
+        if not (folder / file).is_file():
+            allowed = f"a map file, relative to the folder of the run file: {folder / file}"
+            raise BadInputError(f"maps.files[{index}]", str(file), allowed)
+    paths = tuple(folder / name for name in maps.files)
+    return MapSettings(count=len(paths), files=paths, start=maps.start)
+
+
+def _points(
+    given: Sequence[str], settings: RunSettings, path: Path
+) -> tuple[tuple[float, ...], ...]:
+    """Return the points of the designs to begin at: the nearest within the space's bounds."""
+    space, points = Space(settings.space, settings.build), []
+    low, high = int(settings.space.levels.low), int(settings.space.levels.high)
+    for place, name in enumerate(given, start=1):
+        file, key = path.parent / name, f"optimizer.start_from[{place}]"
+        if not file.is_file() and name not in {*names("design"), *user_names("design")}:
+            raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
+        with values_hidden():
+            design = read_design(file if file.is_file() else name)
+        if not low <= design.depth <= high:
+            found = f"{name}, a design with {counted(design.depth, 'level')}"
+            allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"
+            raise BadInputError(key, found, allowed)
+        points.append(tuple(space.vector(design).tolist()))
+    return tuple(points)
+
+
+def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
+    """Raise `BadInputError` for objectives that do not fit together."""
+    key = "task.objectives"
+    if not objectives:
+        return
+    for name in objectives:
+        if name not in (task, *COSTS) and name not in TASKS:
+            others, known = [other for other in TASKS if other != task], (task, *TASKS, *COSTS)
+            allowed = (
+                f"{task!r}, other tasks ({', '.join(others)}) and costs ({', '.join(COSTS)})"
+                f"{nearest(name, known)}"
+            )
+            raise BadInputError(key, name, allowed)
+        if list(objectives).count(name) > 1:
+            raise BadInputError(key, name, "each objective once")
+    if task not in objectives:
+        raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
+    if len(objectives) < 2:
+        allowed = (
+            f"a cost ({', '.join(COSTS)}) or another task beside the score, or no objectives at all"
+        )
+        raise BadInputError(key, list(objectives), allowed)
+    if optimizer != "nsga2":
+        raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
+
+
+# --- Tasks of a run -------------------------------------------------------------------------------
+
+
+def make_other_task(named: PartSettings) -> Task:
+    """Return another objective's task; errors name its table in the run file."""
+    with keys_of_other_task(named.name):
+        return make_task(named.name, named.parameters)
+
+
+@contextmanager
+def keys_of_other_task(name: str) -> Iterator[None]:
+    """Name the keys of another task in errors as the run file does; as they are without a name."""
+    try:
+        yield
+    except BadInputError as error:
+        key = error.key.replace("task.", f"task.{name}." if name else "task.", 1)
+        raise BadInputError(key, error.value, error.allowed) from error
 
 
 def targets_mm(settings: RunSettings) -> Floats:
@@ -369,25 +592,3 @@ def targets_mm(settings: RunSettings) -> Floats:
     tasks = (settings.task, *settings.other_tasks)
     points = [task.parameters.get("target_mm", ()) for task in tasks]
     return np.concatenate([np.array(some, dtype=np.float64).reshape(-1, 2) for some in points])
-
-
-def plain_settings(settings: object) -> object:
-    """Return settings as plain values for JSON, the same for the same settings."""
-    if isinstance(settings, Start | StartPlace):
-        return start_record(settings)
-    if isinstance(settings, table.Table):
-        declared = type(settings).model_fields
-        later_keys = {name for name, one in declared.items() if table.LATER in one.metadata}
-        return {n: plain_settings(v) for n, v in settings if n not in later_keys}
-    if is_dataclass(settings):
-        values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-        later = {f.name: f.default for f in fields(settings) if f.metadata.get("later")}
-        said = {n: v for n, v in values.items() if n not in later or (v and v != later[n])}
-        return {n: plain_settings(v) for n, v in said.items()}
-    if isinstance(settings, BaseModel):
-        return settings.model_dump()
-    if isinstance(settings, Mapping):
-        return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
-    if isinstance(settings, list | tuple):
-        return [plain_settings(entry) for entry in settings]
-    return settings if isinstance(settings, bool | int | float | str | None) else str(settings)

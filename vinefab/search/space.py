@@ -1,14 +1,25 @@
 """The search space: ranges of the design variables, and designs as points of a unit cube."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le, Unit
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted
-from vinefab.core.validation import LARGEST_MM, Floats, number, positive
+from vinefab.core.table import LATER, Table
+from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, number
 from vinefab.model.design import (
     DEFAULT_MOUNTING,
     DEFAULT_PRESSURE_KPA,
@@ -22,7 +33,6 @@ from vinefab.model.design import (
     Mounting,
     PieceSettings,
     Pouch,
-    check_mounting,
     default_fillets_mm,
 )
 from vinefab.search.costs import COSTS, cost_text, exceeded_limits, least_costs, limit_excess
@@ -44,68 +54,142 @@ WHOLE_NUMBERS = ("levels", "branches")
 SYMMETRIC_PERCENT = 100.0
 """Growth of a fan whose children are all as long: its left half mirrors its right one."""
 
-
 LARGEST_LIMIT = 1e15
 """Largest limit of a cost, in its unit: it limits nothing."""
 
-LATER: Mapping[str, bool] = MappingProxyType({"later": True})
-"""Marks a field that settings did not always have: where it says nothing, it is left out of
-records, so that runs keep their ids."""
+
+def _as_given(given: float, check: ValidatorFunctionWrapHandler) -> float:
+    check(given)
+    return given  # 2 stays 2: the ids of runs tell it from 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bounds:
+_End = Annotated[float, WrapValidator(_as_given)]
+
+
+class Bounds(Table):
     """The range of one variable, both ends included; fixed when they are the same."""
 
-    low: float
-    high: float
+    low: _End
+    high: _End
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SpaceSettings:
-    """Ranges of the variables; the defaults are the paper's Table 1, lengths read as mm.
+def _ends(given: object) -> object:
+    """Return a range as files have it: ``[low, high]``, or one number where it is fixed."""
+    if isinstance(given, Bounds | Mapping):
+        return given
+    ends: list[Any] = given if isinstance(given, list) else [given, given]
+    if len(ends) != 2 or any(isinstance(e, bool) or not isinstance(e, int | float) for e in ends):
+        raise ValueError("a number, or a range [low, high]")
+    for place, end in enumerate(ends, start=1):
+        if not math.isfinite(end):
+            raise BadInputError(f"[{place}]", end, "a finite number")
+    return {"low": float(ends[0]), "high": float(ends[1])}
 
-    Parameters
-    ----------
-    levels
-        Number of levels n, the trunk included.
-    length_mm
-        Length of the trunk and of each level's first child (BL).
-    angle_deg
-        Angle of the whole fan (theta).
-    branches
-        Children per parent (SPL).
-    growth_percent
-        Length of the last child over that of the first (LGF).
-    by_level
-        Ranges that differ for single levels: level number (1 is the trunk) to variable to range.
-    most
-        Limits that designs must keep: the name of a cost (`vinefab.search.costs.COSTS`) to its
-        largest value.
-    symmetric
-        Whether every design is its own mirror image: children of a fan are all as long
-        (``growth_percent`` is 100, whatever its range); their angles are symmetric anyway.
+
+Range = Annotated[Bounds, BeforeValidator(_ends)]
+"""A range: in files ``[low, high]``, or one number where the variable is fixed."""
+
+
+class LevelRanges(Table):
+    """Table ``[[space.level]]``: other ranges for one level; level 1 is the trunk."""
+
+    number: Annotated[int, Doc("of the level; 1 is the trunk")]
+    length_mm: Annotated[Range | None, Unit("mm"), Doc("range of BL")] = None
+    angle_deg: Annotated[Range | None, Unit("deg"), Doc("range of theta")] = None
+    branches: Annotated[Range | None, Doc("range of SPL")] = None
+    growth_percent: Annotated[Range | None, Unit("percent"), Doc("range of LGF")] = None
+
+    @property
+    def ranges(self) -> dict[str, Bounds]:
+        """The ranges that differ, by variable."""
+        given = {name: getattr(self, name) for name in LIMITS}
+        return {name: bounds for name, bounds in given.items() if bounds is not None}
+
+
+_Limit = Annotated[float | None, Ge(SMALLEST), Le(LARGEST_LIMIT)]
+
+
+class SpaceSettings(Table):
+    """Table ``[space]``: ranges of the variables; the defaults are the paper's Table 1, in mm.
+
+    In Python, and in records, ``by_level`` (level to variable to `Bounds`) may stand in place of
+    ``level``, and ``most`` (name of a cost to its largest value) in place of the limits.
     """
 
-    levels: Bounds = Bounds(low=2, high=5)
-    length_mm: Bounds = Bounds(low=10.0, high=205.0)
-    angle_deg: Bounds = Bounds(low=20.0, high=160.0)
-    branches: Bounds = Bounds(low=2, high=4)
-    growth_percent: Bounds = Bounds(low=10.0, high=160.0)
-    by_level: Mapping[int, Mapping[str, Bounds]] = field(default_factory=dict)
-    most: Mapping[str, float] = field(default_factory=dict, metadata=LATER)
-    symmetric: bool = field(default=False, metadata=LATER)
+    levels: Annotated[Range, Doc("range of their number, trunk included")] = Bounds(low=2, high=5)
+    length_mm: Annotated[
+        Range, Unit("mm"), Doc("range of BL, of the trunk and of each level's first child")
+    ] = Bounds(low=10.0, high=205.0)
+    angle_deg: Annotated[Range, Unit("deg"), Doc("range of theta, the whole fan")] = Bounds(
+        low=20.0, high=160.0
+    )
+    branches: Annotated[Range, Doc("range of SPL, children per parent")] = Bounds(low=2, high=4)
+    growth_percent: Annotated[
+        Range, Unit("percent"), Doc("range of LGF, length of the last child over the first's")
+    ] = Bounds(low=10.0, high=160.0)
+    most_film_length_mm: Annotated[
+        _Limit, Unit("mm"), Doc("planned length of all branches together"), LATER
+    ] = None
+    most_film_area_mm2: Annotated[
+        _Limit, Unit("mm2"), Doc("lay-flat area of all branches, one layer"), LATER
+    ] = None
+    most_sheet_area_mm2: Annotated[
+        _Limit, Unit("mm2"), Doc("of the rectangle that holds the flat robot"), LATER
+    ] = None
+    most_branches: Annotated[_Limit, WrapValidator(_as_given), Doc("trunk included"), LATER] = None
+    symmetric: Annotated[
+        bool, Doc("left mirrors right: the children of a fan are all as long"), LATER
+    ] = False
+    level: Annotated[
+        tuple[LevelRanges, ...], Field(strict=False), Doc("other ranges, by level")
+    ] = ()
 
-    def __post_init__(self) -> None:
-        _check_bounds("space.levels", "levels", self.levels, (1, MOST_LEVELS))
+    @model_validator(mode="before")
+    @classmethod
+    def _as_in_records(cls, given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
+        if not isinstance(given, Mapping) or not {"by_level", "most"} & {*given}:
+            return given
+        values = dict(given)
+        if (by_level := values.pop("by_level", None)) is not None:
+            values["level"] = [{"number": int(n), **ranges} for n, ranges in by_level.items()]
+        if (most := values.pop("most", None)) is not None:
+            for name in most:
+                if name not in COSTS:
+                    raise BadInputError("most", name, f"one of {', '.join(COSTS)}")
+            values |= {cost.limit_key: most.get(name) for name, cost in COSTS.items()}
+        return values
+
+    @model_validator(mode="after")
+    def _ranges_fit(self) -> "SpaceSettings":
+        _check_bounds("levels", "levels", self.levels, (1, MOST_LEVELS))
         for name, limits in LIMITS.items():
-            _check_bounds(f"space.{name}", name, getattr(self, name), limits)
-        for number_, table in self.by_level.items():
-            _check_level(number_, table, int(self.levels.high))
-        for name, limit in self.most.items():
-            if name not in COSTS:
-                raise BadInputError("space.most", name, f"one of {', '.join(COSTS)}")
-            positive(f"space.{COSTS[name].limit_key}", limit, LARGEST_LIMIT, COSTS[name].unit)
+            _check_bounds(name, name, getattr(self, name), limits)
+        deepest, numbers = int(self.levels.high), [level.number for level in self.level]
+        for place, level in enumerate(self.level):
+            if level.number in numbers[:place]:
+                raise BadInputError(f"level[{place + 1}].number", level.number, "each level once")
+            if not 1 <= level.number <= deepest:
+                allowed = f"1 (the trunk) to {deepest}, the most levels of the space"
+                raise BadInputError("level.number", level.number, allowed)
+            known = tuple(LIMITS) if level.number > 1 else ("length_mm",)
+            for name, bounds in level.ranges.items():
+                key = f"level {level.number}.{name}"
+                if name not in known:
+                    ends = [bounds.low, bounds.high]
+                    raise BadInputError(key, ends, f"only {', '.join(known)} there")
+                _check_bounds(key, name, bounds, LIMITS[name])
+        return self
+
+    @property
+    def by_level(self) -> dict[int, dict[str, Bounds]]:
+        """The ranges that differ for single levels: level number to variable to range."""
+        return {level.number: level.ranges for level in self.level}
+
+    @property
+    def most(self) -> dict[str, float]:
+        """The limits that designs must keep: the name of a cost to its largest value."""
+        limits = {name: getattr(self, cost.limit_key) for name, cost in COSTS.items()}
+        return {name: limit for name, limit in limits.items() if limit is not None}
 
     def bounds(self, level: int, name: str) -> Bounds:
         """Return the range of a variable of one level."""
@@ -115,51 +199,31 @@ class SpaceSettings:
         return self.by_level.get(level, {}).get(name, given)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildSettings:
-    """How every design of a run is built.
+class BuildSettings(Table):
+    """Table ``[build]``: how every design of a run is built."""
 
-    Parameters
-    ----------
-    trunk_width_mm
-        Lay-flat width of the trunk.
-    width_ratio
-        Width of a level over that of the level before.
-    widths_mm
-        Lay-flat widths of the first levels, trunk first, in place of ``trunk_width_mm``; each
-        deeper level is ``width_ratio`` times as wide as the one before. Empty: only the trunk's.
-    tail_mm
-        Straight length below the base.
-    pressure_kpa
-        Working gauge pressure.
-    pouch
-        Pouch at every leaf tip, or None.
-    pieces
-        How designs may be cut in pieces, or None for one flat outline.
-    mounting
-        As in `Build`.
-    """
-
-    trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
-    width_ratio: float = DEFAULT_WIDTH_RATIO
-    tail_mm: float = DEFAULT_TAIL_MM
-    pressure_kpa: float = DEFAULT_PRESSURE_KPA
-    pouch: Pouch | None = None
-    pieces: PieceSettings | None = field(default=None, metadata=LATER)
-    widths_mm: tuple[float, ...] = field(default=(), metadata=LATER)
-    mounting: Mounting = field(default=DEFAULT_MOUNTING, metadata=LATER)
-
-    def __post_init__(self) -> None:
-        check_mounting(self.mounting)
-        positive("build.trunk_width_mm", self.trunk_width_mm)
-        for width_mm in self.widths_mm:
-            positive("build.widths_mm", width_mm)
-        if len(self.widths_mm) > MOST_LEVELS:
-            given = counted(len(self.widths_mm), "width")
-            raise BadInputError("build.widths_mm", given, f"at most {MOST_LEVELS}, one per level")
-        positive("build.width_ratio", self.width_ratio, 1.0, "")
-        number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
-        number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
+    trunk_width_mm: Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm"), Doc("lay-flat")] = (
+        DEFAULT_TRUNK_WIDTH_MM
+    )
+    width_ratio: Annotated[
+        float, Ge(SMALLEST), Le(1), Doc("width of a level over that of the level before")
+    ] = DEFAULT_WIDTH_RATIO
+    tail_mm: Annotated[
+        float, Ge(0), Le(LARGEST_MM), Unit("mm"), Doc("straight length below the trunk's base")
+    ] = DEFAULT_TAIL_MM
+    pressure_kpa: Annotated[
+        float, Ge(0), Le(10_000), Unit("kPa"), Doc("working gauge pressure")
+    ] = DEFAULT_PRESSURE_KPA
+    pouch: Annotated[Pouch | None, Doc("at the tip of every leaf")] = None
+    pieces: Annotated[PieceSettings | None, Doc("robots may be cut in flat pieces"), LATER] = None
+    widths_mm: Annotated[
+        tuple[Annotated[float, Ge(SMALLEST), Le(LARGEST_MM)], ...],
+        Field(strict=False, max_length=MOST_LEVELS),
+        Unit("mm"),
+        Doc("lay-flat, of the first levels, in place of trunk_width_mm; deeper ones by the ratio"),
+        LATER,
+    ] = ()
+    mounting: Annotated[Mounting, Doc("as in a design"), LATER] = DEFAULT_MOUNTING
 
     @property
     def widths_key(self) -> str:
@@ -197,19 +261,6 @@ def _check_bounds(key: str, name: str, bounds: Bounds, limits: tuple[float, floa
             raise BadInputError(key, value, "whole numbers")
     if bounds.low > bounds.high:
         raise BadInputError(key, [bounds.low, bounds.high], "a lower and an upper bound, in order")
-
-
-def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
-    key = f"space.level {level}"
-    if not 1 <= level <= deepest:
-        allowed = f"1 (the trunk) to {deepest}, the most levels of the space"
-        raise BadInputError("space.level.number", level, allowed)
-    known = tuple(LIMITS) if level > 1 else ("length_mm",)
-    for name, bounds in table.items():
-        if name not in known:
-            given = [bounds.low, bounds.high]
-            raise BadInputError(f"{key}.{name}", given, f"only {', '.join(known)} there")
-        _check_bounds(f"{key}.{name}", name, bounds, LIMITS[name])
 
 
 SPACE_DECIMALS = 2
@@ -269,6 +320,7 @@ class Space:
 
     def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
         self.settings = settings
+        self.most = settings.most
         self.build = build
         every = tuple(_variables(settings))
         self.variables = tuple(variable for variable in every if not variable.is_fixed)
@@ -359,16 +411,16 @@ class Space:
 
     def limit_excess(self, designs: DesignBatch) -> Floats:
         """Return by how much designs exceed the space's limits, 0 within them, shape (m,)."""
-        return limit_excess(designs, self.build_of, self.settings.most)
+        return limit_excess(designs, self.build_of, self.most)
 
     def exceeded_limits(self, design: Design) -> list[str]:
         """Return each of the space's limits that a design exceeds, in words."""
         batch = DesignBatch.of(design)
-        return list(exceeded_limits(batch, self.build_of, self.settings.most))
+        return list(exceeded_limits(batch, self.build_of, self.most))
 
     def limits_text(self, design: Design) -> str:
         """Return what a design takes of what the space limits; empty without limits."""
-        batch, most = DesignBatch.of(design), self.settings.most
+        batch, most = DesignBatch.of(design), self.most
         return ", ".join(
             f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"
             for name, limit in most.items()
@@ -376,10 +428,10 @@ class Space:
 
     def refuse_limits_without_designs(self) -> None:
         """Raise `BadInputError` for a limit that no design of the space keeps."""
-        if not self.settings.most:
+        if not self.most:
             return
         least = least_costs(self.batch(np.zeros((1, len(self)))), self.build_of)
-        for name, limit in self.settings.most.items():
+        for name, limit in self.most.items():
             if least[name] > limit:
                 unit = f" {COSTS[name].unit}" if COSTS[name].unit else ""
                 allowed = (

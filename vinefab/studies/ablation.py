@@ -55,14 +55,13 @@ class AblationVariant:
     def run(self, size: StudySize, environment: str, number: int) -> RunSettings:
         """Return a run of half the usual length, under this assumption."""
         run = coverage_run(size, environment, number)
-        return replace(
-            run,
-            maps=replace(run.maps, options=self.options(environment)),
+        return run.changed(
+            maps=run.maps.changed(options=self.options(environment)),
             space=self.space,
             build=SLIM,
             growth=self.growth,
             task=self.seen,
-            search=replace(run.search, generations=max(1, size.generations // 2)),
+            search=run.search.changed(generations=max(1, size.generations // 2)),
         )
 
     @property
@@ -85,17 +84,17 @@ VARIANTS = (
     BASE,
     AblationVariant(
         name="head-on half-angle 5 degrees",
-        growth=replace(PAPER_GROWTH, head_on_half_angle_rad=rad(5.0)),
+        growth=PAPER_GROWTH.changed(head_on_half_angle_rad=rad(5.0)),
     ),
     AblationVariant(
         name="head-on half-angle 15 degrees",
-        growth=replace(PAPER_GROWTH, head_on_half_angle_rad=rad(15.0)),
+        growth=PAPER_GROWTH.changed(head_on_half_angle_rad=rad(15.0)),
     ),
     AblationVariant(
-        name="stuck children deploy", growth=replace(PAPER_GROWTH, children_of_stuck="deploy")
+        name="stuck children deploy", growth=PAPER_GROWTH.changed(children_of_stuck="deploy")
     ),
     AblationVariant(
-        name="inflated body, 24 mm trunk", growth=replace(PAPER_GROWTH, body="inflated")
+        name="inflated body, 24 mm trunk", growth=PAPER_GROWTH.changed(body="inflated")
     ),
     AblationVariant(
         name="fan: theta to either side",
@@ -121,7 +120,11 @@ CONCLUSIONS = (*LEADS.values(), *REACHES.values())
 
 def ablation(store: JobStore) -> StudyResult:
     """Train and test under every variant."""
-    size, designs = store.size, _reach_designs(store)
+    size, designs = store.size, {}
+    for environment in STUDIED_ENVIRONMENTS:
+        # The kept designs of `reach`, as slim as all others here.
+        reached, best = reach_designs(store, environment)
+        designs[environment] = slim(reached[best])
     ones = {
         variant.name: {home: _one(store, variant, designs, home) for home in STUDIED_ENVIRONMENTS}
         for variant in VARIANTS
@@ -210,7 +213,7 @@ def _reaches(
             replace(
                 job,
                 design=slim(job.design),
-                worlds=replace(job.worlds, options=variant.options(home)),
+                worlds=job.worlds.changed(options=variant.options(home)),
                 buffer_mm=variant.buffer_mm,
                 growth=variant.growth,
             )
@@ -226,19 +229,10 @@ def _one(
 ) -> Floats:
     """Return what one branched deployment reaches, shape (1, maps, 1)."""
     test = reach_test(store.size, designs[home], home)
-    worlds = replace(test.worlds, options=variant.options(home))
+    worlds = test.worlds.changed(options=variant.options(home))
     return study_scores(
         store, [replace(test, worlds=worlds, task=variant.reached, growth=variant.growth)]
     )
-
-
-def _reach_designs(store: JobStore) -> dict[str, dict[str, Any]]:
-    """Return the kept designs of `reach`, as slim as all others here."""
-    slimmed = {}
-    for environment in STUDIED_ENVIRONMENTS:
-        designs, best = reach_designs(store, environment)
-        slimmed[environment] = slim(designs[best])
-    return slimmed
 
 
 def slim(design: Mapping[str, Any]) -> dict[str, Any]:

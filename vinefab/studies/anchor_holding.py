@@ -1,6 +1,5 @@
 """Figure 7: how much more than one pouch six branches hold."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,7 @@ ALIKE = 0.8
 def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run on anchoring in the simplified space."""
     run = coverage_run(size, environment, number)
-    return replace(run, name=f"anchor_{environment}", task=ANCHORING_TASK, space=SPACE)
+    return run.changed(name=f"anchor_{environment}", task=ANCHORING_TASK, space=SPACE)
 
 
 def anchor(store: JobStore) -> StudyResult:
@@ -73,6 +72,7 @@ def anchor(store: JobStore) -> StudyResult:
     single = {
         home: _plain_scores(store, found.kept_design(home), home) for home in STUDIED_ENVIRONMENTS
     }
+    turns_rad = [float(np.log(PREDICTED / BRANCHES) / ASSUMED_FRICTION.value)] * BRANCHES
     return StudyResult(
         name="anchor",
         title="Anchoring (Fig. 7)",
@@ -89,7 +89,10 @@ def anchor(store: JobStore) -> StudyResult:
         ),
         rows=(
             *(row for home in STUDIED_ENVIRONMENTS for row in _rows(store, found, home)),
-            *_paper_rows(),
+            *(
+                _paper_row(amplification_interval(turns_rad, fewest, most), words)
+                for fewest, most, words in ENGAGED
+            ),
         ),
         claims=tuple(
             claim for home in STUDIED_ENVIRONMENTS for claim in _claims(found, home, single)
@@ -152,15 +155,6 @@ def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
             ours=f"{engaged:.2f} of {design['levels'][0]['branches']}",
             paper="6 (1 without contact, 1 slack)",
         ),
-    ]
-
-
-def _paper_rows() -> list[PaperNumber]:
-    """Return the paper's own prediction with fewer branches engaged and other friction."""
-    turns_rad = [float(np.log(PREDICTED / BRANCHES) / ASSUMED_FRICTION.value)] * BRANCHES
-    return [
-        _paper_row(amplification_interval(turns_rad, fewest, most), words)
-        for fewest, most, words in ENGAGED
     ]
 
 

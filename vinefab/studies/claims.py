@@ -296,7 +296,7 @@ class Claim:
         if self.kept is not None:
             kept = f"{interval_text(self.kept, self.digits)}, {self.kept.verdict}"
         difference = interval_text(self.tested, self.digits)
-        sure = _percent(self.tested.above)
+        sure = "> 99.9 %" if self.tested.above > 0.999 else f"{100 * self.tested.above:.1f} %"
         probability = p_text(self.tested.p)
         return self.tested.verdict, self.kind, self.text, difference, probability, sure, kept
 
@@ -359,11 +359,6 @@ def percent_text(found: ConfidenceInterval) -> str:
 def p_text(p: float) -> str:
     """Return a p-value, not closer than 0.001."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
-
-
-def _percent(share: float) -> str:
-    """Return a confidence, which is never sure."""
-    return "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 
 def _plain(found: ConfidenceInterval) -> dict[str, float]:

@@ -3,8 +3,8 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,9 @@ from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
-from vinefab.search.record.result import RunIdentity, package_versions
-from vinefab.search.run import environment_options, fresh_maps, generated_maps, penalty_of
+from vinefab.search.record.generations import RunIdentity
+from vinefab.search.record.identity import package_versions
+from vinefab.search.run import fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
@@ -102,13 +103,13 @@ class ContestRun:
         cls, problem: RunSettings, contender: Contender, number: int, contest: Contest
     ) -> "ContestRun":
         """Return a contender's run on a problem."""
-        maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
+        maps = problem.maps.changed(seed=problem.maps.seed + number * problem.maps.count)
         if maps.seed + maps.count > FIRST_CONTEST_SEED:
             raise BadInputError(
                 "maps.seed", maps.seed, f"less than {FIRST_CONTEST_SEED - maps.count}"
             )
-        search = replace(problem.search, seed=problem.search.seed + number)
-        settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
+        search = problem.search.changed(seed=problem.search.seed + number)
+        settings = problem.changed(maps=maps, search=search, optimizer=contender.part)
         return cls(
             contender=contender.label,
             number=number,
@@ -175,7 +176,7 @@ def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedM
     from vinefab.search.settings import MapSettings  # noqa: PLC0415
 
     settings = MapSettings(environment=environment, options=json.loads(options))
-    made = environment_options(settings)
+    made = settings.environment_options()
     make = ENVIRONMENTS[environment].make
     return tuple(PreparedMap.of(make(FIRST_CONTEST_SEED + index, made)) for index in range(count))
 
@@ -247,14 +248,10 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     if lines.pop():
         os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
     try:
-        rows = [_row(json.loads(line)) for line in lines[1:]]
+        rows = [ContestRow(**json.loads(line)) for line in lines[1:]]
     except (ValueError, TypeError) as error:
         raise UnreadableFileError(record, "is no record of a comparison") from error
     return {row.key: row for row in rows}
-
-
-def _row(values: Mapping[str, float]) -> ContestRow:
-    return ContestRow(**values)  # type: ignore[arg-type]
 
 
 _RESAMPLES = 10_000

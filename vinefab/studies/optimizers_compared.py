@@ -1,7 +1,5 @@
 """Supplement B: the particle swarm against other optimizers, with equal evaluations."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from vinefab.core.validation import Floats
@@ -36,7 +34,7 @@ def optimizer_study(store: JobStore) -> StudyResult:
     """Run every optimizer on the same problem with the same number of evaluations."""
     size = store.size
     runs = [
-        replace(coverage_run(size, "grid", number), optimizer=PartSettings(name=name))
+        coverage_run(size, "grid", number).changed(optimizer=PartSettings(name=name))
         for name in OPTIMIZER_NAMES
         for number in range(size.repeats)
     ]

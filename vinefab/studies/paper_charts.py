@@ -150,8 +150,15 @@ def forest(
         places[0].set_yticks(range(len(variants)), variants, fontsize=8)
         places[0].set_ylim(len(variants) - 0.5, -0.5)
         figure.supxlabel(label, fontsize=9, color=INK)
+        words = {True: "all of the 95 % interval above 0: held", False: "not held"}
         figure.legend(
-            handles=_keys(), loc="outside upper center", ncols=2, fontsize=8, frameon=False
+            handles=[
+                Line2D([], [], label=text, **_mark(held=held)) for held, text in words.items()
+            ],
+            loc="outside upper center",
+            ncols=2,
+            fontsize=8,
+            frameon=False,
         )
     return figure
 
@@ -160,11 +167,6 @@ def _mark(*, held: bool) -> dict[str, Any]:
     colour = LEVEL_COLOURS[0]
     face = colour if held else "white"
     return {"marker": "o", "color": colour, "markerfacecolor": face, "linestyle": "none"}
-
-
-def _keys() -> list[Line2D]:
-    words = {True: "all of the 95 % interval above 0: held", False: "not held"}
-    return [Line2D([], [], label=text, **_mark(held=held)) for held, text in words.items()]
 
 
 def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str]) -> None:

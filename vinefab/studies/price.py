@@ -1,7 +1,7 @@
 """What it costs to ask for a manufacturable robot."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,8 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
     run = coverage_run(size, environment, number)
     if task == "coverage":
         return run
-    return replace(
-        run, name=f"{task}_{environment}", task=ANCHORING_TASK, space=SPACE, build=POUCHED
+    return run.changed(
+        name=f"{task}_{environment}", task=ANCHORING_TASK, space=SPACE, build=POUCHED
     )
 
 
@@ -95,7 +95,7 @@ def run_of_way(free: RunSettings, way: str) -> RunSettings:
     run = with_evaluation(free, fabricable=True)
     if way == OUTLINE:
         return run
-    return replace(run, build=replace(run.build, pieces=PieceSettings(most=_MOST_PIECES)))
+    return run.changed(build=run.build.changed(pieces=PieceSettings(most=_MOST_PIECES)))
 
 
 def price(store: JobStore) -> StudyResult:

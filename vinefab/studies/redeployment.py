@@ -189,7 +189,7 @@ def reach_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run that is paid for what it reaches and for nothing else, as in the paper."""
     run = coverage_run(size, environment, number)
     run = with_evaluation(run, maps_per_generation=size.reach_maps_at_once)
-    return replace(run, name=f"reach_{environment}", task=REACH_TASK)
+    return run.changed(name=f"reach_{environment}", task=REACH_TASK)
 
 
 def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:

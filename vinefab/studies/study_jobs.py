@@ -27,7 +27,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import DEFAULT_MOUNTING, Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity
+from vinefab.search.record.generations import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design

@@ -47,7 +47,7 @@ def measured_fast(task: PartSettings) -> PartSettings:
     """Return a task with areas measured as in a search; anchoring has none."""
     if task.name == "anchoring":
         return task
-    return replace(task, parameters={**task.parameters, "area": "fast"})
+    return task.changed(parameters={**task.parameters, "area": "fast"})
 
 
 FAST_COVERAGE = measured_fast(COVERAGE_TASK)
@@ -87,7 +87,7 @@ def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
 
 def with_evaluation(run: RunSettings, **changes: Any) -> RunSettings:  # noqa: ANN401
     """Return a run with another way of evaluating."""
-    return replace(run, evaluation=replace(run.evaluation, **changes))
+    return run.changed(evaluation=run.evaluation.changed(**changes))
 
 
 def trained(store: JobStore, runs: list[RunSettings]) -> list[dict[str, Any]]:
@@ -132,7 +132,7 @@ def kept(store: JobStore, runs: list[RunSettings], designs: list[dict[str, Any]]
     tests = [
         replace(
             unseen_test(size, design, run.maps.environment, measured_fast(run.task), run.growth),
-            worlds=replace(run.maps, seed=FIRST_CHOICE, count=size.choice_maps),
+            worlds=run.maps.changed(seed=FIRST_CHOICE, count=size.choice_maps),
             poses=1,
         )
         for run, design in zip(runs, designs, strict=True)
@@ -271,7 +271,7 @@ def _as_run(tests: list[Testing], run: RunSettings, task: PartSettings | None) -
     return [
         replace(
             test,
-            worlds=replace(test.worlds, options=run.maps.options),
+            worlds=test.worlds.changed(options=run.maps.options),
             task=task or measured_fast(run.task),
             growth=run.growth,
         )

@@ -1,6 +1,5 @@
 """Figure 3: how training rises, what varied maps and poses bring, what weighting does."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -140,7 +139,7 @@ def variety_runs(size: StudySize) -> dict[str, list[RunSettings]]:
     ]
 
     def on(count: int, pose_range: float) -> list[RunSettings]:
-        runs = [replace(run, maps=replace(run.maps, count=count)) for run in base]
+        runs = [run.changed(maps=run.maps.changed(count=count)) for run in base]
         return [with_evaluation(run, pose_range=pose_range) for run in runs]
 
     several = {

@@ -21,8 +21,8 @@ from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.front import minimized, non_dominated, spread_out
-from vinefab.search.record.result import Generation
-from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
+from vinefab.search.record.generations import Generation
+from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
 

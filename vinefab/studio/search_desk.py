@@ -34,10 +34,9 @@ from vinefab.core.plain_text import visible
 from vinefab.core.validation import check_plain
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.named_file import path_inside
-from vinefab.search.record.result import first_difference
-from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
-from vinefab.search.run_file import read_run
-from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings
+from vinefab.search.record.generations import first_difference
+from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
+from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
 from vinefab.studio.followed_run import (
     FollowedRecord,
     best_of,

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import Block
@@ -26,6 +27,11 @@ from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes
+
+if TYPE_CHECKING:
+    from vinefab.tasks.kernels import tips_kernel
+else:
+    tips_kernel = imported_later("vinefab.tasks.kernels.tips_kernel")
 
 T = TypeVar("T", bound=np.generic)
 
@@ -94,8 +100,6 @@ class Turns(NamedTuple):
     @classmethod
     def of(cls, grown: GrownBatch, joints_rad: Floats | None = None) -> "Turns":
         """Return the turns of some growths; ``joints_rad``, one per branch, count beside them."""
-        from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  numba takes a second
-
         count = len(grown.stop)
         own = np.zeros(count) if joints_rad is None else joints_rad.copy()
         found = cls(own, np.empty(count), np.empty(count, dtype=np.bool_))
@@ -175,8 +179,6 @@ def gaps_mm(points_mm: Floats, tip: Ints, context: MapContext) -> Floats:
     tip
         Index of each tip among them, shape (m,); the point before each is on the same branch.
     """
-    from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  as above
-
     tips = points_mm[tip]
     along = tips - points_mm[tip - 1]
     length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
@@ -278,8 +280,6 @@ class AnchoredRobots:
         From the tips to the base, every branch carries what those beyond it hold, times its own
         e^(mu gamma), at most its limit.
         """
-        from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  as above
-
         free_n = np.zeros(len(self.turns.own_rad))
         holds = self.engaged & self.are_among_first(share)
         free_n[self.leaves.branch] = friction * self.press_n * holds

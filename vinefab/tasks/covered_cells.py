@@ -3,12 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Block
@@ -16,6 +17,11 @@ from vinefab.tasks.exact_areas import seen_areas
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task
+
+if TYPE_CHECKING:
+    from vinefab.tasks.kernels import areas_kernel
+else:
+    areas_kernel = imported_later("vinefab.tasks.kernels.areas_kernel")
 
 USUAL_CELLS, MOST_COVER_CELLS = 20_000, 250_000
 CELLS_PER_RADIUS, FEWEST_PER_RADIUS = 10.0, 4.0
@@ -68,8 +74,6 @@ class CellGrid:
     @classmethod
     def of(cls, context: MapContext, radius_mm: float) -> "CellGrid":
         """Return the cells for what lies within a radius of something."""
-        from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  numba takes a second to import
-
         edges_mm = context.edges_mm
         low = edges_mm.min(axis=(0, 1))
         size = edges_mm.max(axis=(0, 1)) - low
@@ -106,8 +110,6 @@ class CellGrid:
 
     def near(self, chains: Chains, radius_mm: float) -> NDArray[np.bool_]:
         """Return which cells' centres are within a radius of each body, shape (j, e)."""
-        from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  as above
-
         count, is_free = len(chains.branch) - 1, self.is_free
         found = np.empty((count, int(is_free.sum())), dtype=np.bool_)
         level, mark = np.empty(self.free_mm2.shape), np.zeros(self.free_mm2.shape, dtype=np.int64)

@@ -6,12 +6,19 @@ Errors are bounded, and measured by `tests/tasks/measure_area_errors.py`;
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.tasks.exact_areas import NUDGE_MM, TOUCHING_MM
+
+if TYPE_CHECKING:
+    from vinefab.tasks.kernels import areas_kernel, sight_kernel
+else:
+    areas_kernel = imported_later("vinefab.tasks.kernels.areas_kernel")
+    sight_kernel = imported_later("vinefab.tasks.kernels.sight_kernel")
 
 # --- Strips of free space: discs and bodies -----------------------------------------------------
 
@@ -56,8 +63,6 @@ class Raster:
         edges_mm
             Directed edges with the free space on their left, shape (e, 2, 2).
         """
-        from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  numba takes a second to import
-
         low = edges_mm.min(axis=(0, 1))
         size = edges_mm.max(axis=(0, 1)) - low
         side_mm = radius_mm / STRIPS_PER_RADIUS
@@ -86,8 +91,6 @@ class Raster:
         first
             Where each set begins, with the total at the end, shape (j + 1,).
         """
-        from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  as above
-
         largest = int(np.diff(first).max(initial=1))
         seen, summed = np.zeros((2, len(first) - 1))
         rows, most = len(self.free_mm2) + 2, 2 * STRIPS_PER_RADIUS + 3
@@ -116,8 +119,6 @@ class Raster:
         therefore below the free area of that band, 0.14 radii wide along the edge, whatever the
         map, and far smaller in practice.
         """
-        from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  as above
-
         weight = np.diff(self.free_mm2, axis=1)
         out = np.zeros(len(chains.branch) - 1)
         level, mark = np.empty(weight.shape), np.zeros(weight.shape, dtype=np.int64)
@@ -164,8 +165,6 @@ class WallCells:
         reach_mm
             Walls within this distance of a cell are listed in it.
         """
-        from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  as above
-
         ends = walls_mm.reshape(-1, 2)
         low, size = ends.min(axis=0), np.ptp(ends, axis=0)
         columns, rows = (max(1, math.ceil(float(length) / side_mm)) for length in size)
@@ -270,8 +269,6 @@ class SightLines:
         first
             Where each set begins, with the total at the end, shape (j + 1,).
         """
-        from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  as above
-
         tips_mm = _rotated(tips_mm, self.direction)
         sensors = int(np.diff(first).max(initial=0))
         number = np.concatenate([[0], np.cumsum(self.cells.numbers_at(tips_mm))])

@@ -24,7 +24,7 @@ from vinefab.model.files.profile_toml import (
 from vinefab.model.files.shipped import shipped_root
 from vinefab.model.laser import Machine, Material, Recipe
 from vinefab.rig.rig_options import PrinterForm, read_printer
-from vinefab.search.run_file import RunForm, read_run
+from vinefab.search.settings import RunFile, read_run
 
 NEVER = (1e300, math.nan, math.inf, 10**30, 10**400, True)
 """What no number may be; of limits of rules 1e300 is judged later, when they are used."""
@@ -32,7 +32,7 @@ TINY = (1e-300, -0.0)
 """Allowed where zero is."""
 FILES = {
     "designs/three_level_tree.toml": (Design, read_design),
-    "examples/grid_coverage.toml": (RunForm, read_run),
+    "examples/grid_coverage.toml": (RunFile, read_run),
     "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (Recipe, read_profile),
     "laser_profiles/machines/co2_60w.toml": (Machine, read_machine),
     "laser_profiles/materials/stretchlon_200.toml": (Material, read_material),

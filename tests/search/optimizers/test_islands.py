@@ -14,7 +14,7 @@ from vinefab.search.optimizers.islands import (
     StartingOptimizer,
 )
 from vinefab.search.optimizers.optimizer import SearchAxes
-from vinefab.search.record.run_archive import state_from_text, state_to_text
+from vinefab.search.record.result import state_from_text, state_to_text
 
 AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, least_depth=1)
 """Levels 1 to 3, a length, a number of branches on level 2, and a length each on levels 2 and 3."""

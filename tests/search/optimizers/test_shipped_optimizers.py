@@ -10,7 +10,7 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS, make_optimizer_config
-from vinefab.search.record.run_archive import state_from_text, state_to_text
+from vinefab.search.record.result import state_from_text, state_to_text
 
 TARGET = np.linspace(0.2, 0.8, 6)
 MIXED = SearchAxes(choices=(3, 0, 2, 4, 0, 0), levels=(0, 0, 2, 2, 3, 3), depth=0, least_depth=1)

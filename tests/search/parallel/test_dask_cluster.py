@@ -35,7 +35,7 @@ Maps = tuple[Map, ...]
 PROGRAM = """
 import os, signal, sys
 from pathlib import Path
-from vinefab.search.run_file import read_run
+from vinefab.search.settings import read_run
 from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
@@ -168,7 +168,7 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
 
 
 def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
-    theirs = replace(small, task=PartSettings(name="depth"))
+    theirs = small.changed(task=PartSettings(name="depth"))
     payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
     with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):

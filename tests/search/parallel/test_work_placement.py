@@ -154,7 +154,7 @@ def test_results_are_those_of_threads_wherever_points_go(
 def test_workers_are_used_only_when_the_run_to_come_pays_for_their_start(
     small: RunSettings, maps: tuple[Map, ...]
 ) -> None:
-    long = replace(small, search=replace(small.search, generations=1000))
+    long = small.changed(search=small.search.changed(generations=1000))
     x, workers = np.random.default_rng(1).random((200, 16)), 8
     for settings, start_s, used in ((small, 50.0, False), (long, 0.5, True)):
         evaluator = Evaluator.of(EvaluatorSpec(settings=settings, maps=maps))

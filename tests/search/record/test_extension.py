@@ -2,15 +2,14 @@
 
 import sqlite3
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, plain_summary
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, plain_summary
 from vinefab.search.run import result_json, result_lines, run_search
 from vinefab.search.settings import MapSettings, PartSettings, RunLimits, RunSettings
 
@@ -30,8 +29,8 @@ def content(folder: Path) -> list[list[tuple[object, ...]]]:
 
 
 def of_generations(settings: RunSettings, generations: int, **changed: object) -> RunSettings:
-    search = replace(settings.search, generations=generations, **changed)  # type: ignore[arg-type]
-    return replace(settings, search=search, maps=MapSettings(count=1))
+    search = settings.search.changed(generations=generations, **changed)  # type: ignore[arg-type]
+    return settings.changed(search=search, maps=MapSettings(count=1))
 
 
 def extended(folder: Path, settings: RunSettings, **limits: float) -> RunResult:
@@ -42,7 +41,7 @@ def extended(folder: Path, settings: RunSettings, **limits: float) -> RunResult:
 def test_an_extended_run_is_the_one_asked_for_at_once(
     tmp_path: Path, small: RunSettings, name: str
 ) -> None:
-    settings = replace(small, optimizer=PartSettings(name=name))
+    settings = small.changed(optimizer=PartSettings(name=name))
     first = run_search(of_generations(settings, 2), tmp_path / "run")
     second = extended(tmp_path / "run", of_generations(settings, 2), generations=4)
     whole = run_search(of_generations(settings, 4), tmp_path / "whole")
@@ -109,7 +108,7 @@ def test_evaluations_are_a_limit_that_can_be_raised_or_lifted(
         ({"wall_time_s": 1e4}, "allowed: more of --generations, by which the run has stopped"),
         (
             {"generations": 10**9},
-            "--generations is 1000000000; allowed: a whole number from 1 to 1000000",
+            "--generations is 1000000000; allowed: less than or equal to 1000000",
         ),
     ],
 )
@@ -129,7 +128,7 @@ def test_a_changed_run_file_is_told_of_the_option(tmp_path: Path, small: RunSett
     run_search(of_generations(small, 2), tmp_path)
     with pytest.raises(BadInputError, match="with which the run began; --generations raises it"):
         run_search(of_generations(small, 3), tmp_path, resume=True)
-    other = replace(of_generations(small, 2), name="other")
+    other = of_generations(small, 2).changed(name="other")
     with pytest.raises(BadInputError, match="name is 'other'"):
         extended(tmp_path, other, generations=3)
 

@@ -1,7 +1,6 @@
 import json
 import sqlite3
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +12,17 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import Progress, RunIdentity, RunResult, map_fingerprint
-from vinefab.search.record.run_archive import (
+from vinefab.search.record.generations import Progress, RunIdentity
+from vinefab.search.record.identity import map_fingerprint
+from vinefab.search.record.result import (
     RECORD_FILE,
     RecordTail,
     RunArchive,
+    RunResult,
     map_from_text,
     map_to_text,
     plain_summary,
     records_in,
-    settings_from_plain,
 )
 from vinefab.search.record.store import RunStore
 from vinefab.search.run_pages import list_runs
@@ -32,6 +32,7 @@ from vinefab.search.settings import (
     PartSettings,
     RunSettings,
     plain_settings,
+    settings_from_plain,
 )
 from vinefab.search.space import Bounds, BuildSettings
 
@@ -105,15 +106,13 @@ def test_a_record_of_infinite_times_is_listed_as_unreadable(
 
 
 def test_all_settings_read_back_the_same(small: RunSettings) -> None:
-    space = replace(
-        small.space,
+    space = small.space.changed(
         by_level={
             1: {"length_mm": Bounds(low=40, high=120)},
             3: {"branches": Bounds(low=2, high=2)},
         },
     )
-    rich = replace(
-        small,
+    rich = small.changed(
         space=space,
         maps=MapSettings(count=2, files=(Path("a.geojson"), Path("b/c.geojson"))),
         task=PartSettings(name="coverage", parameters={"radius_mm": 40.0, "clip": "none"}),
@@ -125,7 +124,7 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
         evaluation=EvaluationSettings(joint_weight=0.01),
     )
     assert settings_from_plain(plain_settings(rich)) == rich
-    wide = replace(rich, build=BuildSettings(widths_mm=(30.0, 20.0)))
+    wide = rich.changed(build=BuildSettings(widths_mm=(30.0, 20.0)))
     assert settings_from_plain(json.loads(json.dumps(plain_settings(wide)))) == wide
     assert "widths_mm" not in json.dumps(plain_settings(small))
     assert "pieces" not in json.dumps(plain_settings(small))

@@ -16,8 +16,8 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record import store as module
-from vinefab.search.record.result import Generation, Progress, RunIdentity, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.generations import Generation, Progress, RunIdentity
+from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.run import run_search
 from vinefab.search.settings import RunSettings, SearchSettings
@@ -126,7 +126,7 @@ def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
 
 def test_another_run_cannot_resume_a_record(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
     recorded(tmp_path, small, maps)
-    other = replace(small, search=replace(small.search, seed=9))
+    other = small.changed(search=small.search.changed(seed=9))
     with pytest.raises(BadInputError, match=r"search\.seed is 9; allowed: 3, with which"):
         recorded(tmp_path, other, maps, resume=True)
     with pytest.raises(BadInputError, match="maps with which the run began"):

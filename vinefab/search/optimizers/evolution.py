@@ -7,13 +7,19 @@ its operators can be driven step by step.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+
+if TYPE_CHECKING:
+    from vinefab.search.optimizers import pymoo_parts
+else:
+    pymoo_parts = imported_later("vinefab.search.optimizers.pymoo_parts")
 
 _STREAM = 1404
 
@@ -52,9 +58,28 @@ class Evolution:
         self._generation = 0
         self._parents = np.empty((0, len(axes)))
         self._fitness = np.empty(0)
-        self._problem = _problem(axes)
-        self._mating = _mating(config)
-        self._mating.eliminate_duplicates = self._duplicates()
+        integer, real = pymoo_parts.Integer, pymoo_parts.Real
+        variables = {
+            axis: integer(bounds=(0, choices - 1)) if choices else real(bounds=(0.0, 1.0))
+            for axis, choices in enumerate(axes.choices)
+        }
+        self._problem = pymoo_parts.Problem(vars=variables, n_obj=1)
+        crossover, mutation = config.crossover_eta, config.mutation_eta
+        rounded = {"vtype": float, "repair": pymoo_parts.RoundingRepair()}
+        self._mating = pymoo_parts.MixedVariableMating(
+            crossover={
+                real: pymoo_parts.SBX(eta=crossover),
+                integer: pymoo_parts.SBX(eta=crossover, **rounded),
+            },
+            mutation={
+                real: pymoo_parts.PM(eta=mutation),
+                integer: pymoo_parts.PM(eta=mutation, **rounded),
+            },
+        )
+        # Children that stand for the same design as another one are left out.
+        self._mating.eliminate_duplicates = pymoo_parts.DefaultDuplicateElimination(
+            func=lambda pop: axes.canonical(self._points(pop))
+        )
 
     def ask(self) -> Floats:
         """Return the first population, or the children of the last, shape (m, d)."""
@@ -92,8 +117,6 @@ class Evolution:
         self._parents = parents.reshape(-1, len(self._axes))
 
     def _individuals(self, points: Floats) -> Any:  # noqa: ANN401 - pymoo has no types
-        from pymoo.core.population import Population  # noqa: PLC0415 - loaded when it is used
-
         rows = [
             {
                 axis: index if choices else value
@@ -105,7 +128,7 @@ class Evolution:
                 self._axes.indices(points).tolist(), points.tolist(), strict=True
             )
         ]
-        return Population.new(X=rows)
+        return pymoo_parts.Population.new(X=rows)
 
     def _points(self, individuals: Any) -> Floats:  # noqa: ANN401 - pymoo has no types
         axes = range(len(self._axes))
@@ -115,35 +138,3 @@ class Evolution:
         counts = np.maximum(np.array(self._axes.choices), 1)
         points: Floats = np.where(self._axes.integer, (values + 0.5) / counts, values)
         return points
-
-    def _duplicates(self) -> Any:  # noqa: ANN401 - pymoo has no types
-        """Return the elimination of children that stand for the same design as another."""
-        from pymoo.core.duplicate import DefaultDuplicateElimination  # noqa: PLC0415
-
-        return DefaultDuplicateElimination(func=lambda pop: self._axes.canonical(self._points(pop)))
-
-
-def _problem(axes: SearchAxes) -> Any:  # noqa: ANN401 - pymoo has no types
-    from pymoo.core.problem import Problem  # noqa: PLC0415
-    from pymoo.core.variable import Integer, Real  # noqa: PLC0415
-
-    variables = {
-        axis: Integer(bounds=(0, choices - 1)) if choices else Real(bounds=(0.0, 1.0))
-        for axis, choices in enumerate(axes.choices)
-    }
-    return Problem(vars=variables, n_obj=1)
-
-
-def _mating(config: EvolutionConfig) -> Any:  # noqa: ANN401 - pymoo has no types
-    from pymoo.core.mixed import MixedVariableMating  # noqa: PLC0415
-    from pymoo.core.variable import Integer, Real  # noqa: PLC0415
-    from pymoo.operators.crossover.sbx import SBX  # noqa: PLC0415
-    from pymoo.operators.mutation.pm import PM  # noqa: PLC0415
-    from pymoo.operators.repair.rounding import RoundingRepair  # noqa: PLC0415
-
-    crossover, mutation = config.crossover_eta, config.mutation_eta
-    integer = {"vtype": float, "repair": RoundingRepair()}
-    return MixedVariableMating(
-        crossover={Real: SBX(eta=crossover), Integer: SBX(eta=crossover, **integer)},
-        mutation={Real: PM(eta=mutation), Integer: PM(eta=mutation, **integer)},
-    )

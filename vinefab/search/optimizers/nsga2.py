@@ -7,13 +7,19 @@ that are not manufacturable rank below all others, by their fitness.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.search.optimizers.evolution import Evolution, EvolutionConfig
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+
+if TYPE_CHECKING:
+    from vinefab.search.optimizers import pymoo_parts
+else:
+    pymoo_parts = imported_later("vinefab.search.optimizers.pymoo_parts")
 
 
 @runtime_checkable
@@ -45,7 +51,9 @@ class Nsga(Evolution):
         super().__init__(config, axes, population, seed)
         self._costs = np.empty((0, 0))
         self._lowest = -np.inf
-        self._mating.selection = _tournament()
+        self._mating.selection = pymoo_parts.TournamentSelection(
+            func_comp=lambda _, pairs, **__: pairs.min(axis=1)[:, None]
+        )
 
     def set_lowest(self, lowest: float) -> None:
         """Take the lowest fitness of a manufacturable design."""
@@ -84,24 +92,13 @@ def ranking(fitness: Floats, costs: Floats, lowest: float) -> Ints:
     fitness
         Shape (m,).
     """
-    from pymoo.operators.survival.rank_and_crowding.metrics import (  # noqa: PLC0415 - when used
-        calc_crowding_distance,
-    )
-    from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting  # noqa: PLC0415
-
     feasible = np.flatnonzero((fitness >= lowest) & np.isfinite(costs).all(axis=1))
     rest = np.setdiff1d(np.arange(len(fitness)), feasible)
     order = [rest[np.argsort(-fitness[rest], kind="stable")]]
     if len(feasible):
         values = np.column_stack([-fitness[feasible], costs[feasible]])
-        for front in reversed(NonDominatedSorting().do(values)):
+        for front in reversed(pymoo_parts.NonDominatedSorting().do(values)):
             rows = np.sort(front)
-            crowding = calc_crowding_distance(values[rows])
+            crowding = pymoo_parts.calc_crowding_distance(values[rows])
             order.insert(0, feasible[rows[np.argsort(-crowding, kind="stable")]])
     return np.concatenate(order)
-
-
-def _tournament() -> Any:  # noqa: ANN401 - pymoo has no types
-    from pymoo.operators.selection.tournament import TournamentSelection  # noqa: PLC0415
-
-    return TournamentSelection(func_comp=lambda _, pairs, **__: pairs.min(axis=1)[:, None])

@@ -10,13 +10,21 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, whole
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+
+if TYPE_CHECKING:
+    from pyswarms import backend
+    from pyswarms.backend import topology
+else:
+    backend = imported_later("pyswarms.backend")
+    topology = imported_later("pyswarms.backend.topology")
 
 _STREAM = 1401
 _QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
@@ -77,9 +85,6 @@ class ParticleSwarm:
         self._generation = 0
         self._bounds = (np.zeros(shape[1]), np.ones(shape[1]))
         with _quiet():
-            from pyswarms import backend  # noqa: PLC0415 - only within _quiet
-
-            self._backend = backend
             self._topology = _topology(config, shape[0])
             self._on_bounds = backend.BoundaryHandler(strategy="reflective")
             self._on_speed = backend.VelocityHandler(strategy="unmodified")
@@ -95,7 +100,7 @@ class ParticleSwarm:
         swarm = self._swarm
         swarm.position = np.array(x, dtype=np.float64)
         swarm.current_cost = -np.asarray(fitness, dtype=np.float64)
-        swarm.pbest_pos, swarm.pbest_cost = self._backend.compute_pbest(swarm)
+        swarm.pbest_pos, swarm.pbest_cost = backend.compute_pbest(swarm)
         self._follow_best()
         self._generation += 1
         with _seeded_global_generator(self._seed, self._generation):
@@ -145,7 +150,7 @@ class ParticleSwarm:
         config = self._config
         options = {"c1": config.cognitive, "c2": config.social, "w": config.inertia}
         with _seeded_global_generator(self._seed, 0):
-            swarm = self._backend.create_swarm(
+            swarm = backend.create_swarm(
                 *self._shape,
                 options=options,
                 bounds=self._bounds,
@@ -156,11 +161,9 @@ class ParticleSwarm:
 
 
 def _topology(config: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - pyswarms has no types
-    from pyswarms.backend.topology import Ring, Star  # noqa: PLC0415 - only within _quiet
-
     if config.neighbours == 0 or config.neighbours >= population:
-        return Star()
-    ring = Ring(static=True)
+        return topology.Star()
+    ring = topology.Ring(static=True)
     # pyswarms would connect particles that start close to each other; a ring connects all.
     ring.neighbor_idx = _ring_by_number(population, config.neighbours)
     return ring

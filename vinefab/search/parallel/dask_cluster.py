@@ -20,10 +20,11 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.interruption import stops_deferred
@@ -32,9 +33,17 @@ from vinefab.search.evaluator import Evaluations, Evaluator, EvaluatorSpec
 from vinefab.search.parallel.executor import in_work_units
 from vinefab.search.parallel.point_evaluator import Begin, Finish, ThreadEvaluator
 from vinefab.search.parallel.work_placement import HandingOut, PlacedRun
-from vinefab.search.record.result import package_versions, plugin_packages
+from vinefab.search.record.generations import plugin_packages
+from vinefab.search.record.identity import package_versions
 from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.evaluate import Conditions
+
+if TYPE_CHECKING:
+    import dask
+    import distributed
+else:
+    dask = imported_later("dask")
+    distributed = imported_later("distributed")
 
 
 class _Pickler(pickle.Pickler):
@@ -188,13 +197,11 @@ class DaskEvaluator:
         futures: Sequence[Any],
     ) -> list[Any]:
         """Return the results of futures, also when workers die meanwhile."""
-        from distributed import KilledWorker  # noqa: PLC0415 - optional
-
         for _ in range(MOST_RETRIES):
             self._await(client, futures)
             try:
                 return list(client.gather(futures))
-            except KilledWorker:
+            except distributed.KilledWorker:
                 for future in futures:
                     if future.status == "error":
                         future.retry()
@@ -233,8 +240,6 @@ class DaskEvaluator:
             with self._local_client() as client:
                 yield client
             return
-        from distributed import Client  # noqa: PLC0415 - optional
-
         file = self.address.endswith(".json")
         scheduler = _address_in(Path(self.address)) if file else self.address
         if scheduler is None:
@@ -245,7 +250,7 @@ class DaskEvaluator:
             _check_tls_files(self.address)
         where = {"scheduler_file": self.address} if file else {"address": self.address}
         try:
-            client = Client(**where, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
+            client = distributed.Client(**where, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             allowed = f"a running dask scheduler ({' '.join(str(error).split())[:80]})"
             raise BadInputError("--cluster", self.address, allowed) from error
@@ -255,9 +260,6 @@ class DaskEvaluator:
     @contextmanager
     def _local_client(self) -> Iterator[Any]:
         """Start workers on this computer that only this run can use, and connect to them."""
-        import dask  # noqa: PLC0415 - optional
-        from distributed import Client  # noqa: PLC0415 - optional
-
         stack = ExitStack()
         try:
             # Begun and ended undisturbed: a half of a cluster can be neither used nor closed.
@@ -268,7 +270,7 @@ class DaskEvaluator:
                 stack.enter_context(dask.config.set(_without_http()))  # also for later workers
                 stack.enter_context(dask.config.set({"temporary-directory": private}))
                 cluster = stack.enter_context(self._local_cluster(private))
-                client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
+                client = stack.enter_context(distributed.Client(cluster))  # type: ignore[no-untyped-call]
                 self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
             yield client
         finally:
@@ -276,14 +278,11 @@ class DaskEvaluator:
                 stack.close()
 
     def _local_cluster(self, folder: str) -> Any:  # noqa: ANN401 - as above
-        from distributed import LocalCluster  # noqa: PLC0415 - optional
-        from distributed.security import Security  # noqa: PLC0415 - optional
-
         try:
-            return LocalCluster(  # type: ignore[no-untyped-call]
+            return distributed.LocalCluster(  # type: ignore[no-untyped-call]
                 n_workers=self.count,
                 threads_per_worker=1,
-                security=Security.temporary(),  # type: ignore[no-untyped-call]
+                security=distributed.Security.temporary(),  # type: ignore[no-untyped-call]
                 # A fixed port would be taken, and a warning given, beside another cluster.
                 scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
                 local_directory=folder,
@@ -381,11 +380,9 @@ def _address_in(path: Path) -> str | None:
 
 def _check_tls_files(address: str) -> None:
     """Refuse a ``tls://`` address without the files that it needs."""
-    from distributed.security import Security  # noqa: PLC0415 - optional
-
     allowed = f"tls://HOST:PORT with PEM files named in {', '.join(TLS_FILES)}"
     try:
-        security = Security()  # type: ignore[no-untyped-call]
+        security = distributed.Security()  # type: ignore[no-untyped-call]
         given = [(name, getattr(security, field)) for name, field in TLS_FILES.items()]
         for _, file in given:
             if file is not None and "\n" not in file:  # else the content itself
@@ -400,8 +397,6 @@ def _check_tls_files(address: str) -> None:
 
 def _without_http() -> dict[str, list[str]]:
     """Return settings of dask with which its servers answer only to TLS certificates."""
-    import dask  # noqa: PLC0415 - optional
-
     settings: dict[str, list[str]] = {}
     for server in ("scheduler", "worker"):
         preload = f"distributed.{server}.preload"
@@ -417,10 +412,8 @@ def dask_setup(server: Any) -> None:  # noqa: ANN401 - distributed has no types
 
 
 def _wait(unfinished: Sequence[Any]) -> None:
-    from distributed import wait  # noqa: PLC0415 - optional
-
     try:
-        wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
+        distributed.wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
     except TimeoutError:
         return
 

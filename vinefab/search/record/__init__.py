@@ -1,5 +1,5 @@
 """The record of a run: one SQLite file.
 
-`result` has the nouns (`Generation`, `Finalist`, `RunResult`, `RunIdentity`), `store` writes a
-record (`RunStore`, `Recorder`), `run_archive` reads one (`RunArchive`, `records_in`).
+`generations` has its nouns (`Generation`, `Finalist`, `RunIdentity`), `store` writes a record
+(`RunStore`, `Recorder`), `result` reads one (`RunArchive`, `RunResult`, `records_in`).
 """

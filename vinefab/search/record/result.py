@@ -1,138 +1,71 @@
-"""Generations, finalists and result of a run, and what identifies the run."""
+"""The result and the record of a run: read, and the serialized form of everything in it."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, is_dataclass, replace
+import base64
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import shapely
+from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.front_door import front_door
-from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
-from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table
-from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import path_given
-from vinefab.model.map import Map
-from vinefab.model.score import Score
-from vinefab.model.start_place import start_of_record, start_text
-from vinefab.search.costs import COSTS
-from vinefab.search.evaluator import INVALID_FITNESS, Penalty, final_seed
-from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.identity import map_fingerprint, package_versions
-from vinefab.search.settings import LIMIT_NAMES, RunSettings, limit_option, plain_settings
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.score import Evaluation, Score
+from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.search.evaluator import final_seed
+from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
+from vinefab.search.settings import (
+    RunSettings,
+    plain_settings,
+    settings_from_plain,
+)
 from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
-from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks.evaluate import composite
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Generation:
-    """One generation: m points and their evaluations."""
+def with_origin(
+    finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
+) -> Design:
+    """Return a finalist's design with its name and origin, the growth options among it.
 
-    number: int  # 0 for the first
-    x: Floats  # points in the unit cube, shape (m, d)
-    fitness: Floats  # as told to the optimizer, shape (m,)
-    composite: Floats  # composite scores, shape (m,); NaN for a point without a valid design
-    penalty: Floats  # shape (m,); 0 for designs that are manufacturable and within the limits
-    # means of the task's terms over the evaluations, and composites of other tasks' scores in runs
-    # that have them as objectives, by the tasks' names; shape (m,) each
-    terms: Mapping[str, Floats]
-    seconds: float  # duration
-    best: float = field(init=False)  # the largest fitness
-
-    def __post_init__(self) -> None:
-        # Stored, because it is read for all generations after each one.
-        object.__setattr__(self, "best", float(self.fitness.max()))
-
-    @property
-    def fabricable_share(self) -> float:
-        """Share of the points with a valid design without penalty."""
-        return float(((self.penalty == 0.0) & np.isfinite(self.composite)).mean())
-
-    @property
-    def has_designs(self) -> bool:
-        """Whether any point has a valid design."""
-        return bool(np.isfinite(self.composite).any())
-
-
-def curve_of(history: Sequence[Generation]) -> tuple[Floats, Floats, Floats]:
-    """Return the best fitness so far, and mean and deviation of the scores, by generation.
-
-    NaN where there was no valid design.
+    The origin holds no times: the same run gives the same bytes.
     """
-    best = np.maximum.accumulate([generation.best for generation in history])
-    scores = [g.composite[np.isfinite(g.composite)] for g in history]
-    mean = np.array([values.mean() if len(values) else np.nan for values in scores])
-    spread = np.array([values.std() if len(values) else np.nan for values in scores])
-    return np.where(best > INVALID_FITNESS, best, np.nan), mean, spread
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """The progress of a run, for its user."""
-
-    generation: int  # number of generations done
-    generations: int  # number of generations at most
-    best: float  # best fitness of the run so far
-    mean: float  # of the composite scores of this generation's designs
-    spread: float  # their standard deviation
-    fabricable_share: float  # share of this generation's points with a manufacturable design
-    elapsed_s: float  # of all sessions together
-    left_s: float  # for the rest, at this pace
-    history: Sequence[Generation] = ()  # every generation so far
-
-    @property
-    def share(self) -> float:
-        """Share of the run that is done, by the first of its limits that ends it at this pace."""
-        whole_s = self.elapsed_s + self.left_s
-        return self.elapsed_s / whole_s if whole_s > 0.0 else self.generation / self.generations
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Finalist:
-    """One of the best designs of a run, evaluated again on fresh poses."""
-
-    x: Floats  # its point, shape (d,)
-    design: Design
-    score: Score  # on the fresh poses
-    penalty: float  # 0 if it may win
-    fitness: float  # on the fresh poses; finalists are ordered by it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extension:
-    """One time that limits of a run were raised after it had begun."""
-
-    utc: str  # when, ISO 8601
-    generations_done: int  # how many generations it had by then
-    stopped: str  # why it had stopped; empty if it was not done
-    before: Mapping[str, float]  # the limits until then, by name
-    after: Mapping[str, float]  # the limits since then
-    score: float | None = None  # mean score of the winner that it had, on fresh poses
-
-    @property
-    def text(self) -> str:
-        """The extension in a line for the user."""
-        raised = [
-            f"{name} {self.before[name]:g} -> {value:g}"
-            for name, value in self.after.items()
-            if value != self.before[name]
-        ]
-        had = "" if self.score is None else f", with a winner of {self.score:.4f} (simulated)"
-        return (
-            f"extended {self.utc[:19]} UTC after "
-            f"{counted(self.generations_done, 'generation')}{had}: "
-            f"{', '.join(raised)}"
-        )
+    space = Space(settings.space, settings.build)
+    origin: dict[str, object] = {
+        "run": run_id,
+        "task": settings.task.name,
+        "optimizer": settings.optimizer.name,
+        "seed": settings.search.seed,
+        "population": settings.search.population,
+        "generations": settings.search.generations,
+        "penalty": finalist.penalty,
+        "evaluations_of_score": len(finalist.score.evaluations),
+        "poses_of_score": settings.evaluation.final_poses_per_map,
+        "seed_of_score": final_seed(settings.search.seed),
+        **{f"score_{name}": value for name, value in finalist.score.composite.items()},
+        **({"start": start_text(start)} if (start := settings.maps.start) else {}),
+        **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
+        "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
+        ORIGIN_GROWTH: settings.growth.content,
+    }
+    return finalist.design.changed(name=settings.name, origin=origin)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
@@ -238,9 +171,6 @@ class RunResult(Result):
         Traceback (most recent call last):
         vinefab.core.errors.UnreadableFileError: moon/run.sqlite: there is no such file
         """
-        # Records are built on this module.
-        from vinefab.search.record.run_archive import RECORD_FILE, RunArchive  # noqa: PLC0415
-
         path = path_given("folder", folder)
         return RunArchive.read(path if path.is_file() else path / RECORD_FILE).result()
 
@@ -287,143 +217,453 @@ class RunResult(Result):
         return sum(len(generation.fitness) for generation in self.history)
 
 
-def with_origin(
-    finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
-) -> Design:
-    """Return a finalist's design with its name and origin, the growth options among it.
+# --- The serialized form -------------------------------------------------------------------------
 
-    The origin holds no times: the same run gives the same bytes.
-    """
-    space = Space(settings.space, settings.build)
-    origin: dict[str, object] = {
-        "run": run_id,
-        "task": settings.task.name,
-        "optimizer": settings.optimizer.name,
-        "seed": settings.search.seed,
-        "population": settings.search.population,
-        "generations": settings.search.generations,
-        "penalty": finalist.penalty,
-        "evaluations_of_score": len(finalist.score.evaluations),
-        "poses_of_score": settings.evaluation.final_poses_per_map,
-        "seed_of_score": final_seed(settings.search.seed),
-        **{f"score_{name}": value for name, value in finalist.score.composite.items()},
-        **({"start": start_text(start)} if (start := settings.maps.start) else {}),
-        **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
-        "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
-        ORIGIN_GROWTH: settings.growth.content,
+
+def to_blob(values: Floats) -> bytes:
+    """Return numbers as 64-bit little-endian floats, in order."""
+    return np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+def from_blob(data: bytes, rows: int | None = None) -> Floats:
+    """Return the numbers of `to_blob`, shape (n,), or (rows, n / rows)."""
+    values = np.frombuffer(data, dtype="<f8").astype(np.float64)
+    return values if rows is None else values.reshape(rows, -1)
+
+
+def state_to_text(state: Mapping[str, object]) -> str:
+    """Return an optimizer's state as JSON, arrays of floats as their bits."""
+    plain = {
+        name: {"shape": value.shape, "bits": base64.b64encode(to_blob(value)).decode()}
+        if isinstance(value, np.ndarray)
+        else value
+        for name, value in state.items()
     }
-    return finalist.design.changed(name=settings.name, origin=origin)
+    return json.dumps(plain, allow_nan=False)
+
+
+def state_from_text(text: str) -> dict[str, Any]:
+    """Return the state of `state_to_text`; all arrays are arrays of floats."""
+    return {
+        name: from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
+        if isinstance(value, dict)
+        else value
+        for name, value in json.loads(text).items()
+    }
+
+
+def score_to_text(score: Score) -> str:
+    """Return a score as JSON; floats read back the same."""
+    evaluations = [
+        {
+            "map": evaluation.map_name,
+            "pose": asdict(evaluation.pose),
+            "score": evaluation.score,
+            "terms": dict(evaluation.terms),
+        }
+        for evaluation in score.evaluations
+    ]
+    content = {
+        "task": score.task,
+        "evaluations": evaluations,
+        "composite": dict(score.composite),
+    }
+    return json.dumps(content, allow_nan=False)
+
+
+def score_from_text(text: str) -> Score:
+    """Return the score of `score_to_text`."""
+    record = json.loads(text)
+    evaluations = tuple(
+        Evaluation(
+            map_name=entry["map"],
+            pose=Pose(**entry["pose"]),
+            score=entry["score"],
+            terms=entry["terms"],
+        )
+        for entry in record["evaluations"]
+    )
+    return Score(
+        task=record["task"],
+        evaluations=evaluations,
+        composite=record.get("composite") or composite([e.score for e in evaluations]),
+    )
+
+
+def map_to_text(world: Map) -> str:
+    """Return a map as JSON, coordinates as their bits."""
+    record = {
+        "name": world.name,
+        "bounds": world.bounds.wkb_hex,
+        "obstacles": [obstacle.wkb_hex for obstacle in world.obstacles],
+        "starts": [start_record(start) for start in world.starts],
+        "environment": world.environment,
+        "seed": world.seed,
+    }
+    return json.dumps(record)
+
+
+def map_from_text(text: str) -> Map:
+    """Return the map of `map_to_text`, without its ``facts``."""
+    record = json.loads(text)
+    return Map(
+        name=record["name"],
+        bounds=shapely.from_wkb(record["bounds"]),
+        obstacles=tuple(shapely.from_wkb(wkb) for wkb in record["obstacles"]),
+        starts=tuple(cast("Start", start_of_record(start)) for start in record["starts"]),
+        environment=record["environment"],
+        seed=record["seed"],
+    )
+
+
+RECORD_FILE = "run.sqlite"
+RECORD_SCHEMA = "vinefab/run-store-2"
+
+
+def recorded_identity(entries: Mapping[str, str], path: Path) -> RunIdentity:
+    """Return the identity of the run in a record."""
+    if entries.get("schema") != RECORD_SCHEMA:
+        raise UnreadableFileError(
+            path, f"has schema {entries.get('schema')}; this vinefab reads {RECORD_SCHEMA}"
+        )
+    return RunIdentity(
+        settings=json.loads(entries["settings"]),
+        maps=tuple(json.loads(entries["maps"])),
+        versions=json.loads(entries["versions"]),
+    )
+
+
+EXTENSION_TABLE = "CREATE TABLE IF NOT EXISTS extension (number INTEGER PRIMARY KEY, content TEXT)"
+
+
+def read_extensions(connection: sqlite3.Connection) -> tuple[Extension, ...]:
+    """Return every time that the limits of a run were raised, in order."""
+    named = "SELECT 1 FROM sqlite_master WHERE name = 'extension'"
+    if connection.execute(named).fetchone() is None:
+        return ()
+    rows = connection.execute("SELECT content FROM extension ORDER BY number").fetchall()
+    return tuple(Extension(**json.loads(text)) for (text,) in rows)
+
+
+def completed(identity: RunIdentity) -> RunIdentity:
+    """Return an identity with the defaults of settings that are newer than its record."""
+    plain = plain_settings(settings_from_plain(identity.settings))
+    return replace(identity, settings={**identity.settings, **cast("dict[str, Any]", plain)})
+
+
+def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
+    """Return the settings of a run with the limits that its record has, if it has one.
+
+    A run file says what was asked for first, also after the limits were raised. One that says
+    neither that nor what holds now is left as it is, to be refused when the record is opened.
+    """
+    path = folder / RECORD_FILE
+    if not path.is_file():
+        return settings
+    with damage_errors(path), closing(_connected(path)) as connection:
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+        if "run" not in tables:
+            return settings
+        entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+        limits = recorded_identity(entries, path).limits
+        known = [limits, *(one.before for one in read_extensions(connection))]
+        if {name: getattr(settings.search, name) for name in limits} not in known:
+            return settings
+        return settings.changed(search=settings.search.changed(**limits))
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    # Not read-only: even a reader may have to create the WAL files.
+    return sqlite3.connect(f"{Path(os.path.realpath(path)).as_uri()}?mode=rw", uri=True)
+
+
+def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Generation]:
+    """Return every generation recorded, in order, from a number on."""
+    rows = connection.execute(
+        "SELECT number, x, fitness, composite, penalty, seconds FROM generation WHERE number >= ? "
+        "ORDER BY 1",
+        (first,),
+    ).fetchall()
+    return [_generation(connection, row) for row in rows]
+
+
+def _generation(connection: sqlite3.Connection, row: tuple[Any, ...]) -> Generation:
+    number, x, fitness, composite, penalty, seconds = row
+    terms = connection.execute(
+        "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
+    ).fetchall()
+    return Generation(
+        number=number,
+        x=from_blob(x, rows=len(from_blob(fitness))),
+        fitness=_scores(fitness),
+        composite=_scores(composite),
+        penalty=_scores(penalty),
+        terms={name: from_blob(value) for name, value in terms},
+        seconds=seconds,
+    )
+
+
+_LARGEST_SCORE = 1e100
+"""Larger ones are damage: their squares overflow."""
+
+
+def _scores(blob: bytes) -> Floats:
+    values = from_blob(blob)
+    if (np.abs(values) > _LARGEST_SCORE).any():
+        raise ValueError(f"a score beyond {_LARGEST_SCORE:g}")
+    return values
+
+
+def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finalist, ...]:
+    """Return the finalists of a run that has ended, best first; none before."""
+    rows = connection.execute(
+        "SELECT x, penalty, fitness, score FROM finalist ORDER BY place"
+    ).fetchall()
+    return tuple(
+        Finalist(
+            x=from_blob(x),
+            design=space.design(from_blob(x)),
+            score=score_from_text(score),
+            penalty=penalty,
+            fitness=fitness,
+        )
+        for x, penalty, fitness, score in rows
+    )
+
+
+@contextmanager
+def system_errors(path: Path) -> Iterator[None]:
+    """Turn errors of SQLite and the system into errors of vinefab."""
+    try:
+        yield
+    except VinefabError:
+        raise
+    except sqlite3.IntegrityError as error:
+        problem = BUSY
+        raise CannotWriteError(path, problem) from error
+    except sqlite3.OperationalError as error:
+        raise CannotWriteError(path, str(error)) from error
+    except sqlite3.DatabaseError as error:
+        raise UnreadableFileError(path, str(error)) from error
+    except UnicodeDecodeError as error:  # SQLite quotes damaged bytes
+        raise UnreadableFileError(path, f"is damaged or no record ({error})") from error
+    except OSError as error:
+        raise CannotWriteError(path, error.strerror or str(error)) from error
+
+
+BUSY = "another process is working on the same run"
+
+_DAMAGE = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, ShapelyError)
+"""Errors that decoding damaged text and numbers can raise."""
+
+
+@contextmanager
+def damage_errors(path: Path) -> Iterator[None]:
+    """Turn errors while a record is read into one that says that it is damaged."""
+    try:
+        yield
+    except (sqlite3.Error, *_DAMAGE) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise UnreadableFileError(path, f"is damaged or no record ({reason})") from error
+    except OSError as error:
+        if isinstance(error, VinefabError):
+            raise
+        raise UnreadableFileError(path, error.strerror or str(error)) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunIdentity:
-    """Everything that determines a run's result, as plain values."""
+class Session:
+    """One session of a run."""
 
-    settings: Mapping[str, Any]
-    maps: tuple[str, ...]  # fingerprint of each map
-    versions: Mapping[str, str]  # of vinefab and the packages that it computes with
-
-    @classmethod
-    def of(
-        cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None = None
-    ) -> "RunIdentity":
-        """Return the identity of a run."""
-        plain = cast("dict[str, Any]", plain_settings(settings))
-        if is_dataclass(penalty):
-            plain["making"] = plain_settings(penalty)
-        return cls(
-            settings=plain,
-            maps=tuple(map_fingerprint(world) for world in maps),
-            versions=package_versions(plugin_packages(settings)),
-        )
-
-    @property
-    def run_id(self) -> str:
-        """Id of the run, 12 hexadecimal digits; independent of other packages' versions."""
-        return fingerprint(self._portable_settings, self.maps, self.versions["vinefab"])
-
-    def with_limits(self, search: Mapping[str, Any]) -> "RunIdentity":
-        """Return the identity of the same run with the limits of other search settings."""
-        limits = {name: search[name] for name in LIMIT_NAMES}
-        settings = {**self.settings, "search": {**self.settings["search"], **limits}}
-        return replace(self, settings=settings)
-
-    @property
-    def limits(self) -> dict[str, float]:
-        """The limits that end the run, by name."""
-        return {name: self.settings["search"][name] for name in LIMIT_NAMES}
-
-    @property
-    def seedless_id(self) -> str:
-        """Id of all runs that differ from this one in their seed alone."""
-        settings = self._portable_settings
-        search = {key: value for key, value in settings["search"].items() if key != "seed"}
-        return fingerprint({**settings, "search": search}, self.maps, self.versions["vinefab"])
-
-    @property
-    def _portable_settings(self) -> dict[str, Any]:
-        """The settings without the paths of map files; their content counts instead.
-
-        Limits and the start are as in run files, so that a difference is named as it is there.
-        """
-        maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
-        if start := maps.get("start"):
-            maps["start"] = start_text(start_of_record(start))
-        space = dict(self.settings["space"])
-        limits = {COSTS[name].limit_key: v for name, v in space.pop("most", {}).items()}
-        return {**self.settings, "maps": maps, "space": {**space, **limits}}
-
-    def drift(self, recorded: "RunIdentity") -> list[str]:
-        """Return the packages with other versions than a record, one message each."""
-        return [
-            f"{name} {recorded.versions.get(name, 'none')} then, {number} now"
-            for name, number in self.versions.items()
-            if recorded.versions.get(name) != number
-        ]
-
-    def differs_from(self, recorded: "RunIdentity") -> BadInputError | None:
-        """Return the error that keeps this run from resuming a record, or None."""
-        if self.versions["vinefab"] != recorded.versions["vinefab"]:
-            wanted = f"vinefab {recorded.versions['vinefab']}, which began the run"
-            return BadInputError("--resume", f"vinefab {self.versions['vinefab']}", wanted)
-        difference = first_difference(self._portable_settings, recorded._portable_settings)
-        if difference is not None:
-            key, mine, before = difference
-            name = key.removeprefix("search.")
-            raised = f"; {limit_option(name)} raises it" if name in LIMIT_NAMES else ""
-            return BadInputError(key, mine, f"{before!r}, with which the run began{raised}")
-        if self.maps != recorded.maps:
-            return BadInputError("maps", "other maps", "the maps with which the run began")
-        return None
+    began_utc: str  # ISO 8601
+    times: TimeSplit
 
 
-def plugin_packages(settings: RunSettings) -> list[str]:
-    """Return the plug-in packages of a run's task, optimizer and environment."""
-    environment = "" if settings.maps.files else settings.maps.environment
-    named: tuple[tuple[Registry[Any], str], ...] = (
-        *((TASKS, task.name) for task in (settings.task, *settings.other_tasks)),
-        (OPTIMIZERS, settings.optimizer.name),
-        (ENVIRONMENTS, environment),
-    )
-    # A look-up of a name makes the registry load plug-ins.
-    packages = {parts.packages.get(name, "") for parts, name in named if name in parts}
-    return sorted(packages - {""})
-
-
-def first_difference(
-    one: object, other: object, path: str = ""
-) -> tuple[str, object, object] | None:
-    """Return the key at which two plain values first differ, and both values; or None.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunArchive:
+    """The content of a record.
 
     Examples
     --------
-    >>> first_difference({"a": {"b": 1, "c": 2}}, {"a": {"b": 1, "c": 3}})
-    ('a.c', 2, 3)
+    >>> RunArchive.read(Path("run/run.sqlite")).result().best  # doctest: +SKIP
     """
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        for key in sorted({*one, *other}):
-            inner = f"{path}.{key}" if path else str(key)
-            if found := first_difference(one.get(key), other.get(key), inner):
-                return found
-        return None
-    return None if one == other else (path, one, other)
+
+    path: Path
+    identity: RunIdentity
+    settings: RunSettings
+    maps: tuple[Map, ...]  # the training maps
+    history: tuple[Generation, ...]  # every generation
+    finalists: tuple[Finalist, ...]  # best first; empty before the run has ended
+    stopped: str  # why it stopped; empty before it has
+    sessions: tuple[Session, ...]  # in order
+    repair: str = ""  # message on the feasibility repair
+    extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
+    prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
+    recipe: RunRecipe | None = None  # as in `RunResult`
+
+    @classmethod
+    def read(cls, path: Path) -> "RunArchive":
+        """Read a record; the run may still be in progress.
+
+        Raises
+        ------
+        UnreadableFileError
+            Where there is no record, or a damaged one.
+        """
+        if not path.is_file():
+            raise UnreadableFileError(path, "there is no such file")
+        with damage_errors(path), closing(_connected(path)) as connection:
+            return cls._from(connection, path)
+
+    @classmethod
+    def _from(cls, connection: sqlite3.Connection, path: Path) -> "RunArchive":
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+        if "run" not in tables:
+            raise UnreadableFileError(path, "is not the record of a run")
+        entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+        identity = recorded_identity(entries, path)
+        settings = settings_from_plain(identity.settings)
+        maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
+        sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
+        space = Space(settings.space, settings.build)
+        return cls(
+            path=path,
+            identity=identity,
+            settings=settings,
+            maps=tuple(map_from_text(text) for (text,) in maps),
+            history=tuple(read_generations(connection)),
+            finalists=read_finalists(connection, space),
+            stopped=entries.get("stopped", ""),
+            sessions=tuple(_session(*row) for row in sessions),
+            repair=entries.get("repair", ""),
+            extensions=read_extensions(connection),
+            prediction=json.loads(entries.get("prediction", "{}")),
+            recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
+        )
+
+    @property
+    def best_so_far(self) -> float | None:
+        """Best fitness of all generations; None before the first."""
+        best = [generation.best for generation in self.history]
+        return max(best) if best else None
+
+    def result(self) -> RunResult:
+        """Return the result of a run that has ended."""
+        if not self.finalists:
+            raise BadInputError(str(self.path), "a run that has not ended", "one that has")
+        if not self.sessions:
+            raise UnreadableFileError(self.path, "is damaged: the row of its session is missing")
+        run_id = self.identity.run_id
+        result = RunResult(
+            run_id=run_id,
+            best=with_origin(self.finalists[0], self.settings, run_id, self.identity.versions),
+            finalists=self.finalists,
+            history=self.history,
+            stopped=self.stopped,
+            times=self.sessions[-1].times,
+            checked=self.settings.evaluation.fabricable,
+            repair=self.repair,
+            extensions=self.extensions,
+        )
+        if self.recipe is not None:
+            result = result.with_recipe(self.recipe, self.path.parent)
+        return result.with_prediction(self.prediction) if self.prediction else result
+
+
+def _session(began_utc: str, seconds: str) -> Session:
+    return Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecordTail:
+    """What a record has from one generation on: for following a run that is going on.
+
+    Reading it does not keep the run waiting, and takes as long as what is new.
+    """
+
+    settings: RunSettings
+    run_id: str
+    generations: tuple[Generation, ...]  # those with the number asked for, or a later one
+    stopped: str  # why the run stopped; empty before it has
+    winner_score: Score | None  # of its winner, on fresh poses; None before it has one
+
+    @classmethod
+    def read(cls, path: Path, first: int = 0) -> "RecordTail | None":
+        """Return the generations from a number on; None while there is no record yet.
+
+        Raises
+        ------
+        UnreadableFileError
+            For a damaged record.
+        """
+        if not is_record(path):
+            return None
+        with damage_errors(path), closing(_connected(path)) as connection:
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+            if "run" not in tables:
+                return None
+            # One transaction, so that all is of one moment.
+            connection.execute("BEGIN")
+            entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+            identity = recorded_identity(entries, path)
+            winner = connection.execute("SELECT score FROM finalist WHERE place = 0").fetchone()
+            return cls(
+                settings=settings_from_plain(identity.settings),
+                run_id=identity.run_id,
+                generations=tuple(read_generations(connection, first)),
+                stopped=entries.get("stopped", ""),
+                winner_score=None if winner is None else score_from_text(winner[0]),
+            )
+
+
+_WAL_PLACE, _WAL_VERSIONS = 18, b"\x02\x02"
+"""Where the first page of a SQLite file says that it has a write-ahead log."""
+
+
+def is_record(path: Path) -> bool:
+    """Tell whether a file may be read as a record without disturbing the run that creates it.
+
+    A new file is empty until its run has chosen the write-ahead log, for which it must be alone.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_WAL_PLACE + len(_WAL_VERSIONS))
+    except OSError:
+        return False
+    return head[_WAL_PLACE:] == _WAL_VERSIONS
+
+
+def records_in(folder: Path) -> list[Path]:
+    """Return the paths of all records in a folder and below, in order."""
+    if not folder.is_dir():
+        raise UnreadableFileError(folder, "there is no such folder")
+    return sorted(folder.rglob(RECORD_FILE))
+
+
+def plain_summary(archive: RunArchive) -> dict[str, Any]:
+    """Return the summary of a record as plain values."""
+    settings, history = archive.settings, archive.history
+    winner = archive.finalists[0] if archive.finalists else None
+    checked = settings.evaluation.fabricable
+    return {
+        "folder": str(archive.path.parent),
+        "run": archive.identity.run_id,
+        "seedless_run": archive.identity.seedless_id,
+        "name": settings.name,
+        "task": settings.task.name,
+        "optimizer": settings.optimizer.name,
+        "seed": settings.search.seed,
+        "generations": len(history),
+        "most_generations": settings.search.generations,
+        "evaluations": sum(len(generation.fitness) for generation in history),
+        "seconds": sum(generation.seconds for generation in history),
+        "best_fitness": archive.best_so_far,
+        "stopped": archive.stopped or None,
+        "winner_score": None if winner is None else dict(winner.score.composite),
+        "unseen_score": archive.prediction.get("unseen", {}).get("score"),
+        "extensions": [asdict(extension) for extension in archive.extensions],
+        "winner_fitness": None if winner is None else winner.fitness,
+        "manufacturable": None if winner is None or not checked else winner.penalty == 0.0,
+        "sessions": [{"began_utc": s.began_utc, **s.times.plain()} for s in archive.sessions],
+        "versions": dict(archive.identity.versions),
+    }

@@ -20,14 +20,8 @@ from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileE
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.lock import lock_folder
 from vinefab.model.map import Map
+from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import (
-    Extension,
-    Finalist,
-    Generation,
-    Progress,
-    RunIdentity,
-)
-from vinefab.search.record.run_archive import (
     BUSY,
     EXTENSION_TABLE,
     RECORD_FILE,

@@ -5,7 +5,6 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 """
 
 import inspect
-import re
 import types
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
-from pydantic_core import PydanticUndefined
 
 from vinefab.cli.map_commands import parameter_words
 from vinefab.core.table import DeclaredKey, Table, declared_keys
@@ -40,7 +38,7 @@ class Format:
 
     name: str
     title: str
-    form: type[BaseModel]
+    form: type[Table]
     about: str
 
 
@@ -135,14 +133,18 @@ def format_page(one: Format) -> str:
         heading = f"## `{title}`" if title else "## Top of the file"
         head = "| key | kind | default | meaning |\n|---|---|---|---|"
         parts.append("\n".join([heading, "", head, *rows, ""]))
-    if one.form in (Recipe, Machine, Material, PrinterForm):
+    kinds = [key.kind for _, table in tables_of(one.form) for key in keys_of(table)]
+    if any(kind.startswith(_WITH_STANDING) for kind in kinds):
         rows = [f"| `{key.name}` | {key.kind} | {key.meaning} |" for key in keys_of(Quantity)]
         head = ["## A number with its standing", "", "| key | kind | meaning |", "|---|---|---|"]
         parts.append("\n".join([*head, *rows, ""]))
     return "\n".join(parts)
 
 
-def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
+_WITH_STANDING = "a number with its standing"
+
+
+def tables_of(form: type[Table], prefix: str = "") -> Iterator[tuple[str, type[Table]]]:
     """Yield the tables of a file with the names of their headings, in the order of the model."""
     yield prefix, form
     for name, field in form.model_fields.items():
@@ -153,64 +155,21 @@ def tables_of(form: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ty
             yield from tables_of(inner, f"[[{path}]]" if many else f"[{path}]")
 
 
-_EVERYWHERE = {"schema_": "kind of file and its version", "title": "for people"}
-
-
-def keys_of(form: type[BaseModel]) -> list[Key]:
+def keys_of(table: type[Table]) -> list[Key]:
     """Return the keys of one table."""
-    if issubclass(form, Table):
-        return [
-            Key(
-                name=key.name,
-                # Limits within a list or an optional value stand in its annotation.
-                kind=_kind(key.annotation, form.model_fields[key.field].metadata),
-                default="" if key.required else _default_words(_as_in_files(key)),
-                meaning=key.meaning,
-            )
-            for key in declared_keys(form)
-        ]
-    said = _EVERYWHERE | meanings(form)
     return [
         Key(
-            name=field.alias or name,
-            kind=_kind(field.annotation, field.metadata),
-            default=_default(field),
-            meaning=said.get(name, ""),
+            name=key.name,
+            # Limits within a list or an optional value stand in its annotation.
+            kind=_kind(key.annotation, table.model_fields[key.field].metadata),
+            default="" if key.required else _default_words(_as_in_files(key)),
+            meaning=key.meaning,
         )
-        for name, field in form.model_fields.items()
+        for key in declared_keys(table)
     ]
 
 
-def meanings(kind: type) -> dict[str, str]:
-    """Return the comment beside or above each field in the source of a class and its bases."""
-    found: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        if base.__module__.startswith("vinefab"):
-            found |= _comments(inspect.getsource(base))
-    return found
-
-
-def _comments(source: str) -> dict[str, str]:
-    found, above = {}, list[str]()
-    for line in source.splitlines():
-        comment = re.match(r"\s+# (.*)", line)
-        field = re.match(r"    (\w+): ", line)
-        if comment:
-            above.append(comment.group(1))
-        elif field:
-            beside = re.search(r"  # (.*)$", line)
-            words = beside.group(1) if beside else " ".join(above)
-            several = re.match(r"(\w+(?:, \w+)+): (.*)", words)
-            names, meaning = several.groups() if several else (field.group(1), words)
-            if meaning:
-                found |= dict.fromkeys(names.split(", "), meaning.removesuffix("."))
-            above = []
-        else:
-            above = []
-    return found
-
-
-def _inner_form(annotation: object) -> tuple[type[BaseModel] | None, bool]:
+def _inner_form(annotation: object) -> tuple[type[Table] | None, bool]:
     """Return the model of a table that a field holds, and whether the field holds several."""
     origin, inside = get_origin(annotation), get_args(annotation)
     if annotation is Start:
@@ -263,15 +222,13 @@ def _class_words(kind: type) -> str:
     if kind is Bounds:
         return "number, or a range `[low, high]`"
     if kind is Quantity:
-        return "a number with its standing"
+        return _WITH_STANDING
     if issubclass(kind, Enum):
         return " or ".join(f"`{one.value}`" for one in kind)
     return _KINDS.get(kind, "table")
 
 
 def _annotated_words(inside: tuple[object, ...]) -> str:
-    if get_origin(inside[0]) is list and "BeforeValidator" in repr(inside[1]):
-        return "number, or a range `[low, high]`"
     limits = [one for outer in inside[1:] for one in getattr(outer, "metadata", [outer])]
     return _kind(inside[0], limits)
 
@@ -281,12 +238,6 @@ def _limit_words(one: object) -> Iterator[str]:
         value = getattr(one, name, None)
         if value is not None:
             yield f"{words} {value:g}"
-
-
-def _default(field: Any) -> str:  # noqa: ANN401  pydantic's FieldInfo
-    if field.is_required():
-        return ""
-    return _default_words(None if field.default is PydanticUndefined else field.default)
 
 
 def _as_in_files(key: DeclaredKey) -> Any:  # noqa: ANN401  of any key
@@ -417,9 +368,7 @@ def _part(name: str, kind: type) -> str:
     first = (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
     if not is_dataclass(kind):
         return f"### {name}\n\n{first}\n"
-    said = meanings(kind) | {
-        name: words.replace("``", "`") for name, words in parameter_words(kind).items()
-    }
+    said = {name: words.replace("``", "`") for name, words in parameter_words(kind).items()}
     rows = [
         f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |"
         for one in fields(kind)

@@ -21,8 +21,8 @@ from vinefab.model.job import Operation
 from vinefab.pages.figure import house_style, png_bytes
 from vinefab.pages.page_png import page_png
 from vinefab.pages.plan import deployment_plan
+from vinefab.rig.build import build_rig
 from vinefab.rig.part import Rig
-from vinefab.rig.plate import build_rig
 from vinefab.rig.rig_options import read_printer
 
 UNSEEN_SEED = 100_003

@@ -7,6 +7,7 @@ from pathlib import Path
 from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
+from vinefab.core.view import NO_INTERVAL
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
@@ -17,11 +18,12 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
-from vinefab.prediction.measures import NO_INTERVAL, REACH, Spread
+from vinefab.prediction.measures import REACH, Spread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
-from vinefab.rig.make import RigFiles, make_rig
+from vinefab.rig.make import make_rig
+from vinefab.rig.page import RigFiles
 from vinefab.rig.rig_options import RigOptions, read_printer
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
@@ -209,8 +211,7 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
     texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
     texts["run/best.toml"] = design_text(demo.result.best)
-    rig = (demo.rig.section,) if demo.rig.section else ()
-    more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
+    more = (unseen_section(demo.table()), search_section(demo.result, training), demo.rig.section)
     family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"

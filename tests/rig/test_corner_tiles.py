@@ -7,7 +7,6 @@ import io
 import json
 import shutil
 import subprocess
-from xml.etree import ElementTree as Tree
 
 import numpy as np
 import pytest
@@ -18,10 +17,11 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.formats.dxf_format import read_dxf
 from vinefab.model.job import Operation
-from vinefab.rig.board import build_board
+from vinefab.pages.panel import Shape, Words
+from vinefab.rig.build import build_board
 from vinefab.rig.fixtures import Fixtures, marker_gap_mm
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.page import plan_picture
+from vinefab.rig.page import plan_sheet
 from vinefab.rig.part_files import read_stl
 from vinefab.rig.rig_options import RigOptions
 
@@ -234,21 +234,13 @@ def test_markers_that_cannot_be_made_are_refused(options, words):
 def test_the_plan_of_a_board_numbers_its_pieces_and_their_pegs(make_map, make_printer):
     options = RigOptions(style="board")
     rig, pieces = build_board(make_map(*WALLS), make_printer(), options)
-    picture = plan_picture(rig, make_map(*WALLS), Fixtures(), pieces)
-    drawing = Tree.fromstring(picture.decode())  # noqa: S314
-    texts = {
-        node.text: (float(node.get("x")), -float(node.get("y")))
-        for node in drawing.iter("{http://www.w3.org/2000/svg}text")
-    }
+    (panel,) = plan_sheet(rig, make_map(*WALLS), Fixtures(), pieces).panels
+    texts = {one.text: one.at for one in panel.primitives if isinstance(one, Words)}
     assert {str(piece.number) for piece in pieces} < set(texts)
     for piece in pieces:
         assert piece.outline.contains(shapely.Point(texts[str(piece.number)]))
-    lines = [
-        np.array([point.split() for point in line.split("L")], dtype=float)
-        for path in drawing.iter("{http://www.w3.org/2000/svg}path")
-        for line in path.get("d").split("M")[1:]
-    ]
-    ends = [tuple((line.mean(axis=0) * (1, -1)).round(3)) for line in lines if len(line) == 2]
+    lines = [line for one in panel.primitives if isinstance(one, Shape) for line in one.chains]
+    ends = [tuple(line.mean(axis=0).round(3)) for line in lines if len(line) == 2]
     pegs = [(peg.x_mm, peg.y_mm) for piece in pieces for peg in piece.pegs]
     assert len(pegs) > 4
     assert all(ends.count(peg) == 2 for peg in pegs)

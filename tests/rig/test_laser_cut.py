@@ -9,7 +9,7 @@ import shapely
 from shapely import Point, Polygon, box
 
 from vinefab.model.job import Operation
-from vinefab.rig.board import LoosePiece, Peg, build_board
+from vinefab.rig.build import LoosePiece, Peg, build_board
 from vinefab.rig.laser_cut import (
     SHEET_MARGIN_MM,
     board_jobs,

@@ -11,9 +11,8 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig import board
+from vinefab.rig import build
 from vinefab.rig import make as module
-from vinefab.rig import plate as build
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import plan_of
@@ -81,7 +80,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
     found = {finding["id"]: finding for finding in checks["findings"]}
     assert found["VF-R03"]["measured"] == pytest.approx(20.0)
     assert found["VF-R04"]["measured"] == 30.0
-    assert any("VF-R03" in line for line in made.summary())
+    assert any("VF-R03" in line for line in made.summary)
     large = make_rig(
         world,
         PRINTER,
@@ -93,7 +92,7 @@ def test_corridors_and_heights_are_compared_with_the_robot():
 
 def test_both_styles_are_made_of_one_plan(monkeypatch):
     made = []
-    for user in (module, build, board):
+    for user in (module, build):
         monkeypatch.setattr(
             user, "plan_of", lambda *given: made.append(plan_of(*given)) or made[-1]
         )
@@ -104,7 +103,7 @@ def test_both_styles_are_made_of_one_plan(monkeypatch):
 def test_without_a_robot_these_rules_are_skipped_with_the_reason():
     made = make_rig(_map(box(30, 60, 80, 100)), PRINTER, RigOptions(), BARE)
     assert [skip.rule for skip in made.report.skipped] == ["VF-R03", "VF-R04"]
-    assert any("needs a" in line and "VF-R04" in line for line in made.summary())
+    assert any("needs a" in line and "VF-R04" in line for line in made.summary)
 
 
 def test_thickened_walls_narrow_the_corridors():
@@ -132,7 +131,7 @@ def test_pictures_drawing_and_page_come_with_the_files():
     drawing = Tree.fromstring(made.files["assembly.svg"].decode())  # noqa: S314
     texts = [node.text for node in drawing.iter() if node.tag.endswith("text")]
     assert {"1", "N", "start"} < set(texts)
-    assert "yellow: thickened to print" in texts[0]
+    assert any("yellow: thickened to print" in str(text) for text in texts)
     for name in names:
         assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
     page = made.files["report.html"].decode()

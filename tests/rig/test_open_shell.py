@@ -19,7 +19,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.generators.rubble import RubbleOptions, rubble_map
-from vinefab.rig.board import build_board
+from vinefab.rig.build import build_board, build_rig
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.open_shell import (
@@ -32,7 +32,6 @@ from vinefab.rig.open_shell import (
 )
 from vinefab.rig.part import Mesh
 from vinefab.rig.part_files import STL, PartItem, read_back_problems
-from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import JERK_MM_S, print_estimate, printing_of
 from vinefab.rig.rig_options import Printer, RigOptions, read_printer
 from vinefab.rig.rig_plan import polygon_parts

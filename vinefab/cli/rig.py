@@ -133,7 +133,7 @@ def rig_command(
             output.say(line)
         return EXIT_FINDINGS
     write_folder(out, made.files, RIG_MARK, force=force)
-    for line in made.summary():
+    for line in made.summary:
         output.say(line)
     output.say(f"wrote {out}/ ({counted(len(made.files), 'file')})")
     return 0

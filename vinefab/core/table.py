@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
+import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
@@ -22,7 +23,6 @@ from pydantic_core import ErrorDetails
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, nearest
-from vinefab.core.validation import plain_number
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -50,7 +50,10 @@ class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
     def __call__(cls, *args: Any, **given: Any) -> Any:  # noqa: ANN401, N805  a metaclass
-        plain = {name: plain_number(value) for name, value in given.items()}
+        plain = {
+            name: value.item() if isinstance(value, np.generic) else value
+            for name, value in given.items()
+        }
         try:
             return super().__call__(*args, **plain)
         except ValidationError as error:
@@ -77,6 +80,11 @@ class Table(BaseModel, metaclass=_TableType):
         validate_by_alias=True,
     )
 
+    @property
+    def content(self) -> dict[str, Any]:
+        """The values as files and reports have them; what is None is left out."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
     def __str__(self) -> str:
         return repr(self)
 
@@ -85,6 +93,12 @@ class Table(BaseModel, metaclass=_TableType):
         # Fields that were not given may follow from the others: they are found anew.
         fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**fields | changes)
+
+
+class TablePart(Table):
+    """Base of the keys that are needed of vinefab's own JSON; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore")
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None = None) -> M:

@@ -10,7 +10,6 @@ from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Table, T
 from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
-    plain_quantity,
 )
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
@@ -72,7 +71,7 @@ class ProfileNumbers(Result):
             headings=("", "", "", ""),
             rows=tuple((k, q.words(), str(q.standing), q.source) for k, q in numbers.items()),
         )
-        plain = {key: plain_quantity(quantity) for key, quantity in numbers.items()}
+        plain = {key: quantity.content for key, quantity in numbers.items()}
         yield Data({"kind": kind, "name": self.name, "numbers": plain})
 
 

@@ -51,11 +51,6 @@ class MeasuredNumber(Table):
     def __le__(self, most: float) -> bool:
         return self.high <= most
 
-    @property
-    def content(self) -> dict[str, object]:
-        """The number as files have it."""
-        return {name: value for name, value in self if value is not None}
-
     def text(self, unit: str = "") -> str:
         """Return where it comes from: ``12 contacts on 4 photos, 95 % interval 3 to 7 deg``."""
         ends = {
@@ -104,17 +99,10 @@ class MeasuredContacts(Table):
 
     @model_validator(mode="after")
     def _has_a_number(self) -> "MeasuredContacts":
-        if not self.content:
-            raise BadInputError(
-                "contacts", "no number", f"one of {', '.join(MeasuredContacts.model_fields)}"
-            )
+        names = MeasuredContacts.model_fields
+        if all(getattr(self, name) is None for name in names):
+            raise BadInputError("contacts", "no number", f"one of {', '.join(names)}")
         return self
-
-    @property
-    def content(self) -> dict[str, object]:
-        """The numbers by name, as files and records have them."""
-        found = {name: getattr(self, name) for name in MeasuredContacts.model_fields}
-        return {name: one.content for name, one in found.items() if one is not None}
 
 
 CONTACTS_SCHEMA: Final = "vinefab/contacts-1"

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
-from annotated_types import Ge, Le, Unit
+from annotated_types import Interval, Unit
 from pydantic import Field, model_validator
 from typing_extensions import Doc
 
@@ -56,12 +56,6 @@ every face when it grows; or first turned inside out as a whole."""
 DEFAULT_MOUNTING: Mounting = "tail_inverted"
 
 
-def check_mounting(given: object) -> None:
-    """Refuse what is no `Mounting`."""
-    if given not in get_args(Mounting):
-        raise BadInputError("build.mounting", given, " or ".join(map(repr, get_args(Mounting))))
-
-
 @dataclass(frozen=True, slots=True)
 class PerLevel:
     """Marks a list of the build that has an entry for each level, from level ``first`` on.
@@ -73,10 +67,10 @@ class PerLevel:
     absent: float | None = None
 
 
-LengthMm = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
-WidthMm = Annotated[float, Ge(SMALLEST), Le(WIDEST_BODY_MM), Unit("mm")]
-RadiusMm = Annotated[float, Ge(0), Le(LARGEST_MM), Unit("mm")]
-Taper = Annotated[float, Ge(0.01), Le(1), Unit("×")]  # noqa: RUF001  the sign of multiplication
+LengthMm = Annotated[float, Interval(ge=SMALLEST, le=LARGEST_MM), Unit("mm")]
+WidthMm = Annotated[float, Interval(ge=SMALLEST, le=WIDEST_BODY_MM), Unit("mm")]
+RadiusMm = Annotated[float, Interval(ge=0, le=LARGEST_MM), Unit("mm")]
+Taper = Annotated[float, Interval(ge=0.01, le=1), Unit("×")]  # noqa: RUF001  the sign of multiplication
 
 
 def _share(percent: float) -> float:
@@ -109,7 +103,7 @@ class Level(Table):
     """
 
     branches: Annotated[
-        int, Ge(1), Le(1000), Slider(1, 8), Doc("children per parent (SPL of the paper)")
+        int, Interval(ge=1, le=1000), Slider(1, 8), Doc("children per parent (SPL of the paper)")
     ]
     length_mm: Annotated[
         LengthMm,
@@ -119,8 +113,7 @@ class Level(Table):
     ]
     angle_deg: Annotated[
         float,
-        Ge(0),
-        Le(360),
+        Interval(ge=0, le=360),
         Unit("deg"),
         Field(title="Fan"),
         Slider(0, 360),
@@ -128,8 +121,7 @@ class Level(Table):
     ] = 0.0
     growth_percent: Annotated[
         float,
-        Ge(0.1),
-        Le(10_000),
+        Interval(ge=0.1, le=10_000),
         Unit("%"),
         Slider(20, 300),
         Doc("last child's length over the first's (LGF)"),
@@ -243,8 +235,7 @@ class Collar(Table):
     ]
     length_mm: Annotated[
         float,
-        Ge(0),
-        Le(WIDEST_BODY_MM),
+        Interval(ge=0, le=WIDEST_BODY_MM),
         Unit("mm"),
         Slider(0, 100),
         Doc("of the straight part at the mouth; 0: the flare ends there"),
@@ -269,8 +260,7 @@ class PieceSettings(Table):
 
     most: Annotated[
         int,
-        Ge(1),
-        Le(MOST_PIECES),
+        Interval(ge=1, le=MOST_PIECES),
         Unit("pieces"),
         Field(title="At most"),
         Slider(1, 12),
@@ -278,16 +268,14 @@ class PieceSettings(Table):
     ] = 6
     lap_mm: Annotated[
         float,
-        Ge(1),
-        Le(1000),
+        Interval(ge=1, le=1000),
         Unit("mm"),
         Slider(5, 40, 0.5),
         Doc("that socket and plug lie on each other, along the branch (assumed)"),
     ] = 15.0
     ease_mm: Annotated[
         float,
-        Ge(0),
-        Le(100),
+        Interval(ge=0, le=100),
         Unit("mm"),
         Slider(0, 5, 0.1),
         Doc("added to the flat width of a socket (assumed)"),
@@ -313,8 +301,7 @@ class Build(Table):
     ] = None
     width_ratio: Annotated[
         float | None,
-        Ge(SMALLEST),
-        Le(1),
+        Interval(ge=SMALLEST, le=1),
         Doc("in place of widths_mm: of a level over the one before; 0.6 if left out"),
     ] = None
     taper: Annotated[
@@ -333,22 +320,19 @@ class Build(Table):
     ] = ()
     fillet_ratio: Annotated[
         float | None,
-        Ge(0),
-        Le(10),
+        Interval(ge=0, le=10),
         Doc("in place of fillet_mm: radius over the child's width; 0.25 if left out"),
     ] = None
     tail_mm: Annotated[
         float,
-        Ge(0),
-        Le(LARGEST_MM),
+        Interval(ge=0, le=LARGEST_MM),
         Unit("mm"),
         Slider(0, 400),
         Doc("below the trunk, inverted over the base and clamped"),
     ] = DEFAULT_TAIL_MM
     pressure_kpa: Annotated[
         float,
-        Ge(0),
-        Le(10_000),
+        Interval(ge=0, le=10_000),
         Unit("kPa"),
         Slider(0, 60, 0.5),
         Doc("working gauge pressure; 0: not known"),
@@ -381,7 +365,12 @@ class Build(Table):
                 raise BadInputError(name, getattr(self, name), "not beside build.widths_mm")
         if "fillet_mm" not in given:
             ratio = DEFAULT_FILLET_RATIO if self.fillet_ratio is None else self.fillet_ratio
-            self._settle(fillet_mm=default_fillets_mm(self.widths_mm, ratio), fillet_ratio=None)
+            follows = {
+                "fillet_mm": default_fillets_mm(self.widths_mm, ratio),
+                "fillet_ratio": None,
+            }
+            self.__dict__.update(follows)
+            self.__pydantic_fields_set__.update(follows)
         levels = len(self.widths_mm)
         if not levels:
             raise BadInputError("widths_mm", [], "at least the trunk's width")
@@ -392,11 +381,6 @@ class Build(Table):
                 allowed = f"{words}, as widths_mm has {levels}"
                 raise BadInputError(name, list(entries), allowed)
         return self
-
-    def _settle(self, **values: object) -> None:
-        """Give fields the values that follow from others, while the table is made."""
-        self.__dict__.update(values)
-        self.__pydantic_fields_set__.update(values)
 
     def for_levels(self, levels: int) -> Self:
         """Return the build with the widths and fillets of so many levels, trunk included.
@@ -501,7 +485,7 @@ class Design(Table):
     ] = "vinefab/design-1"
     name: Annotated[str, Doc("in reports, on the sheet and of files: letters, digits, `_-.`")]
     scale_mm_per_unit: Annotated[
-        float, Ge(SMALLEST), Le(LARGEST_MM), Doc("multiplies lengths of trunk and levels")
+        float, Interval(ge=SMALLEST, le=LARGEST_MM), Doc("multiplies lengths of trunk and levels")
     ] = 1.0
     trunk: Annotated[Trunk, Doc("level 1")]
     levels: Annotated[
@@ -511,9 +495,7 @@ class Design(Table):
     ] = ()
     build: Annotated[Build, Doc("how it is made")] = Build()
     waivers: Annotated[
-        tuple[Waiver, ...],
-        Field(alias="waive", strict=False),
-        Doc("findings that are accepted"),
+        tuple[Waiver, ...], Field(alias="waive", strict=False), Doc("findings that are accepted")
     ] = ()
     limits: Annotated[
         Mapping[str, Mapping[str, float]],
@@ -525,8 +507,7 @@ class Design(Table):
     # Under ``growth`` are the growth options that it was trained with: commands grow it with them.
     # Under ``recipe`` is the recipe of its run: commands check and make it with that one.
     origin: Annotated[
-        Mapping[str, Any],
-        Doc("how the design was made, free-form; written by `vinefab optimize`"),
+        Mapping[str, Any], Doc("how the design was made, free-form; written by `vinefab optimize`")
     ] = Field(default_factory=dict)
     # Of the file that it was read from, in which its origin names files; it makes no difference.
     folder: Annotated[Path | None, Field(exclude=True)] = None
@@ -571,7 +552,8 @@ class Design(Table):
             return NotImplemented
         return {**self.__dict__, "folder": None} == {**other.__dict__, "folder": None}
 
-    __hash__ = None  # type: ignore[assignment]  its origin may hold anything
+    # Its origin may hold anything.
+    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         lengths_mm = " + ".join(

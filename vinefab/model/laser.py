@@ -42,9 +42,7 @@ class Quantity(Table):
         Interval(ge=-LARGEST_QUANTITY, le=LARGEST_QUANTITY),
         Doc("in the unit that ends the key"),
     ]
-    standing: Annotated[
-        Standing, Field(strict=False), Doc("measured, paper, published, computed or assumed")
-    ]
+    standing: Annotated[Standing, Field(strict=False), Doc("how far it may be trusted")]
     source: Annotated[str, Field(min_length=1), Doc("who says so, or how it was found")]
     uncertainty: Annotated[
         float | None,
@@ -524,7 +522,9 @@ class LapBond(Table):
     It is a band around the lap of socket and plug, loaded in shear.
     """
 
-    method: Annotated[LapMethod, Field(strict=False), Doc("impulse_seal or adhesive_film")]
+    method: Annotated[
+        LapMethod, Field(strict=False), Doc("how the socket is bonded to the plug inside it")
+    ]
     band_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("width of the bond, along the branch")]
     strength_n_per_mm: Annotated[
         Quantity | None,
@@ -588,7 +588,7 @@ class Recipe(Table):
     machine: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
     material: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
     status: Annotated[
-        RecipeStatus, Field(strict=False), Doc("unverified, coupon_ok or burst_tested")
+        RecipeStatus, Field(strict=False), Doc("how far it is verified on your machine")
     ]
     source: Annotated[str, Field(min_length=1), Doc("where the settings come from")]
     operations: Annotated[Operations, Doc("settings of each operation")]

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError, values_hidden
+from vinefab.core.table import TablePart
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.design import Design
@@ -29,16 +30,11 @@ OTHER_STOPS = ("corner", "pressure", "full_length")
 """Reasons of stops at a wall that are not the contact's angle."""
 
 
-class ReadForm(BaseModel):
-    """Base of what is read back: only what the fit needs, and more keys are allowed."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False, frozen=True)
-
-
 Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
+Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 
 
-class SeenContactForm(ReadForm):
+class SeenContactForm(TablePart):
     """A place where a tip met a wall."""
 
     wall: str | int | None = None
@@ -48,24 +44,26 @@ class SeenContactForm(ReadForm):
     distance_mm: Annotated[float, Field(ge=0, le=1e7)] | None = None
 
 
-class BranchWidthForm(ReadForm):
+class BranchWidthForm(TablePart):
     """How broad a branch should look from above."""
 
     nominal: Annotated[float, Field(gt=0, le=1e5)]
 
 
-class TracedBranchForm(ReadForm):
+class TracedBranchForm(TablePart):
     """A branch as planned, seen and predicted."""
 
     id: str
     width_mm: BranchWidthForm | None = None
     level: Annotated[int, Field(ge=1, le=1000)]
-    points_mm: Annotated[list[tuple[Coordinate, Coordinate]], Field(max_length=MOST_TRACED)] = []
+    points_mm: Annotated[list[Point], Field(max_length=MOST_TRACED)] = Field(default_factory=list)
     stop_observed: str | None = None
-    contacts: Annotated[list[SeenContactForm], Field(max_length=MOST_CONTACTS)] = []
+    contacts: Annotated[list[SeenContactForm], Field(max_length=MOST_CONTACTS)] = Field(
+        default_factory=list
+    )
 
 
-class BreadthForm(ReadForm):
+class BreadthForm(TablePart):
     """How broad the film is as seen from above."""
 
     measured: Annotated[float, Field(gt=0, le=1e5)]
@@ -73,13 +71,13 @@ class BreadthForm(ReadForm):
     high: Annotated[float, Field(gt=0, le=1e5)]
 
 
-class FilmForm(ReadForm):
+class FilmForm(TablePart):
     """The film of a photo."""
 
     width_mm: BreadthForm | None = None
 
 
-class PoseForm(ReadForm):
+class PoseForm(TablePart):
     """Where the robot was launched."""
 
     x_mm: Coordinate
@@ -87,7 +85,7 @@ class PoseForm(ReadForm):
     heading_deg: float
 
 
-class ObservationForm(ReadForm):
+class ObservationForm(TablePart):
     """One observation."""
 
     schema_: Literal["vinefab/observation-1"] = Field(alias="schema")
@@ -155,7 +153,7 @@ def _observation(text: str, path: Path) -> ObservedPhoto:
         raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
     if not isinstance(content, dict):
         raise UnreadableFileError(path, "is no observation: its content is no JSON object")
-    form = validated(ObservationForm, _with_pairs(content), path)
+    form = validated(ObservationForm, content, path)
     design, world, notes = _found(form, path)
     contacts, unclear, elsewise = _contacts(form)
     return ObservedPhoto(
@@ -174,21 +172,6 @@ def _observation(text: str, path: Path) -> ObservedPhoto:
         breadth_ratio=_breadth_ratio(form, design),
         notes=notes,
     )
-
-
-def _with_pairs(content: dict[str, Any]) -> dict[str, Any]:
-    """Return JSON with its points as pairs, which a strict schema tells from lists."""
-    branches = content.get("branches")
-    if not isinstance(branches, list):
-        return content
-    return {**content, "branches": [_paired(branch) for branch in branches]}
-
-
-def _paired(branch: object) -> object:
-    if not isinstance(branch, dict) or not isinstance(branch.get("points_mm"), list):
-        return branch
-    points = [tuple(p) if isinstance(p, list) else p for p in branch["points_mm"]]
-    return {**branch, "points_mm": points}
 
 
 def _contacts(form: ObservationForm) -> tuple[tuple[SeenContact, ...], int, int]:

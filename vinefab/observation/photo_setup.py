@@ -8,12 +8,13 @@ from typing import Annotated
 
 import numpy as np
 import shapely
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from shapely import Polygon
 from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.table import TablePart
 from vinefab.core.validation import Floats, number, whole
 from vinefab.maps.importers.svg_document import Node, after, read_nodes, transform
 from vinefab.maps.importers.svg_drawing import svg_outlines
@@ -121,25 +122,21 @@ def _colour(given: tuple[float, ...]) -> FilmColour:
 # --- The rig --------------------------------------------------------------------------------------
 
 
-class _ReadForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False, frozen=True)
-
-
 _Place = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-class _MarkerForm(_ReadForm):
+class _MarkerForm(TablePart):
     number: Annotated[int, Field(ge=0, le=3)]
     corners_mm: Annotated[list[_Place], Field(min_length=4, max_length=4)]
     z_mm: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
 
 
-class _OptionsForm(_ReadForm):
+class _OptionsForm(TablePart):
     height_mm: Annotated[float, Field(gt=0, le=1e5)]
     scale: Annotated[float, Field(gt=0, le=1e5)] = 1.0
 
 
-class _RigForm(_ReadForm):
+class _RigForm(TablePart):
     """The part of rig.json that a photo of it needs; other keys are left alone."""
 
     options: _OptionsForm

@@ -1,8 +1,10 @@
-"""What rooms share to show things: figures, drawings of nouns, animations, the page.
+"""What rooms share to show things: the drawing layer, plans, charts, animations, the page.
 
-`colours` has the colours, `figure` blank figures and their way into bytes; `drawing` plans of maps
-and robots in files, `plan_svg` the same as plain SVG text for the studio, `plan_document` such
-plans that stand alone, for notebooks; `charts` the charts of searches and scores, `live_curve` one
-without plotting; `animation_svg` and `animation_gif` moving deployments; `html` the page:
-`page`, `blocks_html`.
+`panel` is the drawing layer: panels of primitives in millimetres, put together to pages;
+`page_svg`, `page_png` and `page_pdf` write pages. `plan` draws maps, starts and robots into panels,
+`charts` how searches and scores went; `label_places` says where labels lie, `colours` has the
+colours. `plan_svg` gives maps and robots as SVG text that a page can move, for the studio,
+`plan_document` puts such text into a plan that stands alone, for notebooks. `live_curve` is a chart
+that is drawn again and again; `animation_svg` and `animation_gif` show moving deployments;
+`figure` has the matplotlib side of the charts in studies; `html` is the page.
 """

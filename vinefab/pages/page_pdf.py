@@ -55,7 +55,7 @@ def _paths(primitive: Shape | Marks) -> list[tuple[Path, Ink]]:
         parts = [Path(chain, closed=primitive.closed) for chain in chains]
     elif primitive.sign == "o":
         ring = Path.unit_circle()
-        places = primitive.size_pt / 2.0 * ring.vertices
+        places = primitive.size_pt / 2.0 * np.asarray(ring.vertices)
         parts = [Path(places + point, ring.codes) for point in primitive.points]
     else:
         corners = primitive.size_pt * SIGNS[primitive.sign]

@@ -4,7 +4,7 @@ import base64
 import io
 import re
 from functools import cache
-from xml.sax.saxutils import escape
+from html import escape
 
 import numpy as np
 from PIL import Image
@@ -80,7 +80,7 @@ def _primitive(primitive: Primitive) -> str:
         place = f'x="{x:.2f}" y="{y + low:.2f}"'
     return (
         f'<text {place} font-size="{primitive.size_pt:g}" fill="{primitive.colour}"'
-        f"{anchor}{bold}{halo}>{escape(_NOT_XML.sub('?', primitive.text))}</text>"
+        f"{anchor}{bold}{halo}>{escape(_NOT_XML.sub('?', primitive.text), quote=False)}</text>"
     )
 
 

@@ -175,7 +175,8 @@ class Panel:
         """Return places as points from the upper left corner of the panel, shape (n, 2)."""
         x0, y0, x1, y1 = self.box
         per = np.array([self.width_pt / (x1 - x0), -self.height_pt / (y1 - y0)])
-        return (np.asarray(points, dtype=float).reshape(-1, 2) - (x0, y1)) * per
+        places: Floats = np.asarray(points, dtype=float).reshape(-1, 2)
+        return np.asarray((places - (x0, y1)) * per)
 
     def add(self, primitive: Primitive, rank: float = 1.0, label: str = "") -> None:
         """Draw a primitive."""
@@ -229,11 +230,11 @@ class Panel:
         self, x: ArrayLike, low: ArrayLike, high: ArrayLike, colour: str, alpha: float
     ) -> None:
         """Fill what lies between two curves; what is not finite is left out."""
-        x, low, high = (np.asarray(values, dtype=float) for values in (x, low, high))
-        known = np.isfinite(low) & np.isfinite(high)
-        x, low, high = x[known], low[known], high[known]
-        ring = np.column_stack([np.append(x, x[::-1]), np.append(high, low[::-1])])
-        if len(ring):
+        rows = np.array([np.asarray(values, dtype=float) for values in (x, low, high)])
+        across, lower, upper = rows[:, np.isfinite(rows).all(axis=0)]
+        ends = np.append(across, across[::-1]), np.append(upper, lower[::-1])
+        if len(across):
+            ring = np.column_stack(ends)
             self.add(Shape([ring], Ink(fill=colour, fill_alpha=alpha), closed=True), 1.0)
 
     def bars(
@@ -438,6 +439,14 @@ def page_of_paper(panel: Panel) -> Page:
 def page_of(*panels: Panel) -> Page:
     """Return a page with panels in one row."""
     return page_of_rows([panels])
+
+
+def bare_page(panel: Panel) -> Page:
+    """Return a page that is a panel alone, without axes and title: a drawing at true scale."""
+    inside = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
+    layers = [Layer(primitives=inside)]
+    wide_pt, high_pt = panel.width_pt, panel.height_pt
+    return Page(width_pt=wide_pt, height_pt=high_pt, layers=layers, panels=[panel])
 
 
 def page_of_rows(

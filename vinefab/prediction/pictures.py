@@ -165,7 +165,7 @@ def effect_panels(effects: "Sequence[Effect]", measures: Sequence[Measure]) -> P
         shown = [[e for e in effects if e.knob == k and measure.key in e.changes] for k in knobs]
         changes = [e.changes[measure.key] for some in shown for e in some]
         y0, y1 = ends_of([0.0], [c.low for c in changes], [c.high for c in changes])
-        panels = []
+        panels = list[Panel]()
         for knob, some in zip(knobs, shown, strict=True):
             x0, x1 = ends_of([0.0], [e.step for e in some])
             panel = Panel(

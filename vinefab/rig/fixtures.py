@@ -24,11 +24,11 @@ from vinefab.model.corner_marker import (
 )
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.rig.base_holder import BaseHolder, base_holder, table_to_map
+from vinefab.rig.base_holder import BaseHolder, base_holder
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import Polygons, bridged, polygon_parts, snapped_union
-from vinefab.rig.solid import Pocket, centred, engraved_marks, stacked, strokes
+from vinefab.rig.solid import Course, centred, engraved_marks, stacked, strokes
 
 RAISED_LAYERS = 3
 """Layers of the second filament: black that lets no white through (assumed)."""
@@ -79,9 +79,8 @@ def base_layers(printer: Printer, options: RigOptions) -> int:
 
 def marker_face_mm(printer: Printer, options: RigOptions) -> float:
     """Return the height of the markers' faces above the floor that the robot lies on."""
-    on_board = options.style != "plate" and options.marker_kind != "print"
-    if on_board:
-        return 0.0
+    if options.style != "plate" and options.marker_kind != "print":
+        return 0.0  # on the board
     above = 0 if options.marker_kind == "paper" else RAISED_LAYERS
     high_mm = (base_layers(printer, options) + above) * printer.layer_mm
     return round(high_mm - options.plate_mm, 6)
@@ -120,7 +119,11 @@ def _pad(
     square = box(*low, *high)
     cell_mm = (high[0] - low[0]) / MARKER_SIDE_CELLS
     paper = square.buffer(cell_mm, join_style="mitre")
-    corner, inward = _corner_of(marker.number, rig)
+    # The corner of the rig's box that it belongs to, and the signs that lead inward.
+    x_min, y_min, x_max, y_max = rig.bounds
+    right, top = marker.number in (1, 2), marker.number in (2, 3)
+    corner = np.array([x_max if right else x_min, y_max if top else y_min])
+    inward = np.array([-1.0 if right else 1.0, -1.0 if top else 1.0])
     arms = _arms(corner, inward, rig)
     outline = paper
     if arms:
@@ -141,9 +144,8 @@ def _pad(
 def black_cells(number: int, square: Polygon) -> Polygons:
     """Return the black cells of a marker in its square, frame included, joined along edges."""
     x_mm, y_mm, right_mm, _ = square.bounds
-    cell_mm = (right_mm - x_mm) / MARKER_SIDE_CELLS
-    inner = ["." * MARKER_SIDE_CELLS, *(f".{row}." for row in MARKER_CELLS[number])]
-    rows = [*inner, "." * MARKER_SIDE_CELLS]
+    cell_mm, edge = (right_mm - x_mm) / MARKER_SIDE_CELLS, "." * MARKER_SIDE_CELLS
+    rows = [edge, *(f".{row}." for row in MARKER_CELLS[number]), edge]
     cells = [
         box(
             x_mm + column * cell_mm,
@@ -156,14 +158,6 @@ def black_cells(number: int, square: Polygon) -> Polygons:
         if sign == "."
     ]
     return snapped_union(*cells)
-
-
-def _corner_of(number: int, rig: BaseGeometry) -> tuple[Floats, Floats]:
-    """Return the corner of a rig's box that a marker belongs to, and the signs that lead inward."""
-    x_min, y_min, x_max, y_max = rig.bounds
-    right, top = number in (1, 2), number in (2, 3)
-    corner = np.array([x_max if right else x_min, y_max if top else y_min])
-    return corner, np.array([-1.0 if right else 1.0, -1.0 if top else 1.0])
 
 
 def _arms(corner: Floats, inward: Floats, rig: BaseGeometry) -> list[Polygon]:
@@ -200,7 +194,10 @@ def marker_tiles(
 
 def _tile(pad: MarkerPad, printer: Printer, options: RigOptions, plan_to_map: Floats) -> RigPart:
     base_mm = base_layers(printer, options) * printer.layer_mm
-    outline = _relieved(pad)
+    outline = pad.outline
+    if pad.corner is not None:  # a round relief where the rig's sharp corner lies
+        relief = pad.corner.buffer(_RELIEF_MM, quad_segs=4)
+        outline = snapped_union(outline.difference(relief))[0]
     low_mm = np.array(outline.bounds[:2])
     depth_mm = min(options.mark_depth_mm, 0.25 * base_mm)
     # On the underside of the marker's middle: the arms have no room.
@@ -218,12 +215,8 @@ def _tile(pad: MarkerPad, printer: Printer, options: RigOptions, plan_to_map: Fl
         return np.asarray(shapely.transform(pieces, lambda points: points - low_mm), dtype=object)
 
     pockets = [
-        Pocket(pieces=moved(pieces), low_mm=from_mm, high_mm=to_mm)
-        for pieces, from_mm, to_mm in (
-            (marks, -1.0, depth_mm),
-            (recess, base_mm, thick_mm + 1.0),
-        )
-        if len(pieces)
+        Course(pieces=moved(marks), low_mm=-1.0, high_mm=depth_mm),
+        Course(pieces=moved(recess), low_mm=base_mm, high_mm=thick_mm + 1.0),
     ]
     vertices, faces = stacked(
         moved(polygon_parts(outline)), moved(cells), thick_mm, raised_mm, pockets
@@ -254,15 +247,6 @@ def paper_crop_mm(pad: MarkerPad) -> float:
     """Return the side of a paper marker with its quiet zone, as it is cut out."""
     x_min, _, x_max, _ = _recess(pad).bounds
     return float(x_max - x_min) - 2.0 * _PAPER_GAP_MM
-
-
-def _relieved(pad: MarkerPad) -> Polygon:
-    """Return a tile's outline with a round relief where the rig's sharp corner lies."""
-    if pad.corner is None:
-        return pad.outline
-    pieces = snapped_union(pad.outline.difference(pad.corner.buffer(_RELIEF_MM, quad_segs=4)))
-    cut: Polygon = pieces[0]
-    return cut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -355,7 +339,7 @@ def with_fixtures(rig: Rig, world: Map, design: Design | None) -> tuple[Rig, Fix
     pads = marker_pads(world, plate, rig.printer, rig.options)
     taken = shapely.union_all([pad.outline for pad in pads])
     base, notes = base_holder(world, rig, design, taken)
-    tiles = marker_tiles(pads, rig.printer, rig.options, table_to_map(world, rig))
+    tiles = marker_tiles(pads, rig.printer, rig.options, rig.table_to_map)
     board = board_markers(pads, rig.options)
     fixtures = Fixtures(pads=pads, base=base, board=board)
     beside = rig.extras

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -15,8 +14,7 @@ from vinefab.fabrication.formats.laser_formats import ensure_read_back
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Part
-from vinefab.rig.board import LoosePiece, Peg
-from vinefab.rig.comparison_with_map import footprints
+from vinefab.rig.build import LoosePiece, Peg
 from vinefab.rig.fixtures import BoardMarkers
 from vinefab.rig.part import Rig
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
@@ -46,7 +44,10 @@ def board_jobs(
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
         shapely.prepare(tile)
         near = [piece for piece in pieces if tile.intersects(piece.outline)]
-        marks = [line for piece in near for line in _piece_marks(piece, tile)]
+        marks: list[LineString] = []
+        for piece in near:
+            rings = map(shapely.get_coordinates, shapely.get_rings(piece.outline))
+            marks += _lines_within(tile, [*map(LineString, rings), *_number_marks(piece)])
         holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
         marks += _lines_within(tile, markers.marks)
         taken = [*(piece.outline for piece in near), *markers.squares]
@@ -81,67 +82,51 @@ def _job(
     content: tuple[list[LineString], list[Peg], float],
     options: RigOptions,
 ) -> Job:
-    """Return one board or lid as a sheet of its own, its lower left corner at the margin."""
+    """Return one board or lid on a sheet, its lower left corner at the margin.
+
+    Marks, holes and outline; the beam runs half a kerf off the material that stays.
+    """
+    marks, pegs, gap_mm = content
+    half_mm, turns = 0.5 * options.kerf_mm, np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+    drawn = [
+        (Operation.MARK, "mark", Contour.polyline(shapely.get_coordinates(line), closed=False))
+        for line in marks
+    ]
+    for peg in pegs:
+        radius_mm = 0.5 * peg.diameter_mm + gap_mm - half_mm
+        circle = Contour(
+            points_mm=np.array([peg.x_mm, peg.y_mm]) + radius_mm * turns,
+            bulges=np.full(4, math.tan(math.pi / 8.0)),
+            parts=(Part.OTHER,) * 4,
+            branches=("",) * 4,
+            closed=True,
+        )
+        drawn.append((Operation.CUT, "hole", circle))
+    grown = shapely.buffer(outline, half_mm, join_style="mitre", mitre_limit=2.0)
+    for piece in polygon_parts(grown):
+        for ring in (*piece.interiors, piece.exterior):
+            edge = Contour.polyline(shapely.get_coordinates(ring)[:-1], closed=True)
+            drawn.append((Operation.CUT, "outline", edge))
     x_min, y_min, x_max, y_max = outline.bounds
-    margin_mm = SHEET_MARGIN_MM + 0.5 * options.kerf_mm
-    paths: dict[Operation, list[LaserPath]] = {Operation.MARK: [], Operation.CUT: []}
-    for operation, path in _paths(outline, content, options.kerf_mm):
-        moved = path.contour.moved(0.0, margin_mm - x_min, margin_mm - y_min)
-        paths[operation].append(LaserPath(operation=operation, contour=moved, label=path.label))
-    size_mm = x_max - x_min + 2.0 * margin_mm, y_max - y_min + 2.0 * margin_mm
+    margin_mm = SHEET_MARGIN_MM + half_mm
     return Job(
         name=name,
-        sheet_width_mm=size_mm[0],
-        sheet_height_mm=size_mm[1],
-        paths=(*paths[Operation.MARK], *paths[Operation.CUT]),
+        sheet_width_mm=x_max - x_min + 2.0 * margin_mm,
+        sheet_height_mm=y_max - y_min + 2.0 * margin_mm,
+        paths=tuple(
+            LaserPath(
+                operation=operation,
+                contour=contour.moved(0.0, margin_mm - x_min, margin_mm - y_min),
+                label=label,
+            )
+            for operation, label, contour in drawn
+        ),
         facts={
             "kerf_mm": options.kerf_mm,
             "kerf_standing": "assumed unless measured on this sheet",
             "sheet_thickness_mm": options.plate_mm,
         },
     )
-
-
-def _paths(
-    outline: Polygon, content: tuple[list[LineString], list[Peg], float], kerf_mm: float
-) -> Iterator[tuple[Operation, LaserPath]]:
-    """Yield marks, holes and outline, the beam half a kerf off the material that stays."""
-    marks, pegs, gap_mm = content
-    for line in marks:
-        contour = Contour.polyline(shapely.get_coordinates(line), closed=False)
-        yield Operation.MARK, LaserPath(operation=Operation.MARK, contour=contour, label="mark")
-    for peg in pegs:
-        radius_mm = 0.5 * peg.diameter_mm + gap_mm - 0.5 * kerf_mm
-        contour = _circle(peg.x_mm, peg.y_mm, radius_mm)
-        yield Operation.CUT, LaserPath(operation=Operation.CUT, contour=contour, label="hole")
-    grown = shapely.buffer(outline, 0.5 * kerf_mm, join_style="mitre", mitre_limit=2.0)
-    for piece in polygon_parts(grown):
-        for ring in (*piece.interiors, piece.exterior):
-            points = shapely.get_coordinates(ring)[:-1]
-            contour = Contour.polyline(points, closed=True)
-            yield (
-                Operation.CUT,
-                LaserPath(operation=Operation.CUT, contour=contour, label="outline"),
-            )
-
-
-def _circle(x_mm: float, y_mm: float, radius_mm: float) -> Contour:
-    """Return a circle as four arcs."""
-    turns = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    return Contour(
-        points_mm=np.array([x_mm, y_mm]) + radius_mm * turns,
-        bulges=np.full(4, math.tan(math.pi / 8.0)),
-        parts=(Part.OTHER,) * 4,
-        branches=("",) * 4,
-        closed=True,
-    )
-
-
-def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
-    """Yield a piece's outline and number, as far as they lie on a tile of the board."""
-    rings = shapely.get_rings(piece.outline)
-    shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
-    yield from _lines_within(tile, (*shapes, *_number_marks(piece)))
 
 
 def _lines_within(tile: Polygon, lines: Sequence[LineString]) -> Iterator[LineString]:
@@ -199,40 +184,22 @@ def sheet_file(name: str, job: Job) -> bytes:
     return data
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LaserCutFiles:
-    """Everything that a laser cuts for a rig."""
-
-    jobs: dict[str, Job] = field(default_factory=dict)  # by file name
-    files: dict[str, bytes] = field(default_factory=dict)  # DXF, read back without a difference
-
-
-def laser_cut_files(
+def laser_jobs(
     rig: Rig,
     pieces: tuple[LoosePiece, ...],
     markers: BoardMarkers | None = None,
     *,
     lid: bool,
-) -> LaserCutFiles:
-    """Return what is cut for a rig."""
-    options, named = rig.options, list[tuple[str, list[Job]]]()
-    plate = rig.on_plan(rig.plate)
+) -> dict[str, Job]:
+    """Return what is cut for a rig, by the names of its DXF files."""
+    plate, options = rig.on_plan(rig.plate), rig.options
+    named: dict[str, list[Job]] = {}
     if rig.style != "plate":
-        named.append(("board", board_jobs(rig.name, plate, pieces, options, markers)))
+        named["board"] = board_jobs(rig.name, plate, pieces, options, markers)
     if lid:
-        named.append(("lid", lid_jobs(rig.name, plate, options)))
-    jobs_by_name = {
+        named["lid"] = lid_jobs(rig.name, plate, options)
+    return {
         f"{kind}_{number:02d}.dxf": job
-        for kind, jobs in named
+        for kind, jobs in named.items()
         for number, job in enumerate(jobs, 1)
     }
-    files = {name: sheet_file(name, job) for name, job in jobs_by_name.items()}
-    return LaserCutFiles(jobs=jobs_by_name, files=files)
-
-
-def outlines_of(rig: Rig, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:
-    """Return what the assembly drawing numbers: outlines by number, in map coordinates."""
-    if pieces:
-        return {piece.number: rig.on_map(piece.outline) for piece in pieces}
-    standing = footprints(rig)
-    return {part.number: standing[part.name] for part in rig.parts}

@@ -1,31 +1,27 @@
 """From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import shapely
 
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
-from vinefab.core.plain_text import counted
-from vinefab.core.view import Section
 from vinefab.fabrication.checking import corridors_in
 from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.rig.board import LoosePiece, build_board
-from vinefab.rig.comparison_with_map import compare_with_map
+from vinefab.rig.build import LoosePiece, build_board, build_rig, refuse_early
+from vinefab.rig.comparison_with_map import compare_with_map, footprints
 from vinefab.rig.fixtures import with_fixtures
-from vinefab.rig.laser_cut import laser_cut_files, outlines_of
-from vinefab.rig.open_shell import shell_words
-from vinefab.rig.page import rig_page, rig_pictures, rig_section, true_scale_files
+from vinefab.rig.laser_cut import laser_jobs, sheet_file
+from vinefab.rig.page import RigFiles, rig_pictures, true_scale_files
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
-from vinefab.rig.plate import build_rig, refuse_early
 from vinefab.rig.printing import printing_of
-from vinefab.rig.rig_json import RIG_NAME, RigRecord, parts_text, rig_text
+from vinefab.rig.rig_json import RIG_NAME, parts_text, rig_text
 from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.rig_plan import RigPlan, plan_of
 from vinefab.rig.split import usable_mm
@@ -40,33 +36,6 @@ _STYLE_WORDS = {"plate": "tiles of a plate", "board": "loose pieces on a board"}
 
 ProgressCallback = Callable[[float, str], None]
 """Called with the share of the work that is done, 0 to 1, and the next step."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigFiles(RigRecord):
-    """A rig as files."""
-
-    # by name, every solid read back; empty when a rule forbids the rig
-    files: dict[str, bytes] = field(default_factory=dict)
-    section: Section | None = None  # the rig's part of a report, if pictures were drawn
-
-    def summary(self) -> list[str]:
-        """Return the rig in a few lines for the user."""
-        rig = self.rig
-        sheets = f"; {counted(len(self.jobs), 'sheet')} for the laser" if self.jobs else ""
-        return [
-            f"{rig.name}: {counted(len(rig.parts), 'part')} for {rig.printer.name} at "
-            f"{rig.options.scale:.4g} of the map's size, {rig.volume_mm3 / 1000:.0f} cm3 (computed)"
-            f"{sheets}",
-            f"printing: {self.printing.total.words()} (computed from assumed settings of the "
-            "printer)",
-            self.why_style,
-            *([shell_words(rig)] if shell_words(rig) else []),
-            f"every STL and 3MF read back closed and oriented; assembled, the outsides of the "
-            f"walls differ from the map by {100 * self.comparison.share:.4f} %",
-            *(f"note: {note}" for note in rig.notes),
-            *self.report.summary[:-1],
-        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +73,8 @@ def make_rig(
     tell(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
     rig, fixtures = with_fixtures(rig, world, request.design)
-    cut = laser_cut_files(rig, pieces, fixtures.board, lid=request.lid)
+    jobs = laser_jobs(rig, pieces, fixtures.board, lid=request.lid)
+    sheets = {name: sheet_file(name, job) for name, job in jobs.items()}
     tell(0.25, "comparing with the map")
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
@@ -132,24 +102,22 @@ def make_rig(
         printing=printing,
         comparison=comparison,
         report=report,
-        jobs=cut.jobs,
+        jobs=jobs,
         why_style=why_style,
         fixtures=fixtures,
     )
     if report.blocking:
         return made
-    files |= cut.files | true_scale_files(rig, world, fixtures, pieces)
-    section: Section | None = None
+    files |= sheets | true_scale_files(rig, world, fixtures, pieces)
     if request.pictures:
         tell(0.5, "drawing the plan")
-        drawn = rig_pictures(rig, world, outlines_of(rig, pieces), cut.jobs)
-        section = rig_section(rig, printing, drawn, why_style)
-        page = rig_page(rig, section, report, comparison)
-        files |= {**drawn, "report.html": page.encode()}
+        outlines = {piece.number: rig.on_map(piece.outline) for piece in pieces} or footprints(rig)
+        made = replace(made, pictures=rig_pictures(rig, world, outlines, jobs))
+        files |= {**made.pictures, "report.html": made.page().encode()}
     files["parts.csv"] = parts_text(rig, printing).encode()
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[RIG_NAME] = rig_text(made, digests).encode()
-    return replace(made, files=files, section=section)
+    return replace(made, files=files)
 
 
 def _built(

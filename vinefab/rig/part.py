@@ -110,7 +110,7 @@ class Rig:
     # where walls were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
     origin_mm: tuple[float, float] = (0.0, 0.0)  # lower left corner of the bounds on the map
-    # what was left out, filled or joined, by name; see `vinefab.rig.plate`
+    # what was left out, filled or joined, by name; see `vinefab.rig.build`
     counts: Mapping[str, int] = field(default_factory=dict)
     joint_gap_mm3: float = 0.0  # volume of the plate that is missing in the gaps around the joints
     notes: tuple[str, ...] = ()  # sentences that the person who prints the rig should read
@@ -127,6 +127,14 @@ class Rig:
     def on_map(self, shape: BaseGeometry) -> BaseGeometry:
         """Return a shape of the plan in map coordinates."""
         return shapely.transform(shape, lambda points: points / self.options.scale + self.origin_mm)
+
+    @property
+    def table_to_map(self) -> Floats:
+        """The transform, shape (4, 4), from plan and table into map coordinates."""
+        matrix = np.diag([1.0 / self.options.scale] * 3 + [1.0])
+        matrix[:2, 3] = self.origin_mm
+        matrix[2, 3] = -self.options.plate_mm / self.options.scale
+        return matrix
 
     @property
     def printed(self) -> tuple[RigPart, ...]:

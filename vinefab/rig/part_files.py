@@ -211,8 +211,8 @@ def _model(items: Sequence[PartItem], title: str) -> Iterator[str]:
         yield f'<object id="{number}" type="model" name={name}>\n<mesh>\n<vertices>\n'
         values, index = np.unique(item.part.vertices_mm, return_inverse=True)
         texts = [_short(value) for value in values]
-        for x, y, z in index.reshape(-1, 3).tolist():
-            yield f'<vertex x="{texts[x]}" y="{texts[y]}" z="{texts[z]}"/>\n'
+        for i, j, k in index.reshape(-1, 3).tolist():
+            yield f'<vertex x="{texts[i]}" y="{texts[j]}" z="{texts[k]}"/>\n'
         yield "</vertices>\n<triangles>\n"
         for a, b, c in item.part.faces.tolist():
             yield f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n'

@@ -97,40 +97,43 @@ def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
     filled to the share f. Thin parts are all skin, hence the lesser of the two; walls of shells
     have half a wall as skin on each side.
     """
-    faces = [upright_faces(part) for part in parts]
-    plastics = [_plastic_mm3(*both, printer) for both in zip(parts, faces, strict=True)]
-    layers = max((_layers(part, printer) for part in parts), default=0)
-    time_s = layers * printer.layer_change_s
-    if printer.flow_mm3_s is not None:
-        time_s += sum(plastics) / printer.flow_mm3_s
-    else:
-        moved = zip(parts, faces, plastics, strict=True)
-        time_s += sum(_moving_s(*one, printer) for one in moved)
-    return _with_time(sum(plastics), time_s, printer)
-
-
-def _side_skin_mm(part: RigPart, printer: Printer) -> float:
-    """Return how thick the skin of a part's sides is: each side of a shell's wall has half."""
-    return min(printer.shell_mm, 0.5 * part.shell_wall_mm or printer.shell_mm)
-
-
-def _plastic_mm3(part: RigPart, sides: UprightFaces, printer: Printer) -> float:
-    level_mm2 = part.area_mm2 - sides.area_mm2
-    skin_mm3 = level_mm2 * printer.shell_mm + sides.area_mm2 * _side_skin_mm(part, printer)
-    return min(part.volume_mm3, skin_mm3 + printer.infill * (part.volume_mm3 - skin_mm3))
+    time_s = max((_layers(part, printer) for part in parts), default=0) * printer.layer_change_s
+    plastic_mm3 = moving_s = 0.0
+    for part in parts:
+        sides = upright_faces(part)
+        # Each side of a shell's wall has half of it as skin.
+        skin_mm = min(printer.shell_mm, 0.5 * part.shell_wall_mm or printer.shell_mm)
+        level_mm2 = part.area_mm2 - sides.area_mm2
+        skin_mm3 = level_mm2 * printer.shell_mm + sides.area_mm2 * skin_mm
+        filled_mm3 = skin_mm3 + printer.infill * (part.volume_mm3 - skin_mm3)
+        extruded_mm3 = min(part.volume_mm3, filled_mm3)
+        plastic_mm3 += extruded_mm3
+        moving_s += _moving_s(part, sides, (extruded_mm3, skin_mm), printer)
+    flow_mm3_s = printer.flow_mm3_s
+    time_s += moving_s if flow_mm3_s is None else plastic_mm3 / flow_mm3_s
+    across_mm2 = 0.25 * math.pi * printer.filament_mm**2
+    return PrintEstimate(
+        plastic_mm3=plastic_mm3,
+        mass_g=1e-3 * plastic_mm3 * printer.density_g_cm3,
+        filament_m=1e-3 * plastic_mm3 / across_mm2,
+        time_s=time_s,
+    )
 
 
 def _layers(part: RigPart, printer: Printer) -> int:
     return math.ceil(part.size_mm[2] / printer.layer_mm)
 
 
-def _moving_s(part: RigPart, sides: UprightFaces, plastic_mm3: float, printer: Printer) -> float:
+def _moving_s(
+    part: RigPart, sides: UprightFaces, plastic: tuple[float, float], printer: Printer
+) -> float:
     """Return how long the nozzle moves for a part: along walls, in its inside, and between."""
+    plastic_mm3, skin_mm = plastic
     # A line as wide as the nozzle, its sides round.
     line_mm2 = (printer.nozzle_mm - _ROUND * printer.layer_mm) * printer.layer_mm
     slope = printer.acceleration_mm_s2
     side_mm2 = max(sides.area_mm2, 1e-9)
-    wall_mm3 = min(plastic_mm3, side_mm2 * _side_skin_mm(part, printer))
+    wall_mm3 = min(plastic_mm3, side_mm2 * skin_mm)
     wall_s = wall_mm3 / line_mm2 / printer.wall_speed_mm_s
     # A corner of the plan is passed once by each line beside it, in each layer.
     lines = wall_mm3 / side_mm2 / printer.nozzle_mm
@@ -148,26 +151,6 @@ def _moving_s(part: RigPart, sides: UprightFaces, plastic_mm3: float, printer: P
     hop_s = _HOP_MM / travel + travel / slope + _RETRACT_S
     hops = _layers(part, printer) * (_HOPS + _HOPS_PER_RING * sides.rings)
     return float(wall_s + lines * slowed_s + fill_s + hops * hop_s)
-
-
-def total_estimate(estimates: Sequence[PrintEstimate]) -> PrintEstimate:
-    """Return the sum of estimates, bed after bed."""
-    return PrintEstimate(
-        plastic_mm3=sum(one.plastic_mm3 for one in estimates),
-        mass_g=sum(one.mass_g for one in estimates),
-        filament_m=sum(one.filament_m for one in estimates),
-        time_s=sum(one.time_s for one in estimates),
-    )
-
-
-def _with_time(plastic_mm3: float, time_s: float, printer: Printer) -> PrintEstimate:
-    across_mm2 = 0.25 * math.pi * printer.filament_mm**2
-    return PrintEstimate(
-        plastic_mm3=plastic_mm3,
-        mass_g=1e-3 * plastic_mm3 * printer.density_g_cm3,
-        filament_m=1e-3 * plastic_mm3 / across_mm2,
-        time_s=time_s,
-    )
 
 
 PART_GAP_MM = 5.0
@@ -267,7 +250,9 @@ class Printing:
     @property
     def total(self) -> PrintEstimate:
         """What all beds take."""
-        return total_estimate([bed.estimate for bed in self.beds])
+        names = ("plastic_mm3", "mass_g", "filament_m", "time_s")
+        beds = [bed.estimate for bed in self.beds]
+        return PrintEstimate(**{name: sum(getattr(bed, name) for bed in beds) for name in names})
 
     def bed_of(self, index: int) -> Bed:
         """Return the bed of a part, by its index in ``Rig.printed``."""
@@ -283,12 +268,8 @@ def printing_of(rig: Rig) -> Printing:
             Bed(
                 number=number,
                 places=places,
-                estimate=print_estimate(_on(places, parts), rig.printer),
+                estimate=print_estimate([parts[at.index] for at in places], rig.printer),
             )
             for number, places in enumerate(beds, 1)
         )
     )
-
-
-def _on(places: tuple[PlacedPart, ...], parts: tuple[RigPart, ...]) -> list[RigPart]:
-    return [parts[at.index] for at in places]

@@ -1,7 +1,7 @@
 """What a user chooses about a rig: its sizes and style, and the printer."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self
 
 from annotated_types import Ge, Interval, Unit
 from pydantic import Field, create_model, model_validator
@@ -105,7 +105,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
     form = validated(PrinterForm, read_toml(path), path)
     with located(path):
         values = {name: held.value for name, held in form if isinstance(held, Quantity)}
-        return cast("Printer", Printer(name=path.stem, **values))
+        return Printer(name=path.stem, **values)
 
 
 class RigOptions(Table):

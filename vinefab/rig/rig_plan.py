@@ -5,7 +5,7 @@ and thickened where the printer could not print them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from shapely.ops import nearest_points
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Start
 from vinefab.model.start_place import start_pieces
 from vinefab.rig.part import ThinPlace
 from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
@@ -194,10 +194,23 @@ def entry_of(
     reach_mm = options.entry_reach_mm
     ray = _backwards(start, reach_mm + max(1.0, reach_mm) * 1e-6)
     if not ray.intersects(bounds.exterior):
-        return _through_plate(base, solids, options)
+        hole = base.buffer(0.5 * options.entry_width_mm, quad_segs=_HOLE_SEGMENTS)
+        if hole.buffer(_WALL_TO_HOLE_MM).intersects(solids):
+            note = "has no room for a hole in the plate: no entry is made"
+            hole = nothing
+        else:
+            note = "has a hole in the plate: the robot comes up from below"
+        return Entry(
+            from_border=nothing, from_plate=hole, note=f"a start far from the bounds {note}"
+        )
     met = nearest_points(base, ray.intersection(bounds.exterior))[1]
-    line = _backwards(start, base.distance(met) + _depth_mm(options))
-    strip = line.buffer(_half_width_mm(start, options), cap_style="flat")
+    # So far behind the bounds that the border is surely crossed, also when met at 60 degrees.
+    behind_mm = 2.0 * options.border_mm + 2.0 * options.entry_width_mm
+    # As wide as the base, moved sideways over the start's range of positions.
+    sideways_mm = abs(math.sin(start.pose.heading_rad)) * start.spread_x_mm
+    sideways_mm += abs(math.cos(start.pose.heading_rad)) * start.spread_y_mm
+    line = _backwards(start, base.distance(met) + behind_mm)
+    strip = line.buffer(0.5 * options.entry_width_mm + sideways_mm, cap_style="flat")
     # Not what the strip meets further on: the wall of another room of a winding hall.
     cut = [
         piece for piece in polygon_parts(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)
@@ -215,8 +228,14 @@ def _entry_of_area(
     except BadInputError:  # closed by what makes solids printable: the pose is what is left
         return entry_of(replace(start, area=None), bounds, border, solids, options)
     entries = [entry_of(_across(start, p), bounds, border, solids, options) for p in pieces]
+    # Robots come from where the bounds are when moved back: walls beside them stay.
+    (x_0, y_0), (x_1, y_1) = _backwards(start, 2.0 * options.border_mm).coords
+    behind = [
+        shapely.affinity.translate(bounds, share * (x_1 - x_0), share * (y_1 - y_0))
+        for share in (0.5, 1.0)
+    ]
     opened = shapely.intersection(
-        shapely.union_all([entry.from_border for entry in entries]), _behind(start, bounds, options)
+        shapely.union_all([entry.from_border for entry in entries]), shapely.union_all(behind)
     )
     if opened.is_empty:
         at_pose = entry_of(replace(start, area=None), bounds, border, solids, options)
@@ -239,17 +258,6 @@ def _entry_of_area(
     return Entry(from_border=opened, from_plate=Polygon(), note="; ".join(notes))
 
 
-def _behind(start: Start, bounds: Polygon, options: RigOptions) -> BaseGeometry:
-    """Return where robots come from: the bounds moved back, so that walls beside them stay."""
-    back = _backwards(start, 2.0 * options.border_mm).coords
-    (x_0, y_0), (x_1, y_1) = back
-    moved = [
-        shapely.affinity.translate(bounds, share * (x_1 - x_0), share * (y_1 - y_0))
-        for share in (0.5, 1.0)
-    ]
-    return shapely.union_all(moved)
-
-
 def _across(start: Start, piece: BaseGeometry) -> Start:
     """Return a start at the rear end of a piece, its range as wide as the piece is sideways."""
     cosine, sine = math.cos(start.pose.heading_rad), math.sin(start.pose.heading_rad)
@@ -268,33 +276,11 @@ def _across(start: Start, piece: BaseGeometry) -> Start:
     )
 
 
-def _through_plate(base: Point, solids: BaseGeometry, options: RigOptions) -> Entry:
-    hole = base.buffer(0.5 * options.entry_width_mm, quad_segs=_HOLE_SEGMENTS)
-    if hole.buffer(_WALL_TO_HOLE_MM).intersects(solids):
-        note = "a start far from the bounds has no room for a hole in the plate: no entry is made"
-        return Entry(from_border=Polygon(), from_plate=Polygon(), note=note)
-    note = "a start far from the bounds has a hole in the plate: the robot comes up from below"
-    return Entry(from_border=Polygon(), from_plate=hole, note=note)
-
-
 def _backwards(start: Start, length_mm: float) -> LineString:
     pose = start.pose
     back_x, back_y = -math.cos(pose.heading_rad), -math.sin(pose.heading_rad)
     end = (pose.x_mm + length_mm * back_x, pose.y_mm + length_mm * back_y)
     return LineString([(pose.x_mm, pose.y_mm), end])
-
-
-def _half_width_mm(start: Start, options: RigOptions) -> float:
-    """Half the opening: the base, moved sideways over the start's range of positions."""
-    heading_rad = start.pose.heading_rad
-    sideways_mm = abs(math.sin(heading_rad)) * start.spread_x_mm
-    sideways_mm += abs(math.cos(heading_rad)) * start.spread_y_mm
-    return 0.5 * options.entry_width_mm + sideways_mm
-
-
-def _depth_mm(options: RigOptions) -> float:
-    """How far behind the bounds the border is surely crossed, also when met at 60 degrees."""
-    return 2.0 * options.border_mm + 2.0 * options.entry_width_mm
 
 
 _BORDER_MITRE_LIMIT = 2.0
@@ -337,11 +323,35 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     each other and with the border wherever they overlap or touch; holes in the bounds are solid.
     """
     refuse_fine(world)
-    origin_mm = world.bounds.bounds[0], world.bounds.bounds[1]
-    bounds = _scaled_polygons([world.bounds], world, options.scale)[0]
-    obstacles, slivers = without_slivers(_obstacles(world, bounds, options), options.sliver_mm)
-    border, plate, notes = _opened(world, bounds, obstacles, options)
+    origin_mm, scale = (world.bounds.bounds[0], world.bounds.bounds[1]), options.scale
+
+    def on_plan(points: Floats) -> Floats:
+        return np.asarray((points - np.array(origin_mm)) * scale, dtype=np.float64)
+
+    bounds, *shapes = shapely.transform([world.bounds, *world.obstacles], on_plan)
+    inside = Polygon(bounds.exterior)
+    holes = polygon_parts(*(Polygon(ring) for ring in bounds.interiors), Polygon())
+    joined = snapped_union(np.array(shapes, dtype=object), holes)
+    obstacles, slivers = without_slivers(
+        polygon_parts(shapely.intersection(joined, inside)), options.sliver_mm
+    )
+    # The border, outside the bounds, and the plate below it, each with the entries taken out.
+    grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
+    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
+    border, blocked = plate.difference(inside), shapely.union_all(obstacles)
+    entries = [
+        entry_of(_scaled(start, on_plan, scale), inside, border, blocked, options)
+        for start in world.starts
+    ]
+    notes = tuple(
+        f"start {index}: {entry.note}" for index, entry in enumerate(entries, 1) if entry.note
+    )
+    if not world.starts:
+        notes = ("the map has no start: the border is closed all around",)
+    border = border.difference(shapely.union_all([entry.from_border for entry in entries]))
+    plate = plate.difference(shapely.union_all([entry.from_plate for entry in entries]))
     plate = shapely.set_precision(plate, GRID_MM)
+
     solids, more_slivers = without_slivers(snapped_union(obstacles, border), options.sliver_mm)
     solids, slits = without_slits(solids, options.sliver_mm)
     solids, bridges = bridged(solids, plate, 0.5 * printer.nozzle_mm)
@@ -349,18 +359,26 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     thickened: BaseGeometry = Polygon()
     if len(thin):
         # Nothing grows over the rim, nor into an entry.
-        room = shapely.union_all([Polygon(bounds.exterior), border])
+        room = shapely.union_all([inside, border])
         thickened = shapely.intersection(patches, shapely.intersection(plate, room))
         solids, bridged_again = bridged(
             snapped_union(solids, thickened), plate, 0.5 * printer.nozzle_mm
         )
         bridges += bridged_again
+    points = [piece.representative_point() for piece in thin]
     return RigPlan(
         plate=plate,
         solids=solids,
         origin_mm=origin_mm,
-        scale=options.scale,
-        thin_places=_thin_places(thin, origin_mm, options.scale),
+        scale=scale,
+        thin_places=tuple(
+            ThinPlace(
+                x_mm=origin_mm[0] + point.x / scale,
+                y_mm=origin_mm[1] + point.y / scale,
+                area_mm2=float(piece.area),
+            )
+            for piece, point in zip(thin, points, strict=True)
+        ),
         thickened=shapely.union_all(polygon_parts(thickened)),
         slivers=slivers + more_slivers,
         slits=slits,
@@ -369,71 +387,14 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     )
 
 
-def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Polygons:
-    """Return the obstacles within the bounds, and the holes of the bounds, joined."""
-    scaled = _scaled_polygons(world.obstacles, world, options.scale)
-    holes = polygon_parts(*(Polygon(ring) for ring in bounds.interiors), Polygon())
-    return polygon_parts(
-        shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior))
-    )
-
-
-def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Polygons:
-    low_mm = np.array(world.bounds.bounds[:2])
-    array = np.empty(len(polygons), dtype=object)
-    array[:] = polygons
-    return shapely.transform(array, lambda points: (points - low_mm) * scale)
-
-
-def _opened(
-    world: Map, bounds: Polygon, obstacles: Polygons, options: RigOptions
-) -> tuple[BaseGeometry, BaseGeometry, tuple[str, ...]]:
-    """Return border and plate with the entries of all starts taken out, and notes."""
-    inside = Polygon(bounds.exterior)
-    grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
-    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
-    border = plate.difference(inside)
-    solids = shapely.union_all(obstacles)
-    entries = [
-        entry_of(_scaled(start, world, options.scale), inside, border, solids, options)
-        for start in world.starts
-    ]
-    closed = shapely.union_all([entry.from_border for entry in entries])
-    holes = shapely.union_all([entry.from_plate for entry in entries])
-    notes = tuple(
-        f"start {index}: {entry.note}" for index, entry in enumerate(entries, 1) if entry.note
-    )
-    if not world.starts:
-        notes = ("the map has no start: the border is closed all around",)
-    return border.difference(closed), plate.difference(holes), notes
-
-
-def _scaled(start: Start, world: Map, scale: float) -> Start:
-    pose, (x_mm, y_mm) = start.pose, world.bounds.bounds[:2]
+def _scaled(start: Start, on_plan: Callable[[Floats], Floats], scale: float) -> Start:
+    pose = start.pose
+    (x_mm, y_mm), *_ = on_plan(np.array([[pose.x_mm, pose.y_mm]])).tolist()
     return replace(
         start,
-        pose=Pose(
-            x_mm=scale * (pose.x_mm - x_mm),
-            y_mm=scale * (pose.y_mm - y_mm),
-            heading_rad=pose.heading_rad,
-        ),
+        pose=replace(pose, x_mm=x_mm, y_mm=y_mm),
         spread_x_mm=scale * start.spread_x_mm,
         spread_y_mm=scale * start.spread_y_mm,
-        area=start.area
-        and shapely.transform(start.area, lambda points: scale * (points - (x_mm, y_mm))),
+        area=start.area and shapely.transform(start.area, on_plan),
         clearance_mm=start.clearance_mm * (1.0 if start.area is None else scale),
-    )
-
-
-def _thin_places(
-    thin: Polygons, origin_mm: tuple[float, float], scale: float
-) -> tuple[ThinPlace, ...]:
-    return tuple(
-        ThinPlace(
-            x_mm=origin_mm[0] + point.x / scale,
-            y_mm=origin_mm[1] + point.y / scale,
-            area_mm2=float(piece.area),
-        )
-        for piece in thin
-        for point in (piece.representative_point(),)
     )

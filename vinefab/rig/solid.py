@@ -1,6 +1,6 @@
 """Closed solids from plans, by manifold3d, and what is engraved into them or laid beside them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,21 +18,11 @@ from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union, touchin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pocket:
-    """A prism to be taken out of a solid."""
-
-    pieces: Polygons  # its outline, in plan
-    # lower and upper end; below 0 to open it downwards
-    low_mm: float
-    high_mm: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """An upright prism of a solid."""
+    """An upright prism of a solid, or to be taken out of it."""
 
     pieces: Polygons  # its outline, in plan
-    # lower and upper end
+    # lower and upper end; of a pocket below 0 to open it downwards
     low_mm: float
     high_mm: float
 
@@ -42,7 +32,7 @@ def stacked(
     solids: Polygons,
     plate_mm: float,
     height_mm: float,
-    pockets: Sequence[Pocket | Manifold] = (),
+    pockets: Sequence[Course] = (),
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of solids standing on a plate.
 
@@ -58,7 +48,7 @@ def stacked(
 
 
 def built_of(
-    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold] = (), weld_mm: float = 0.0
+    courses: Sequence[Course], pockets: Sequence[Course] = (), weld_mm: float = 0.0
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of prisms joined into one solid, pockets taken out.
 
@@ -71,11 +61,12 @@ def built_of(
 
 
 def _joined(
-    courses: Sequence[Course], pockets: Sequence[Pocket | Manifold], weld_mm: float
+    courses: Sequence[Course], pockets: Sequence[Course], weld_mm: float
 ) -> tuple[Floats, Ints]:
     body = Manifold.batch_boolean([prism(course) for course in courses], OpType.Add)
     for pocket in pockets:
-        body -= pocket if isinstance(pocket, Manifold) else prism(pocket)
+        if len(pocket.pieces):
+            body -= prism(pocket)
     return mesh_of(body.simplify(weld_mm) if weld_mm else body)
 
 
@@ -93,31 +84,46 @@ _POST_MM = 0.1
 
 def _posts(courses: Sequence[Course]) -> list[Course]:
     """Return thin posts where the plans of courses at one height touch in a point."""
-    heights = sorted({height for one in courses for height in (one.low_mm, one.high_mm)})
+    lowest_mm, highest_mm = min(c.low_mm for c in courses), max(c.high_mm for c in courses)
     posts = []
-    for low_mm, high_mm in pairwise(heights):
-        here = [one for one in courses if one.low_mm <= low_mm and one.high_mm >= high_mm]
-        points = touching_points(snapped_union(*(one.pieces for one in here)))
+    for low_mm, high_mm, here in _storeys(courses):
+        points = touching_points(snapped_union(*here))
         if len(points):
             discs = shapely.buffer(shapely.MultiPoint(points), _POST_MM, quad_segs=2)
-            ends_mm = max(heights[0], low_mm - _POST_MM), min(heights[-1], high_mm + _POST_MM)
-            posts.append(Course(pieces=polygon_parts(discs), low_mm=ends_mm[0], high_mm=ends_mm[1]))
+            from_mm = max(lowest_mm, low_mm - _POST_MM)
+            to_mm = min(highest_mm, high_mm + _POST_MM)
+            posts.append(Course(pieces=polygon_parts(discs), low_mm=from_mm, high_mm=to_mm))
     return posts
 
 
+def _storeys(courses: Sequence[Course]) -> Iterator[tuple[float, float, list[Polygons]]]:
+    """Yield lower and upper end of the heights between which nothing changes, with the plans."""
+    heights = sorted({height for one in courses for height in (one.low_mm, one.high_mm)})
+    for low_mm, high_mm in pairwise(heights):
+        here = [one for one in courses if one.low_mm <= low_mm and one.high_mm >= high_mm]
+        yield low_mm, high_mm, [one.pieces for one in here]
+
+
 def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
-    """Return corners, as single precision holds them, and triangles of a solid."""
+    """Return corners, as single precision holds them, and triangles of a solid.
+
+    Their order depends on the shape alone.
+    """
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
-    return _sorted(*_without_flat(vertices, np.asarray(mesh.tri_verts, dtype=np.int64)))
-
-
-def _without_flat(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
-    """Return a mesh without triangles of which two corners became one when they were rounded."""
+    faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     merged, index = different_points(vertices)
     corners = index[faces]
     flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
-    return (merged, corners[~flat]) if flat.any() else (vertices, faces)
+    if flat.any():  # two corners of a triangle became one when they were rounded
+        vertices, faces = merged, corners[~flat]
+    order = np.lexsort(vertices.T[::-1])
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    faces = place[faces]
+    first, rows = faces.argmin(axis=1)[:, None], np.arange(len(faces))[:, None]
+    faces = faces[rows, (first + np.arange(3)) % 3]
+    return vertices[order], faces[np.lexsort(faces.T[::-1])]
 
 
 def manifold_of(vertices_mm: Floats, faces: Ints) -> Manifold:
@@ -136,38 +142,20 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
 
 def plan_volume_mm3(courses: Sequence[Course]) -> float:
     """Return the volume that courses take together, from the areas of their plans."""
-    heights = sorted({height for one in courses for height in (one.low_mm, one.high_mm)})
     volume_mm3 = 0.0
-    for low_mm, high_mm in pairwise(heights):
-        here = [one for one in courses if one.low_mm <= low_mm and one.high_mm >= high_mm]
+    for low_mm, high_mm, here in _storeys(courses):
         if here:
-            area_mm2 = shapely.union_all(np.concatenate([one.pieces for one in here])).area
-            volume_mm3 += area_mm2 * (high_mm - low_mm)
+            volume_mm3 += shapely.union_all(np.concatenate(here)).area * (high_mm - low_mm)
     return volume_mm3
 
 
-def prism(slab: Pocket | Course) -> Manifold:
+def prism(course: Course) -> Manifold:
     """Return a prism as a solid."""
-    body = _extruded(slab.pieces, slab.high_mm - slab.low_mm)
-    return body.translate((0.0, 0.0, slab.low_mm))
-
-
-def _extruded(pieces: Polygons, height_mm: float) -> Manifold:
-    rings = shapely.get_rings(shapely.orient_polygons(pieces))
+    rings = shapely.get_rings(shapely.orient_polygons(course.pieces))
     contours = [shapely.get_coordinates(ring)[:-1] for ring in rings]
-    return Manifold.extrude(CrossSection(contours, FillRule.Positive), height_mm)
-
-
-def _sorted(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
-    """Put corners and triangles in an order that depends on the shape alone."""
-    order = np.lexsort(vertices.T[::-1])
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    faces = place[faces]
-    first = faces.argmin(axis=1)
-    rows = np.arange(len(faces))[:, None]
-    faces = faces[rows, (first[:, None] + np.arange(3)) % 3]
-    return vertices[order], faces[np.lexsort(faces.T[::-1])]
+    flat = CrossSection(contours, FillRule.Positive)
+    body = Manifold.extrude(flat, course.high_mm - course.low_mm)
+    return body.translate((0.0, 0.0, course.low_mm))
 
 
 _WIDE, _HIGH, _ADVANCE = 4.0, 7.0, 6.2
@@ -214,11 +202,6 @@ def centred(lines: list[LineString], x_mm: float, y_mm: float) -> list[LineStrin
     return [translate(line, *shift) for line in lines]
 
 
-def mirrored(lines: list[LineString]) -> list[LineString]:
-    """Mirror lines left to right about x = 0: they read right when seen from below."""
-    return [scale(line, -1.0, 1.0, origin=(0.0, 0.0)) for line in lines]
-
-
 def grooves(lines: list[LineString], width_mm: float) -> BaseGeometry:
     """Return lines as polygons of some width, with blunt corners so that they stay few."""
     return shapely.union_all(shapely.buffer(lines, 0.5 * width_mm, quad_segs=1))
@@ -254,7 +237,8 @@ def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> P
 def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
     """Return arrow and number side by side, the middle of both at the origin."""
     digits = strokes(str(number), size * _DIGIT_MM)
-    digits = mirrored(digits) if from_below else digits
+    if from_below:
+        digits = [scale(line, -1.0, 1.0, origin=(0.0, 0.0)) for line in digits]
     digits_mm = shapely.total_bounds(digits)
     pointer = arrow(size * _ARROW_MM)
     pointer_mm = shapely.total_bounds(pointer)
@@ -266,61 +250,40 @@ def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
 
 CUBE_MM = 20.0
 _ARROW_SIZE_MM = (24.0, 44.0, 4.0)
-_DEPTH_MM, _STROKE_MM, _CUBE_APART_MM = 0.6, 1.0, 12.0
+_DEPTH_MM, _CUBE_APART_MM = 0.6, 12.0
 
 
 def extra_parts(
     plate_box_mm: tuple[float, float, float, float], to_map: Floats
 ) -> tuple[RigPart, ...]:
-    """Return the scale cube and the north arrow."""
+    """Return the scale cube and the north arrow, each with a text engraved into its top."""
     right_mm, top_mm = plate_box_mm[2] + _CUBE_APART_MM, plate_box_mm[3]
     wide_mm, long_mm, thick_mm = _ARROW_SIZE_MM
-    outline = Polygon(
-        [
-            (0.3 * wide_mm, 0.0),
-            (0.7 * wide_mm, 0.0),
-            (0.7 * wide_mm, 0.5 * long_mm),
-            (wide_mm, 0.5 * long_mm),
-            (0.5 * wide_mm, long_mm),
-            (0.0, 0.5 * long_mm),
-            (0.3 * wide_mm, 0.5 * long_mm),
-        ]
-    )
-    cube = shapely.box(0.0, 0.0, CUBE_MM, CUBE_MM)
-    north_text = (0.5 * wide_mm, 0.42 * long_mm, "N", 8.0)
-    cube_text = (0.5 * CUBE_MM, 0.5 * CUBE_MM, f"{CUBE_MM:.0f}", 10.0)
-    north = _placed(to_map, right_mm, top_mm - long_mm)
-    scale = _placed(to_map, right_mm, top_mm - long_mm - _CUBE_APART_MM - CUBE_MM)
-    return (
-        _part("scale_cube_20mm", cube, CUBE_MM, cube_text, scale),
-        _part("north_arrow", outline, thick_mm, north_text, north),
-    )
-
-
-def _part(
-    name: str,
-    outline: Polygon,
-    thick_mm: float,
-    text: tuple[float, float, str, float],
-    to_map: Floats,
-) -> RigPart:
-    """Return a flat part with a text engraved into its top."""
-    x_mm, y_mm, content, height_mm = text
-    marks = grooves(centred(strokes(content, height_mm), x_mm, y_mm), _STROKE_MM)
-    marks = shapely.set_precision(marks, GRID_MM)
-    pocket = Pocket(
-        pieces=polygon_parts(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0
-    )
-    vertices, faces = stacked(
-        polygon_parts(outline), polygon_parts(Polygon()), thick_mm, 0.0, [pocket]
-    )
-    volume_mm3 = outline.area * thick_mm - marks.area * _DEPTH_MM
-    return RigPart(
-        name=name, vertices_mm=vertices, faces=faces, to_map=to_map, volume_mm3=volume_mm3
-    )
-
-
-def _placed(to_map: Floats, x_mm: float, y_mm: float) -> Floats:
-    shift = np.eye(4)
-    shift[:2, 3] = x_mm, y_mm
-    return np.asarray(to_map @ shift, dtype=np.float64)
+    shape = [(0.3, 0), (0.7, 0), (0.7, 0.5), (1, 0.5), (0.5, 1), (0, 0.5), (0.3, 0.5)]
+    outline = Polygon([(x * wide_mm, y * long_mm) for x, y in shape])
+    cube, half_mm = shapely.box(0.0, 0.0, CUBE_MM, CUBE_MM), 0.5 * CUBE_MM
+    number, north = strokes(f"{CUBE_MM:.0f}", 10.0), strokes("N", 8.0)
+    cube_mm, arrow_mm = top_mm - long_mm - _CUBE_APART_MM - CUBE_MM, top_mm - long_mm
+    parts = []
+    for name, flat, high_mm, text, y_mm in (
+        ("scale_cube_20mm", cube, CUBE_MM, centred(number, half_mm, half_mm), cube_mm),
+        ("north_arrow", outline, thick_mm, centred(north, 0.5 * wide_mm, 0.42 * long_mm), arrow_mm),
+    ):
+        marks = shapely.set_precision(grooves(text, STROKE_MM), GRID_MM)
+        low_mm = high_mm - _DEPTH_MM
+        vertices, faces = built_of(
+            [Course(pieces=polygon_parts(flat), low_mm=0.0, high_mm=high_mm)],
+            [Course(pieces=polygon_parts(marks), low_mm=low_mm, high_mm=high_mm + 1.0)],
+        )
+        shift = np.eye(4)
+        shift[:2, 3] = right_mm, y_mm
+        parts.append(
+            RigPart(
+                name=name,
+                vertices_mm=vertices,
+                faces=faces,
+                to_map=np.asarray(to_map @ shift, dtype=np.float64),
+                volume_mm3=flat.area * high_mm - marks.area * _DEPTH_MM,
+            )
+        )
+    return tuple(parts)

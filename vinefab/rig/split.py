@@ -1,6 +1,6 @@
 """A plate that is larger than the bed: cut lines, dovetails and tiles."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -44,6 +44,12 @@ class TileSeam:
     low_mm: float
     high_mm: float
 
+    @property
+    def line(self) -> shapely.LineString:
+        """The cut."""
+        ends = [(self.at_mm, self.low_mm), (self.at_mm, self.high_mm)]
+        return shapely.LineString(ends if self.upright else [(y, x) for x, y in ends])
+
 
 def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
     """Return the tabs of a seam: dovetails that reach over it to the right or upwards.
@@ -66,11 +72,6 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
         free = places[_is_free(seam, places, plate, solids)]
         chosen += [_tab(seam, float(at)) for at in free[:1]]
     return chosen
-
-
-def socket_of(tab: Polygon, clearance_mm: float) -> Polygon:
-    """Return what the other tile must leave open for a tab."""
-    return tab.buffer(clearance_mm, join_style="mitre")
 
 
 def _is_free(
@@ -277,16 +278,11 @@ class Dovetail:
         return float(self.socket.difference(self.tab).area)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Dovetails:
-    """All joints of a rig."""
+def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> tuple[list[Dovetail], int]:
+    """Return the dovetails of all seams between neighbouring tiles, and how many seams have none.
 
-    joints: tuple[Dovetail, ...]  # seam by seam
-    bare_seams: int  # number of seams without room for a joint
-
-
-def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
-    """Return the dovetails of all seams between neighbouring tiles."""
+    No room for a joint is no error: such tiles are glued.
+    """
     plate = plan.plate
     shapely.prepare(plate)
     tree = shapely.STRtree(plan.solids)
@@ -294,48 +290,40 @@ def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
     bare = 0
     for seam, giver, taker in _seams(cuts):
         tabs = tabs_of(seam, plate, tree)
-        bare += not tabs and _line(seam).intersects(plate)
+        bare += not tabs and seam.line.intersects(plate)
         joints += [
             Dovetail(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
             for tab in tabs
         ]
-    return Dovetails(joints=tuple(joints), bare_seams=bare)
+    return joints, bare
 
 
 def rig_tiles(
-    plan: RigPlan, cuts: Cuts, joints: Dovetails, least_mm: tuple[float, float]
+    plan: RigPlan, cuts: Cuts, joints: Sequence[Dovetail], least_mm: tuple[float, float]
 ) -> Iterator[RigTile]:
-    """Yield the plans of all parts, row by row."""
+    """Yield the plans of all parts, row by row.
+
+    Parameters
+    ----------
+    least_mm
+        Width of slivers that are left out, and radius of bridges.
+    """
+    sliver_mm, bridge_mm = least_mm
     tree = shapely.STRtree(plan.solids)
     for cell, rectangle in cuts.cells():
-        plates = _plates(plan.plate, rectangle, cell, joints)
-        for plate in without_slivers(plates, max(least_mm))[0]:
+        tabs = [joint.tab for joint in joints if joint.giver == cell]
+        sockets = [joint.socket for joint in joints if joint.taker == cell]
+        own = shapely.intersection(plan.plate, rectangle, grid_size=GRID_MM)
+        own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
+        own = shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM)
+        for plate in without_slivers(polygon_parts(own), max(least_mm))[0]:
             near = plan.solids[np.sort(tree.query(plate))]
-            yield _tile(cell, plate, near, least_mm)
-
-
-def _tile(
-    cell: Cell,
-    plate: Polygon,
-    near: Polygons,
-    least_mm: tuple[float, float],
-) -> RigTile:
-    sliver_mm, bridge_mm = least_mm
-    solids = snapped_union(shapely.intersection(near, plate, grid_size=GRID_MM))
-    solids, _ = without_slivers(solids, sliver_mm)
-    solids, _ = bridged(solids, plate, bridge_mm)
-    # Snapping moved corners on slanted edges by up to half a step: let the plate follow, so that
-    # no solid hangs over its edge and no two edges nearly coincide.
-    plate = max(snapped_union(solids, plate), key=shapely.area)
-    return RigTile(cell=cell, plate=plate, solids=solids)
-
-
-def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetails) -> Polygons:
-    tabs = [joint.tab for joint in joints.joints if joint.giver == cell]
-    sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
-    own = shapely.intersection(plate, rectangle, grid_size=GRID_MM)
-    own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
-    return polygon_parts(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
+            solids = snapped_union(shapely.intersection(near, plate, grid_size=GRID_MM))
+            solids, _ = bridged(without_slivers(solids, sliver_mm)[0], plate, bridge_mm)
+            # Snapping moved corners on slanted edges by up to half a step: let the plate follow, so
+            # that no solid hangs over its edge and no two edges nearly coincide.
+            whole = max(snapped_union(solids, plate), key=shapely.area)
+            yield RigTile(cell=cell, plate=whole, solids=solids)
 
 
 def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:
@@ -352,14 +340,9 @@ def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:
             yield seam, (row - 1, column), (row, column)
 
 
-def _line(seam: TileSeam) -> shapely.LineString:
-    ends = [(seam.at_mm, seam.low_mm), (seam.at_mm, seam.high_mm)]
-    return shapely.LineString(ends if seam.upright else [(y, x) for x, y in ends])
-
-
 def _socket(tab: Polygon, seam: TileSeam, clearance_mm: float) -> BaseGeometry:
     """Return the socket's share beyond the seam; what lies before it belongs to the giver."""
-    socket = socket_of(tab, clearance_mm)
+    socket = tab.buffer(clearance_mm, join_style="mitre")
     x_min, y_min, x_max, y_max = socket.bounds
     if seam.upright:
         x_min = seam.at_mm

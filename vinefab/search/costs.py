@@ -55,17 +55,13 @@ def sheet_areas_mm2(designs: DesignBatch, build_of: BuildOf) -> Floats:
     With tail, widths and pouches; without seam, kerf and what a machine leaves free at the edge.
     """
     # Some at a time, because large trees take much memory.
-    parts = np.split(np.arange(len(designs)), _part_ends(designs.sizes))
+    ends = np.flatnonzero(np.diff(np.cumsum(designs.sizes) // BRANCHES_AT_ONCE)) + 1
+    parts = np.split(np.arange(len(designs)), ends)
     boxes = [_sheet_boxes_mm(designs.part(rows), build_of) for rows in parts if len(rows)]
     return np.concatenate([np.empty(0), *((high - low).prod(axis=1) for low, high in boxes)])
 
 
 BRANCHES_AT_ONCE = 200_000
-
-
-def _part_ends(sizes: Ints) -> Ints:
-    """Return where to divide designs so that those between have so many branches, or a bit more."""
-    return np.flatnonzero(np.diff(np.cumsum(sizes) // BRANCHES_AT_ONCE)) + 1
 
 
 def _sheet_boxes_mm(designs: DesignBatch, build_of: BuildOf) -> tuple[Floats, Floats]:

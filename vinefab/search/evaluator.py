@@ -289,7 +289,12 @@ class Evaluator:
                 f"at most the {counted(len(spec.maps), 'map')}",
             )
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
-        _check_joint_weight(spec)
+        weight, counts_joints = evaluation.joint_weight, isinstance(spec.penalty, SpacePenalty)
+        if weight > 0.0 and not (evaluation.fabricable and counts_joints and settings.build.pieces):
+            allowed = (
+                "0: joints are counted only with build.pieces and evaluation.fabricable = true"
+            )
+            raise BadInputError("evaluation.joint_weight", weight, allowed)
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in spec.maps)
@@ -297,6 +302,7 @@ class Evaluator:
         for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
             with keys_of_other_task(name):
                 check_on_map(task, prepared.world, prepared.context)
+        deepest = space.build_of(int(space.settings.levels.high))
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,
@@ -307,7 +313,9 @@ class Evaluator:
             evaluation=evaluation,
             penalty=penalty,
             penalty_of_batch=penalty.within(space) if isinstance(penalty, SpacePenalty) else None,
-            radii_mm=_radii_mm(space, settings.growth),
+            radii_mm=(0.0,)
+            if settings.growth.body == "centerline"
+            else tuple(width_mm / math.pi for width_mm in deepest.widths_mm),
         )
 
     def conditions(self, seed: int, stream: int, generation: int, count: int) -> Conditions:
@@ -526,16 +534,6 @@ class Evaluator:
         return min(0.0, self.task.lowest) - costs
 
 
-def _check_joint_weight(spec: EvaluatorSpec) -> None:
-    """Refuse to charge for joints where none are counted."""
-    settings = spec.settings
-    weight, penalty = settings.evaluation.joint_weight, spec.penalty
-    counted = settings.evaluation.fabricable and isinstance(penalty, SpacePenalty)
-    if weight > 0.0 and not (counted and settings.build.pieces):
-        allowed = "0: joints are counted only with build.pieces and evaluation.fabricable = true"
-        raise BadInputError("evaluation.joint_weight", weight, allowed)
-
-
 def final_seed(seed: int) -> int:
     """Return the seed of the finalists' poses on the first map of a run with some seed."""
     return int(child(seed, FINAL).integers(2**31 - MOST_TRAINING_MAPS))
@@ -558,14 +556,6 @@ def block_sizes(growths: int, workers: int) -> list[int]:
         sizes.append(min(max(share, least), BLOCK, left))
         left -= sizes[-1]
     return sizes
-
-
-def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
-    """Return the body's radius on each level of the deepest designs, as plans have it."""
-    if growth.body == "centerline":
-        return (0.0,)
-    deepest = space.build_of(int(space.settings.levels.high))
-    return tuple(width_mm / math.pi for width_mm in deepest.widths_mm)
 
 
 def _penalties(x: Floats, space: Space, penalty: Penalty) -> tuple[Floats, Work]:

@@ -104,7 +104,11 @@ def repair_design(
     here, lowest = x, _penalty(x, space, penalty)
     while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
         budget.steps -= 1
-        there = _changed(here, rng)
+        there = here.copy()
+        for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():  # one or two
+            jump = rng.random() < 0.1
+            there[place] = rng.random() if jump else there[place] + _SPREAD * rng.standard_normal()
+        there = np.clip(there, 0.0, 1.0)
         there_penalty = _penalty(there, space, penalty)
         vain = 0 if there_penalty < lowest or there_penalty == 0.0 else vain + 1
         if there_penalty > lowest:
@@ -115,15 +119,6 @@ def repair_design(
                 return RepairResult(x=here, penalty=0.0, passed=True)
             checks, budget.checks = checks + 1, budget.checks - 1
     return RepairResult(x=here, penalty=lowest, passed=False)
-
-
-def _changed(x: Floats, rng: np.random.Generator) -> Floats:
-    """Return a point with one or two coordinates changed."""
-    y = x.copy()
-    for place in rng.integers(0, len(x), rng.integers(1, 3)).tolist():
-        jump = rng.random() < 0.1
-        y[place] = rng.random() if jump else y[place] + _SPREAD * rng.standard_normal()
-    return np.clip(y, 0.0, 1.0)
 
 
 def _penalty(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:

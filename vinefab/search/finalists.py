@@ -1,6 +1,6 @@
 """Choosing the winner: the best designs of the run, evaluated again on fresh poses."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,21 +66,20 @@ def front_points(
     """Return points of the front of all manufacturable designs of a run, perhaps none."""
     space, penalty = evaluator.space, evaluator.winner_penalty
     x, fitness, cost = feasible_points(history, evaluator.lowest, space, further)
-    passes = penalty.passes if isinstance(penalty, FullCheck) else _always
     left = np.ones(len(x), dtype=np.bool_)
     while left.any():
         rows = np.flatnonzero(left)
         front = rows[non_dominated(fitness[rows], cost[rows])]
         chosen = front[spread_out(cost[front], count)]
-        failed = [row for row in chosen if not passes(space.design(x[row]))]
+        failed = [
+            row
+            for row in chosen
+            if isinstance(penalty, FullCheck) and not penalty.passes(space.design(x[row]))
+        ]
         if not failed:
             return [x[row] for row in chosen]
         left[failed] = False
     return []
-
-
-def _always(_: Design) -> bool:
-    return True
 
 
 def best_points(history: Sequence[Generation], space: Space, count: int) -> list[Floats]:
@@ -134,7 +133,21 @@ def reevaluated(
     as penalized.
     """
     x = np.array(choice.points)
-    finalists = list(_finalists(x, begin(x, conditions)(), conditions, evaluator))
+    evaluations = begin(x, conditions)()
+    designs = [evaluator.space.design(point) for point in x]
+    scores = _scores(designs, evaluations, conditions, evaluator)
+    finalists = [
+        Finalist(
+            x=point,
+            design=design,
+            score=_with_other_tasks(score, conditions, evaluator),
+            penalty=float(penalty),
+            fitness=_fitness(point, score, float(penalty), conditions, evaluator),
+        )
+        for point, design, score, penalty in zip(
+            x, designs, scores, evaluations.penalty, strict=True
+        )
+    ]
     if not choice.checked:
         finalists = [_fully_checked(finalist, conditions, evaluator) for finalist in finalists]
     if evaluator.evaluation.finalists_by == "contact_range":
@@ -143,22 +156,6 @@ def reevaluated(
         finalists = _on_fresh_maps(finalists, fresh_maps, evaluator)
     # Stable: of equals, the one that was better in the search stays first.
     return tuple(sorted(finalists, key=lambda f: -f.fitness))
-
-
-def _finalists(
-    x: Floats, evaluations: Evaluations, conditions: Conditions, evaluator: Evaluator
-) -> Iterator[Finalist]:
-    """Yield the finalists, their scores by the task as it is."""
-    designs = [evaluator.space.design(point) for point in x]
-    for row, score in enumerate(_scores(designs, evaluations, conditions, evaluator)):
-        penalty = float(evaluations.penalty[row])
-        yield Finalist(
-            x=x[row],
-            design=designs[row],
-            score=_with_other_tasks(score, conditions, evaluator),
-            penalty=penalty,
-            fitness=_fitness(x[row], score, penalty, conditions, evaluator),
-        )
 
 
 def _over_contacts(

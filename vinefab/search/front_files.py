@@ -74,9 +74,9 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
     # Numbers of the robots that are drawn stand at their points.
     steps = np.repeat(data.front, 2, axis=0)
     corners = np.column_stack([steps[1:, 0], steps[:-1, 1]])
-    words = [str(place + 1) for place in robots]
+    numbers = [str(place + 1) for place in robots]
     chart.write_labels(
-        data.front[list(robots)], words, [INK] * len(words), size_pt=11.0, mark_pt=4.0,
+        data.front[list(robots)], numbers, [INK] * len(numbers), size_pt=11.0, mark_pt=4.0,
         lines=[corners] if data.is_line else [],
     )  # fmt: skip
     return page_of_rows([[chart], plans], explained)

@@ -112,7 +112,10 @@ class Search:
             For settings that do not fit together, and spaces that no search could use.
         """
         if task is not None:
-            settings = settings.changed(task=_task_settings(task))
+            own = (
+                {f.name: getattr(task, f.name) for f in fields(task)} if is_dataclass(task) else {}
+            )
+            settings = settings.changed(task=PartSettings(name=task.name, parameters=own))
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)
         config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
@@ -268,14 +271,6 @@ class Search:
         with ledger.spending("evaluating"):
             finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
         return finalists, choice.repair
-
-
-def _task_settings(task: Task) -> PartSettings:
-    """Return the name and the parameters of a task object, for records and identities of runs."""
-    parameters: dict[str, object] = {}
-    if is_dataclass(task):
-        parameters = {field.name: getattr(task, field.name) for field in fields(task)}
-    return PartSettings(name=task.name, parameters=parameters)
 
 
 def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:

@@ -28,7 +28,7 @@ from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.generations import RunIdentity
 from vinefab.search.record.identity import package_versions
 from vinefab.search.run import fresh_maps, generated_maps, penalty_of
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -173,8 +173,6 @@ def run_contest(contest_run: ContestRun) -> ContestRow:
 
 @lru_cache(maxsize=4)
 def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedMap, ...]:
-    from vinefab.search.settings import MapSettings  # noqa: PLC0415
-
     settings = MapSettings(environment=environment, options=json.loads(options))
     made = settings.environment_options()
     make = ENVIRONMENTS[environment].make
@@ -198,7 +196,12 @@ def contest_rows(
     total, begun = len(contest_runs), len(contest_runs) - len(todo)
     tell(begun / max(1, total), f"{begun} of {total} runs")
     for done, row in enumerate(_run_all(todo, jobs), start=begun + 1):
-        _add(record, row)
+        with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
+            if stream.tell() == 0:
+                stream.write(
+                    json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n"
+                )
+            stream.write(json.dumps(asdict(row)) + "\n")
         known[row.key] = row
         last = f"{row.problem} {row.contender} {row.unseen:.4f}"
         tell(done / total, f"{done} of {total} runs, the last {last}")
@@ -221,14 +224,6 @@ def _check(contest: Contest, todo: Sequence[ContestRun]) -> None:
 def _search(settings: RunSettings) -> Search:
     maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
     return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
-
-
-def _add(record: Path, row: ContestRow) -> None:
-    """Write a line at the end of the record, which is begun when it is missing or empty."""
-    with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
-        if stream.tell() == 0:
-            stream.write(json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n")
-        stream.write(json.dumps(asdict(row)) + "\n")
 
 
 def _run_all(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:

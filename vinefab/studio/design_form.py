@@ -39,11 +39,10 @@ def _shown(key: DeclaredKey) -> dict[str, Any]:
         return {"choices": list(get_args(kind)), "default": key.default}
     if key.slider is None:
         return {}
-    ends = {type(limit): limit for limit in key.limits}
     return {
         "unit": _UNITS.get(key.unit, key.unit),
-        "least": ends[Ge].ge if Ge in ends else None,  # type: ignore[attr-defined]
-        "most": ends[Le].le if Le in ends else None,  # type: ignore[attr-defined]
+        "least": next((limit.ge for limit in key.limits if isinstance(limit, Ge)), None),
+        "most": next((limit.le for limit in key.limits if isinstance(limit, Le)), None),
         "slider": [key.slider.low, key.slider.high],
         "step": key.slider.step,
         "whole": kind is int,

@@ -191,7 +191,7 @@ class RigExport:
         blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         return MadeExport(
             files=made.files,
-            view=tuple(made.report.view()) if blocking else (Notes(tuple(made.summary())),),
+            view=tuple((made.report if blocking else made).view()),
             refused=f"{blocking} forbid it" if blocking else "",
             findings=_findings(made.report),
         )

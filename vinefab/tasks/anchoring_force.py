@@ -336,28 +336,36 @@ class Anchoring:
     the gap that its tip ended in: free space across the branch there. The pouch is the one given
     here, or else the design's own; without any, every leaf that deployed counts, as in the paper.
     No branch, the trunk included, holds more than its film and its seam stand.
+
+    Parameters
+    ----------
+    friction
+        Friction coefficient mu of film on the obstacles; the default is an assumption.
+    friction_low, friction_high
+        Its range, for the interval in the terms.
+    count_joint_angles
+        Whether the planned angles at joints count as turns too: nothing need be wrapped there.
+    pouch_length_mm, pouch_width_mm
+        Flat size of every leaf's pouch, along and across; 0: the design's own.
+    only_full_length
+        Whether the pouch of a leaf that stopped early holds nothing: it sits at the very end of
+        the film and has not everted.
+    film_n_mm, seam_n_mm
+        Pull per mm of circumference at which the film tears (strength times thickness) and that
+        the seam is known to stand; 0: no limit. By default those of the shipped film. They limit
+        what is held where pressure and pouch are known.
     """
 
     name: ClassVar[str] = "anchoring"
     lowest: ClassVar[float] = 0.0
 
-    # friction coefficient mu of film on the obstacles; the default is an assumption
     friction: float = ASSUMED_FRICTION.value
-    # friction_low, friction_high: its range, for the interval in the terms
     friction_low: float = ASSUMED_FRICTION.low
     friction_high: float = ASSUMED_FRICTION.high
-    # whether the planned angles at joints count as turns too: nothing need be wrapped there
     count_joint_angles: bool = False
-    # pouch_length_mm, pouch_width_mm: flat size of every leaf's pouch, along and across; 0: the
-    # design's own
     pouch_length_mm: float = 0.0
     pouch_width_mm: float = 0.0
-    # whether the pouch of a leaf that stopped early holds nothing: it sits at the very end of the
-    # film and has not everted
     only_full_length: bool = True
-    # film_n_mm, seam_n_mm: pull per mm of circumference at which the film tears (strength times
-    # thickness) and that the seam is known to stand; 0: no limit. By default those of the shipped
-    # film. They limit what is held where pressure and pouch are known.
     film_n_mm: float = FILM_N_MM
     seam_n_mm: float = SEAM_N_MM
 

@@ -31,26 +31,38 @@ class Coverage:
     sensed area that is not sensed twice. N/N_max and L/L_max count as 1 beyond 1. The four terms
     are the paper's (section 2.3); weights, N_max and L_max are vinefab's, for the paper's are not
     published.
+
+    Parameters
+    ----------
+    radius_mm
+        Radius of the disc that one sensor sees.
+    most_branches
+        N_max.
+    most_diagonals
+        L_max over the diagonal of the map's bounds.
+    weight_area, weight_count, weight_length, weight_film
+        Weights of the four terms, at least 0.
+    clip
+        ``free``: only free space is seen and every area above is taken within it. ``none``: whole
+        discs, as the paper's words have it. ``sight``: free space that no wall hides from the
+        sensor.
+    area
+        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
+        lines across it in line of sight (`Raster.covered_mm2` and `SightLines.covered_mm2` state
+        the error), a hundred times faster, for searching; taken only where the map is not too
+        large for such discs. ``auto``: fast in a search, else exact.
     """
 
     name: ClassVar[str] = "coverage"
 
-    radius_mm: float = 50.0  # radius of the disc that one sensor sees
-    most_branches: int = 100  # N_max
-    most_diagonals: float = 20.0  # L_max over the diagonal of the map's bounds
-    # weight_area, weight_count, weight_length, weight_film: weights of the four terms, at least 0
+    radius_mm: float = 50.0
+    most_branches: int = 100
+    most_diagonals: float = 20.0
     weight_area: float = 1.0
     weight_count: float = 0.5
     weight_length: float = 0.5
     weight_film: float = 0.1
-    # ``free``: only free space is seen and every area above is taken within it. ``none``: whole
-    # discs, as the paper's words have it. ``sight``: free space that no wall hides from the sensor.
     clip: Literal["free", "none", "sight"] = "free"
-    # ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
-    # lines across it in line of sight (`Raster.covered_mm2` and
-    # `SightLines.covered_mm2` state the error), a hundred times faster, for searching;
-    # taken only where the map is not too large for such discs. ``auto``: fast in a search, else
-    # exact.
     area: Literal["auto", "exact", "fast"] = "auto"
 
     def __post_init__(self) -> None:

@@ -25,24 +25,35 @@ QUARTER_SEGMENTS = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets."""
+    """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets.
+
+    Parameters
+    ----------
+    buffer_mm
+        Largest distance from the body's centreline that counts as reached.
+    area
+        ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
+        (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken only
+        where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
+    target_mm
+        Points in the coordinates of every map: where there are any, the score is the share of them
+        that is reached, and `buffer_mm` and `area` have no effect.
+    tolerance_mm
+        Largest distance, straight, walls or not, at which a target counts as reached (assumed).
+    falloff_mm
+        Beyond the tolerance a target counts less and less, and nothing so much farther; 0: nothing.
+    reached_by
+        What reaches: ``body``, any point of a centreline, or ``tip``, the tip of a branch.
+    """
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
 
-    buffer_mm: float = 40.0  # largest distance from the body's centreline that counts as reached
-    # ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-    # (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken
-    # only where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
+    buffer_mm: float = 40.0
     area: Literal["auto", "exact", "fast"] = "auto"
-    # Points in the coordinates of every map: where there are any, the score is the share of them
-    # that is reached, and `buffer_mm` and `area` have no effect.
     target_mm: tuple[tuple[float, float], ...] = ()
-    # largest distance, straight, walls or not, at which a target counts as reached (assumed)
     tolerance_mm: float = 20.0
-    # beyond the tolerance a target counts less and less, and nothing so much farther; 0: nothing
     falloff_mm: float = 0.0
-    # what reaches: ``body``, any point of a centreline, or ``tip``, the tip of a branch
     reached_by: Literal["body", "tip"] = "body"
 
     def __post_init__(self) -> None:

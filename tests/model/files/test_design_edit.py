@@ -292,13 +292,6 @@ def test_what_cannot_be_changed_is_refused_in_one_line(text, kind, says):
     assert "\n" not in str(refused.value)
 
 
-def test_without_tomlkit_one_line_names_the_extra(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "tomlkit", None)
-    assert edited_text(COMMENTED, read(COMMENTED), "test") == COMMENTED
-    with pytest.raises(BadInputError, match=r"pip install 'vinefab\[studio\]'"):
-        edited_text(COMMENTED, read(COMMENTED).changed(name="other"), "test")
-
-
 numbers = st.floats(0.5, 500.0) | st.integers(1, 500).map(float)
 names_of_designs = st.sampled_from(["six", "other-1"])
 

@@ -11,11 +11,10 @@ from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.calibration.estimate import Estimate
 from vinefab.fabrication.calibration.fit_recipe import Calibration
-from vinefab.fabrication.package.job_json import plain_quantity
 from vinefab.model.files.profile_toml import profile_of
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import EnergyWindow, Quantity, Standing
+from vinefab.model.laser import EnergyWindow, Quantity, Standing, quantities
 
 _OWN_TABLES = ("measured", "growth", "coupons", "lap")
 
@@ -32,9 +31,9 @@ def calibrated_text(calibration: Calibration, recipe: str | Path, out: Path, res
     for place, estimate in calibration.numbers.items():
         table, key = place.split(".")
         target = _table(document, table)
-        target[key] = _number(estimate, results)
+        target[key] = _number(estimate, results).content
     if calibration.windows:
-        windows = [_window(window, results) for window in calibration.windows]
+        windows = [_window(window, results).content for window in calibration.windows]
         _table(document, "coupons")["windows"] = windows
     if calibration.lap_method is not None:
         _bond(document["lap"], calibration)
@@ -64,32 +63,27 @@ def _bond(table: dict[str, Any], calibration: Calibration) -> None:
     table.pop(stale, None)
 
 
-def _number(estimate: Estimate, results: Path) -> dict[str, object]:
-    content: dict[str, object] = {
-        "value": float(f"{estimate.value:.6g}"),
-        "standing": "measured",
-        "source": f"{results.name}: {counted(estimate.readings, 'reading')}",
-    }
-    if estimate.readings == 0:
-        source = f"published fit, scaled to this tube: {results.name} does not say"
-        content |= {"standing": "assumed", "source": source}
+def _number(estimate: Estimate, results: Path) -> Quantity:
+    spread = {}
     if estimate.uncertainty > 0.0:
-        content["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
-        content["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
-    return content
+        spread["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+        spread["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
+    measured = f"{results.name}: {counted(estimate.readings, 'reading')}"
+    kept = f"published fit, scaled to this tube: {results.name} does not say"
+    return Quantity(
+        value=float(f"{estimate.value:.6g}"),
+        standing=Standing.MEASURED if estimate.readings else Standing.ASSUMED,
+        source=measured if estimate.readings else kept,
+        **spread,
+    )
 
 
-def _window(window: EnergyWindow, results: Path) -> dict[str, object]:
-    content: dict[str, object] = {"operation": window.operation, "focus_mm": window.focus_mm}
-    for name in ("least_mj_mm", "most_mj_mm"):
-        energy: Quantity | None = getattr(window, name)
-        if energy is not None:
-            content[name] = {
-                "value": energy.value,
-                "standing": str(energy.standing),
-                "source": f"{results.name}: {energy.source}",
-            }
-    return content
+def _window(window: EnergyWindow, results: Path) -> EnergyWindow:
+    """Return a window whose ends name the file of their readings."""
+    ends = quantities(window).items()
+    return window.changed(
+        **{name: end.changed(source=f"{results.name}: {end.source}") for name, end in ends}
+    )
 
 
 _SCHEMA = "vinefab/calibration-1"
@@ -136,17 +130,7 @@ def calibration_json(calibration: Calibration) -> str:
                 for name, number in calibration.numbers.items()
             },
             "windows": [
-                {
-                    "operation": window.operation,
-                    "focus_mm": window.focus_mm,
-                    **{
-                        name: None if energy is None else plain_quantity(energy)
-                        for name, energy in (
-                            ("least_mj_mm", window.least_mj_mm),
-                            ("most_mj_mm", window.most_mj_mm),
-                        )
-                    },
-                }
+                {"least_mj_mm": None, "most_mj_mm": None} | window.content
                 for window in calibration.windows
             ],
             "remarks": list(calibration.remarks),

@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -106,7 +105,8 @@ def _layer(styled: StyledPath, profile: LaserProfile, priority: int) -> ET.Eleme
     cut = ET.Element("CutSetting", type="Tool" if tool else "Cut")
     values = [] if tool else cut_values(styled.path.settings_in(profile))
     head = [("index", str(index)), ("name", styled.style.layer)]
-    _values(cut, [*head, *values, ("priority", str(priority))])
+    for name, value in [*head, *values, ("priority", str(priority))]:
+        ET.SubElement(cut, name, Value=value)
     return cut
 
 
@@ -128,11 +128,6 @@ def _shape(number: int, styled: StyledPath, profile: LaserProfile) -> ET.Element
     lines = (f"L{at} {(at + 1) % count}" for at in range(len(contour)))
     ET.SubElement(shape, "PrimList").text = "".join(lines)
     return shape
-
-
-def _values(parent: ET.Element, pairs: Iterable[tuple[str, str]]) -> None:
-    for name, value in pairs:
-        ET.SubElement(parent, name, Value=value)
 
 
 def _number(value: float) -> str:
@@ -163,16 +158,17 @@ def read_lightburn(text: str) -> ReadDrawing:
             odd.append("shapes that share their vertices")
         return ReadDrawing(
             paths=tuple(_path(shape, names) for shape in shapes),
-            settings={_value(cut, "name"): _settings(cut) for cut in cuts},
+            settings={
+                _value(cut, "name"): {
+                    "type": cut.get("type", ""),
+                    **{child.tag: child.get("Value", "") for child in cut},
+                }
+                for cut in cuts
+            },
             oddities=tuple(odd),
         )
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:
         raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from error
-
-
-def _settings(cut: ET.Element) -> dict[str, str]:
-    values = {child.tag: child.get("Value", "") for child in cut}
-    return {"type": cut.get("type", ""), **values}
 
 
 def _value(cut: ET.Element, name: str) -> str:

@@ -69,7 +69,11 @@ def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
     """
     given = list(paths)
     depth = dict.fromkeys(range(len(given)), 0)
-    rings = {row: _area(path) for row, path in enumerate(given) if frees(path)}
+    rings = {
+        row: shapely.Polygon(path.contour.flattened_mm(0.1))
+        for row, path in enumerate(given)
+        if frees(path)
+    }
     for outer, area in rings.items():
         for inner in rings:
             if inner != outer and given[inner].operation is given[outer].operation:
@@ -79,10 +83,6 @@ def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
         range(len(given)), key=lambda row: (_OPERATIONS.index(given[row].operation), -depth[row])
     )
     return tuple(given[row] for row in order)
-
-
-def _area(path: LaserPath) -> shapely.Polygon:
-    return shapely.Polygon(path.contour.flattened_mm(0.1))
 
 
 WEB_MM = 2.0

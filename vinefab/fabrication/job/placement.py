@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.fft
+import scipy  # its parts load at their first use
 import shapely
 from numpy.typing import NDArray
 

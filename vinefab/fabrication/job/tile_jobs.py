@@ -84,7 +84,7 @@ def tiled(
             height_mm=y1 - y0,
             fits=False,
         )
-        paths = [_moved(path, placement) for path in body.paths]
+        paths = [replace(path, contour=placement.moved(path.contour)) for path in body.paths]
         try:
             tiles = film_tiles(_axes(design, placement), paths, room, pass_through=pass_through)
         except NoTilesError as error:
@@ -235,10 +235,6 @@ def _axes(design: Design, placement: BedPlacement) -> BranchAxes:
         start_mm=start @ turn + np.array([placement.dx_mm, placement.dy_mm]),
         along=along @ turn,
     )
-
-
-def _moved(path: LaserPath, placement: BedPlacement) -> LaserPath:
-    return replace(path, contour=placement.moved(path.contour))
 
 
 def _reg(contour: Contour) -> LaserPath:

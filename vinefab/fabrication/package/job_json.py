@@ -48,7 +48,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "title": recipe.title,
                 "status": str(recipe.status),
                 "source": recipe.source,
-                "coupons": {k: plain_quantity(q) for k, q in quantities(recipe.coupons).items()},
+                "coupons": {k: q.content for k, q in quantities(recipe.coupons).items()},
                 "windows": [window.words() for window in recipe.coupons.windows],
                 **_lap(job, recipe),
             },
@@ -179,8 +179,8 @@ def _energy(machine: Machine, settings: OperationSettings) -> dict[str, object]:
     if not settings.by_laser:
         return {}
     return {
-        "line_energy_mj_mm": plain_quantity(operation_energy_mj_mm(machine, settings)),
-        "fluence_mj_mm2": plain_quantity(fluence_mj_mm2(machine, settings)),
+        "line_energy_mj_mm": operation_energy_mj_mm(machine, settings).content,
+        "fluence_mj_mm2": fluence_mj_mm2(machine, settings).content,
     }
 
 
@@ -204,24 +204,7 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
 def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
     values = noun.record() if isinstance(noun, OperationSettings) else dict(noun)
     return {
-        name: _plain(value)
+        name: value.content if isinstance(value, Quantity) else value
         for name, value in values.items()
         if name != "schema_" and value is not NO_SHRINKAGE
     }
-
-
-def _plain(value: object) -> object:
-    return plain_quantity(value) if isinstance(value, Quantity) else value
-
-
-def plain_quantity(quantity: Quantity) -> dict[str, object]:
-    """Return a number with its standing as plain values."""
-    content: dict[str, object] = {
-        "value": quantity.value,
-        "standing": str(quantity.standing),
-        "source": quantity.source,
-    }
-    for name in ("uncertainty", "uncertainty_95"):
-        if (given := getattr(quantity, name)) is not None:
-            content[name] = given
-    return content

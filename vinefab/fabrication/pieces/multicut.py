@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.optimize
-import scipy.sparse
+import scipy  # its parts load at their first use
 
 MOST_NODES = 20_000
 """Nodes of the search tree of one program; a count, not a time, so that results are the same."""
@@ -137,7 +136,7 @@ def _most_stubborn(
 
 def _program(
     clauses: Sequence[Clause], rows: Sequence[int], costs: np.ndarray, *, slack: bool
-) -> scipy.optimize.OptimizeResult:
+) -> "scipy.optimize.OptimizeResult":
     """Solve for one variable per branch and, with slack, one per clause that may break."""
     place = {row: number for number, row in enumerate(rows)}
     entries = [

@@ -159,15 +159,14 @@ class _Cutter:
         for row in order[first].tolist():
             a, kind_a, b, kind_b, joined = ends[row].tolist()
             rule = POUCH if joined else OVERLAP if depth[row] < 0.0 else CLEARANCE
-            if self.waived and self._is_waived(rule.id, a, b):
-                continue
+            if self.waived:
+                names = self.subject.ids(*sorted((a, b)))
+                if fingerprint(rule.id, "", *names) in self.waived:
+                    continue
             clause = self._apart((a, BodyKind(kind_a)), (b, BodyKind(kind_b)))
             if clause is not None:
                 why = "overlap" if depth[row] < 0.0 else "come too near each other"
                 yield _Conflict(why=why, branches=(a, b), clause=clause)
-
-    def _is_waived(self, rule: str, *branches: int) -> bool:
-        return fingerprint(rule, "", *self.subject.ids(*sorted(branches))) in self.waived
 
     def _apart(self, one: tuple[int, BodyKind], two: tuple[int, BodyKind]) -> Clause | None:
         """Return the clause that two bodies do not lie on one piece; None if they never do."""

@@ -208,7 +208,11 @@ class _TreeCuts:
         self.depths: dict[tuple[int, int], float] = {
             (one, two): depth for one, two, depth in near if depth > LEAST_DEPTH
         }
-        self.pairs = sorted(self._pairs(), key=self._farthest_first)
+        # Those that meet the farthest from the trunk first.
+        self.pairs = sorted(
+            self._pairs(),
+            key=lambda one: (one.also is not None) - self.level[self._meet(one.a, one.b)],
+        )
         self.weight = dict.fromkeys(self.stub, 0)
         for pair in self.pairs:
             for row in self.between(pair.a, pair.b, pair.also):
@@ -247,9 +251,6 @@ class _TreeCuts:
                 if meet == b and self._outer_clears(b, one):
                     also = b
                 yield _Pair(one, two, a, b, depth, also)
-
-    def _farthest_first(self, pair: _Pair) -> int:
-        return (pair.also is not None) - self.level[self._meet(pair.a, pair.b)]
 
     def _meet(self, a: int, b: int) -> int:
         """Return the last branch that both of two are, or lie beyond."""

@@ -7,26 +7,26 @@ come before the comments above the next table, and so that comments of lines tha
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import tomli_w
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Table
 
-from vinefab.core.errors import BadInputError, CannotWriteError, VinefabError
+from vinefab.core.errors import CannotWriteError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.table import declared_keys, inner_table
 from vinefab.core.units import file_number
-from vinefab.model.design import PER_LEVEL, Build, Design
+from vinefab.model.design import PER_LEVEL, Build, Design, Level, Trunk
 from vinefab.model.files.design_toml import design_content, design_of
 from vinefab.model.files.toml import table_content, toml_content
-
-if TYPE_CHECKING:
-    from tomlkit import TOMLDocument
 
 LARGEST_EDITED_BYTES = 1 << 16
 """Thirty times the largest that is shipped; more may take tomlkit seconds."""
@@ -59,7 +59,7 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     Raises
     ------
     VinefabError
-        If the text is no design file, or tomlkit is missing or cannot change it in place.
+        If the text is no design file, or tomlkit cannot change it in place.
     """
     bom = "\ufeff" if text.startswith("\ufeff") else ""
     body = text.removeprefix(bom)
@@ -67,30 +67,23 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
     old = design_of(content, source)
     if old == design:
         return text
-    too_much = _too_much(body)
+    too_much = ""
+    if len(body.encode()) > LARGEST_EDITED_BYTES:
+        too_much = f"files of over {LARGEST_EDITED_BYTES} bytes"
+    elif next(islice(_DOTTED.finditer(body), _MOST_DOTTED, None), None):
+        too_much = f"files with over {_MOST_DOTTED} dotted keys"
     if too_much:
         raise CannotWriteError(source, f"{too_much} are not changed in place; {_ELSEWHERE}")
-    for order in _level_orders(old, design):
+    orders = [_by_place(old.levels, design.levels)]  # which level continues which
+    if len(old.levels) != len(design.levels):
+        orders.insert(0, _order(old.levels, design.levels))  # likelier
+    for order in orders:
         changed = _changed(body, content, old, design, order)
         for result in _with_lost_comments(body, changed):
-            if _gives(result, design, source):
-                return bom + result
+            with suppress(VinefabError):
+                if _is_near(design_of(toml_content(result, source), source), design):
+                    return bom + result
     raise CannotWriteError(source, f"its layout cannot be changed in place; {_ELSEWHERE}")
-
-
-def _too_much(body: str) -> str:
-    if len(body.encode()) > LARGEST_EDITED_BYTES:
-        return f"files of over {LARGEST_EDITED_BYTES} bytes"
-    dotted = islice(_DOTTED.finditer(body), _MOST_DOTTED, None)
-    return f"files with over {_MOST_DOTTED} dotted keys" if next(dotted, None) else ""
-
-
-def _level_orders(old: Design, new: Design) -> list[Order]:
-    """Return which level continues which, the likeliest first."""
-    by_place = _by_place(old.levels, new.levels)
-    if len(old.levels) == len(new.levels):
-        return [by_place]
-    return [_order(old.levels, new.levels), by_place]
 
 
 def _by_place(old: Sequence[object], new: Sequence[object]) -> Order:
@@ -109,12 +102,9 @@ def _changed(
     body: str, content: Mapping[str, Any], old: Design, new: Design, order: Order
 ) -> str | None:
     """Return the changed text; None where its layout is beyond tomlkit."""
-    parse = _parser()
-    from tomlkit.exceptions import TOMLKitError  # noqa: PLC0415  of the extra, as above
-
     ended = body if body.endswith("\n") else f"{body}\n"
     try:
-        file = _EditedFile(document=parse(ended), token=sha256_of(body.encode())[:16])
+        file = _EditedFile(document=tomlkit.parse(ended), token=sha256_of(body.encode())[:16])
         _edit(file, content, old, new, order)
         changed = file.text()
     except (TOMLKitError, RecursionError, ValueError, KeyError, IndexError, AttributeError):
@@ -123,15 +113,6 @@ def _changed(
     if "\r\n" in body and "\n" not in body.replace("\r\n", ""):
         changed = re.sub(r"(?<!\r)\n", "\r\n", changed)
     return changed if body.endswith("\n") else changed.removesuffix("\n").removesuffix("\r")
-
-
-def _parser() -> "Callable[[str], TOMLDocument]":
-    try:
-        from tomlkit import parse  # noqa: PLC0415  of the extra, and only where a file is changed
-    except ImportError as error:
-        allowed = "only with the extra: pip install 'vinefab[studio]'"
-        raise BadInputError("tomlkit", None, allowed) from error
-    return parse
 
 
 def _edit(
@@ -195,7 +176,7 @@ def _build_changes(table: Mapping[str, Any], old: Build, new: Build) -> dict[str
 class _EditedFile:
     """A document that is being changed."""
 
-    document: "TOMLDocument"
+    document: tomlkit.TOMLDocument
     token: str  # in every mark; in no text by chance
     blocks: list[str] = field(default_factory=list)  # by the number of their mark
     at_end: list[str] = field(default_factory=list)  # tables to be added below all others
@@ -208,16 +189,13 @@ class _EditedFile:
 
     def put(self, table: Any, key: str, value: Any) -> None:  # noqa: ANN401  tomlkit's tables
         """Set a value, or remove it with None; a new one stands below the others of its table."""
-        from tomlkit import item  # noqa: PLC0415  of the extra
-        from tomlkit import key as toml_key  # noqa: PLC0415  as above
-
         if value is None:
             if key in table:
                 del table[key]
         elif key in table or not _takes_lines(table):
             table[key] = value
         else:
-            self._add(table, f"{toml_key(key).as_string()} = {item(value).as_string()}\n")
+            self._add(table, _line(key, value))
 
     def put_tables(
         self,
@@ -292,9 +270,10 @@ class _EditedFile:
         table = self.document.get("build")
         if table is None:
             given = {key: value for key, value in changes.items() if value is not None}
-            lines = [f"{key} = {_value_text(value)}\n" for key, value in given.items()]
-            if lines:
-                self.at_end.append(f"[build]\n{''.join(lines)}")
+            if given:
+                parts = {k: _inline(v) if isinstance(v, dict) else v for k, v in given.items()}
+                lines = "".join(_line(key, value) for key, value in parts.items())
+                self.at_end.append(f"[build]\n{lines}")
             return
         by_level: Order = [0, *(None if index is None else index + 1 for index in order)]
         orders = {name: by_level if mark.first == 1 else order for name, mark in PER_LEVEL.items()}
@@ -325,7 +304,7 @@ class _EditedFile:
             del table[key]
         for key, value in new.items():
             before = old.get(key)
-            if key in old and _same(before, value):
+            if key in old and before == value and type(before) is type(value):
                 continue
             if isinstance(value, dict) and isinstance(before, dict):
                 self._merge(table[key], before, value)
@@ -336,24 +315,21 @@ class _EditedFile:
 
     def _add(self, table: Any, block: str) -> None:  # noqa: ANN401  tomlkit's
         """Put lines below the last value of a table, before the comments above the next one."""
-        from tomlkit import comment  # noqa: PLC0415  of the extra
-
         body = table.value.body
         place = len(body)
-        while place and body[place - 1][0] is None and not self._is_mark(body[place - 1][1]):
+        while (
+            place
+            and body[place - 1][0] is None
+            and self.token not in body[place - 1][1].as_string()
+        ):
             place -= 1
         # Entries without a key are in no index of the table.
-        body.insert(place, (None, comment(f"{self.token}:{len(self.blocks)}")))
+        body.insert(place, (None, tomlkit.comment(f"{self.token}:{len(self.blocks)}")))
         self.blocks.append(block)
-
-    def _is_mark(self, entry: Any) -> bool:  # noqa: ANN401  tomlkit's
-        return self.token in entry.as_string()
 
 
 def _takes_lines(table: Any) -> bool:  # noqa: ANN401  tomlkit's
     """Tell whether lines can be put below the last value of a table: it has a header of its own."""
-    from tomlkit.items import AoT, Table  # noqa: PLC0415  of the extra
-
     if not isinstance(table, Table) or table.is_super_table():
         return False
     if any(key is not None and key.is_dotted() for key, _ in table.value.body):
@@ -377,25 +353,17 @@ def _remove_all_but(entries: Any, order: Order) -> None:  # noqa: ANN401  tomlki
 
 
 def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
-    from tomlkit import inline_table  # noqa: PLC0415  of the extra
-
-    table = inline_table()
+    table = tomlkit.inline_table()
     table.update({key: value for key, value in values.items() if value is not None})
     return table
 
 
-def _value_text(value: Any) -> str:  # noqa: ANN401  a number, a list or a table
-    from tomlkit import item  # noqa: PLC0415  of the extra
-
-    return str((_inline(value) if isinstance(value, dict) else item(value)).as_string())
+def _line(key: str, value: Any) -> str:  # noqa: ANN401  any that TOML has
+    return f"{tomlkit.key(key).as_string()} = {tomlkit.item(value).as_string()}\n"
 
 
 def _table_block(name: str, values: Mapping[str, Any]) -> str:
     return f"\n[[{name}]]\n{tomli_w.dumps(values)}"
-
-
-def _same(one: object, other: object) -> bool:
-    return one == other and type(one) is type(other)
 
 
 _TOKENS = re.compile(
@@ -471,17 +439,11 @@ def _line_changes(
     yield "equal", len(before) - tail, len(before), len(after) - tail, len(after)
 
 
-def _gives(text: str, design: Design, source: str | Path) -> bool:
-    """Tell whether a text is read as a design, lengths to the last place."""
-    with suppress(VinefabError):
-        return _is_near(design_of(toml_content(text, source), source), design)
-    return False
-
-
 def _is_near(read: Design, wanted: Design) -> bool:
     if len(read.levels) != len(wanted.levels):
         return False
-    pairs = list(zip((read.trunk, *read.levels), (wanted.trunk, *wanted.levels), strict=True))
+    parts: list[Sequence[Trunk | Level]] = [(one.trunk, *one.levels) for one in (read, wanted)]
+    pairs = list(zip(*parts, strict=True))
     trunk, *levels = (one.changed(length_mm=other.length_mm) for one, other in pairs)
     return read.changed(trunk=trunk, levels=levels) == wanted and all(
         math.isclose(one.length_mm, other.length_mm, rel_tol=4e-16) for one, other in pairs

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from vinefab.core import table
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
@@ -21,12 +21,6 @@ LARGEST_TOML_BYTES = 1 << 20
 """A hundred times the largest that is shipped; all keys of it are looked at in two seconds."""
 _LONG_INTEGER = re.compile(r"[0-9][0-9_]{4299}")
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){64}""")
-
-
-class Form(BaseModel):
-    """Base of the file schemas that are not yet declared as a `vinefab.core.table.Table`."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

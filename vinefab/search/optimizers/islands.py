@@ -340,7 +340,9 @@ class Islands:
         return island, penalty
 
     def _island(self, number_: int, structure: Floats) -> Island:
-        free = _free(self._axes, structure)
+        real = ~self._axes.integer
+        free = np.flatnonzero(real & self._axes.active(structure[None])[0])
+        free = free if len(free) else np.flatnonzero(real)  # of a structure without others
         search = self._distribution(np.full(len(free), 0.5))
         return Island(number=number_, structure=structure, free=free, search=search)
 
@@ -358,7 +360,8 @@ class Islands:
                 island.search = self._distribution(v[best])
             else:
                 island.search.learn(v[np.argsort(penalty, kind="stable")])
-            v = island.search.sample(_legacy(rng), self._size)
+            legacy = np.random.RandomState(int(rng.integers(2**32)))  # as distributions take it
+            v = island.search.sample(legacy, self._size)
         island.search = self._distribution(np.clip(v[best], 0.0, 1.0))
         return float(penalty[best])
 
@@ -435,18 +438,6 @@ class _Asked:
         best = np.argsort(penalty, kind="stable")[: self.size]
         self.v, self.penalty = v[best], penalty[best]
         self.count = int((self.penalty == 0.0).sum())
-
-
-def _legacy(rng: np.random.Generator) -> np.random.RandomState:
-    """Return a generator of the kind that distributions take."""
-    return np.random.RandomState(int(rng.integers(2**32)))
-
-
-def _free(axes: SearchAxes, structure: Floats) -> Ints:
-    """Return the coordinates that the designs of a structure have and that are not integers."""
-    real = ~axes.integer
-    free = np.flatnonzero(real & axes.active(structure[None])[0])
-    return free if len(free) else np.flatnonzero(real)
 
 
 def _structures(axes: SearchAxes) -> Floats | None:

@@ -14,7 +14,7 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -221,7 +221,8 @@ class DaskEvaluator:
             elif self._restart is not None and now_s - started_s > RESTART_S:
                 started_s = now_s
                 self._restart()
-            _wait(unfinished)
+            with suppress(TimeoutError):
+                distributed.wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
 
     def _local_count(self) -> int:
         """Return N of ``local:N``, or 1."""
@@ -409,13 +410,6 @@ def _without_http() -> dict[str, list[str]]:
 def dask_setup(server: Any) -> None:  # noqa: ANN401 - distributed has no types
     """Close the HTTP server that dask starts also without a dashboard; dask calls this by name."""
     server.http_server.stop()
-
-
-def _wait(unfinished: Sequence[Any]) -> None:
-    try:
-        distributed.wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
-    except TimeoutError:
-        return
 
 
 def _received(payload: WorkerPayload) -> WorkerPayload:

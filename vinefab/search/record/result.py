@@ -384,23 +384,23 @@ def read_generations(connection: sqlite3.Connection, first: int = 0) -> list[Gen
         "ORDER BY 1",
         (first,),
     ).fetchall()
-    return [_generation(connection, row) for row in rows]
-
-
-def _generation(connection: sqlite3.Connection, row: tuple[Any, ...]) -> Generation:
-    number, x, fitness, composite, penalty, seconds = row
-    terms = connection.execute(
-        "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
-    ).fetchall()
-    return Generation(
-        number=number,
-        x=from_blob(x, rows=len(from_blob(fitness))),
-        fitness=_scores(fitness),
-        composite=_scores(composite),
-        penalty=_scores(penalty),
-        terms={name: from_blob(value) for name, value in terms},
-        seconds=seconds,
-    )
+    found = list[Generation]()
+    for number, x, fitness, composites, penalty, seconds in rows:
+        terms = connection.execute(
+            "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
+        ).fetchall()
+        found.append(
+            Generation(
+                number=number,
+                x=from_blob(x, rows=len(from_blob(fitness))),
+                fitness=_scores(fitness),
+                composite=_scores(composites),
+                penalty=_scores(penalty),
+                terms={name: from_blob(value) for name, value in terms},
+                seconds=seconds,
+            )
+        )
+    return found
 
 
 _LARGEST_SCORE = 1e100
@@ -534,7 +534,10 @@ class RunArchive:
             history=tuple(read_generations(connection)),
             finalists=read_finalists(connection, space),
             stopped=entries.get("stopped", ""),
-            sessions=tuple(_session(*row) for row in sessions),
+            sessions=tuple(
+                Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
+                for began_utc, seconds in sessions
+            ),
             repair=entries.get("repair", ""),
             extensions=read_extensions(connection),
             prediction=json.loads(entries.get("prediction", "{}")),
@@ -568,10 +571,6 @@ class RunArchive:
         if self.recipe is not None:
             result = result.with_recipe(self.recipe, self.path.parent)
         return result.with_prediction(self.prediction) if self.prediction else result
-
-
-def _session(began_utc: str, seconds: str) -> Session:
-    return Session(began_utc=began_utc, times=TimeSplit.from_plain(json.loads(seconds)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,381 @@
+"""Rigs from maps: obstacles printed on the tiles of a plate, or loose ones with pegs on a board."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Point, Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import agreeing, counted
+from vinefab.model.map import Map
+from vinefab.rig.open_shell import corbelled, hollowed, label_of, shell_wall_mm, shell_walls
+from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.rig_options import GRID_MM, MOST_PARTS, Printer, RigOptions
+from vinefab.rig.rig_plan import (
+    Polygons,
+    RigPlan,
+    plan_of,
+    polygon_parts,
+    snapped_union,
+    without_slivers,
+)
+from vinefab.rig.solid import (
+    Course,
+    built_of,
+    engraved_marks,
+    extra_parts,
+    plan_volume_mm3,
+    stacked,
+)
+from vinefab.rig.split import Cuts, Dovetail, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
+
+RIM_MM = 0.6
+"""Least material around a peg or a pin's hole."""
+
+WELD_MM = 0.1 * GRID_MM
+"""Corners of shells nearer than this are joined: where courses cross, slivers would be left."""
+
+_SMALLER = 0.6
+_PEG_ROOT_MM = 1.0
+_CIRCLE_SEGMENTS = 6
+
+PEG_RECESS_MM = 0.2
+"""Pegs end this far above the board's underside, so that the board lies flat."""
+
+
+def refuse_early(world: Map, printer: Printer, options: RigOptions) -> None:
+    """Refuse, before any long work, what the sizes alone show to be impossible."""
+    if options.plate_mm + options.height_mm > printer.height_mm:
+        most_mm = math.floor(10.0 * (printer.height_mm - options.plate_mm)) / 10.0
+        raise BadInputError("height_mm", options.height_mm, f"at most {most_mm:g} mm")
+    grid_of(_plate_size_mm(world, options), printer, options)
+
+
+def _plate_size_mm(world: Map, options: RigOptions) -> tuple[float, float]:
+    width_mm, depth_mm = (options.scale * side + 2.0 * options.border_mm for side in world.size_mm)
+    return width_mm, depth_mm
+
+
+def _rig_of(
+    plan: RigPlan,
+    world: Map,
+    printer: Printer,
+    options: RigOptions,
+    notes: Mapping[str, object],
+    **others: Any,  # noqa: ANN401  fields of a rig
+) -> Rig:
+    """Return a rig with what follows from its plan; of the notes those that hold."""
+    thin = len(plan.thin_places)
+    notes = {
+        f"{counted(thin, 'place')} {agreeing(thin, 'was', 'were')} thinner than the "
+        f"{printer.least_wall_mm:g} mm that {printer.name} prints and "
+        f"{agreeing(thin, 'was', 'were')} thickened to it: {plan.thickened.area:.0f} mm2 of wall "
+        "added": thin,
+        f"{counted(plan.slivers, 'piece')} thinner than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slivers, 'was', 'were')} left out": plan.slivers,
+        f"{counted(plan.slits, 'gap')} narrower than {options.sliver_mm:g} mm "
+        f"{agreeing(plan.slits, 'was', 'were')} filled": plan.slits,
+        **notes,
+    }
+    return Rig(
+        name=world.name,
+        printer=printer,
+        options=options,
+        extras=extra_parts(plan.plate.bounds, plan.to_map(-options.plate_mm)),
+        plate=plan.on_map(plan.plate),
+        walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
+        thickened=plan.on_map(plan.thickened),
+        thin_places=plan.thin_places,
+        origin_mm=plan.origin_mm,
+        notes=(*plan.notes, *(text for text, holds in notes.items() if holds)),
+        **others,
+    )
+
+
+# --- On a plate
+
+
+def build_rig(
+    world: Map, printer: Printer, options: RigOptions | None = None, plan: RigPlan | None = None
+) -> Rig:
+    """Make the printable test rig of a map; ``plan`` is its plan where that is known.
+
+    A base plate carries the obstacles, and a wall around the bounds with an opening where a start
+    is near it (see `vinefab.rig.rig_plan`). What is larger than the bed is divided by straight cuts
+    into tiles that dovetails in the plate hold together. Every part is one solid that prints
+    without supports.
+
+    Returns
+    -------
+    Rig
+        ``counts`` hold ``slivers`` and ``slits`` (left out or filled), ``bridges`` (corners that
+        touched in a point, joined), ``joints``, ``bare_seams`` (without room for a joint).
+    """
+    options = options or RigOptions()
+    refuse_early(world, printer, options)
+    plan = plan or plan_of(world, printer, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
+    joints, bare = list[Dovetail](), 0
+    if options.joint == "dovetail":
+        joints, bare = dovetails_of(plan, cuts, options.gap_mm(printer))
+    # A top would have to be bridged over nothing: with one, obstacles on plates stay filled.
+    wall_mm = 0.0 if options.top_mm else shell_wall_mm(printer, options)
+    tiles = list(rig_tiles(plan, cuts, joints, (options.sliver_mm, 0.5 * printer.nozzle_mm)))
+    parts = [
+        _tile_part(number, len(tiles), tile, (plan, cuts, options, wall_mm))
+        for number, tile in enumerate(tiles, 1)
+    ]
+    return _rig_of(
+        plan,
+        world,
+        printer,
+        options,
+        {
+            f"the border is thinner than the {printer.least_wall_mm:g} mm that {printer.name} "
+            "prints": options.border_mm < printer.least_wall_mm,
+            f"{counted(plan.bridges, 'corner')} that touched in one point "
+            f"{agreeing(plan.bridges, 'was', 'were')} joined": plan.bridges,
+            f"{counted(bare, 'seam')} {agreeing(bare, 'has', 'have')} no room for a joint: glue "
+            f"{agreeing(bare, 'it', 'them')}": bare,
+        },
+        parts=tuple(part for part, _ in parts),
+        counts={
+            "slivers": plan.slivers,
+            "slits": plan.slits,
+            "bridges": plan.bridges,
+            "joints": len(joints),
+            "bare_seams": bare,
+            "unmarked": sum(not marked for _, marked in parts) if options.mark_depth_mm else 0,
+        },
+        joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints),
+    )
+
+
+def _tile_part(
+    number: int, count: int, tile: RigTile, job: tuple[RigPlan, Cuts, RigOptions, float]
+) -> tuple[RigPart, bool]:
+    """Return a tile as a solid, and whether its number found room."""
+    plan, cuts, options, wall_mm = job
+    plate_mm, depth_mm = options.plate_mm, options.mark_depth_mm
+    marks = engraved_marks(number, tile.plate) if depth_mm else polygon_parts(Polygon())
+    low = np.array([*tile.plate.bounds[:2], 0.0])
+    standing = hollowed(tile.solids, wall_mm)
+    hollow = shapely.area(standing).sum() < shapely.area(tile.solids).sum()
+    plate, solids, grooves = (
+        shapely.transform(pieces, lambda points: points - low[:2])
+        for pieces in (polygon_parts(tile.plate), standing, marks)
+    )
+    pocket = Course(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)
+    vertices, faces = stacked(plate, solids, plate_mm, options.height_mm, [pocket])
+    turn, shift = np.eye(3), np.zeros(3)
+    if cuts.turned:
+        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        shift[0] = tile.plate.bounds[3] - tile.plate.bounds[1]
+        vertices = vertices @ turn.T + shift
+        # The sum is rounded once more, to what the file can hold.
+        vertices = vertices.astype(np.float32).astype(np.float64)
+    to_plan = np.eye(4)
+    to_plan[:3, :3], to_plan[:3, 3] = turn.T, low - turn.T @ shift
+    row, column = tile.cell
+    part = RigPart(
+        name=f"part_{number:0{max(2, len(str(count)))}d}_r{row + 1}c{column + 1}",
+        number=number,
+        row=row + 1,
+        column=column + 1,
+        vertices_mm=vertices,
+        faces=faces,
+        to_map=plan.to_map(-plate_mm) @ to_plan,
+        volume_mm3=float(
+            tile.plate.area * plate_mm
+            + shapely.area(standing).sum() * options.height_mm
+            - shapely.area(marks).sum() * depth_mm
+        ),
+        shell_wall_mm=wall_mm if hollow else 0.0,
+    )
+    return part, len(marks) > 0
+
+
+# --- Loose on a board
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peg:
+    """A round peg, or the hole for a pin."""
+
+    # centre, in the coordinates of the plan
+    x_mm: float
+    y_mm: float
+    diameter_mm: float
+
+    @property
+    def outline(self) -> Polygon:
+        """The peg as a polygon of 24 corners."""
+        circle = Point(self.x_mm, self.y_mm).buffer(
+            0.5 * self.diameter_mm, quad_segs=_CIRCLE_SEGMENTS
+        )
+        return shapely.set_precision(circle, GRID_MM)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoosePiece:
+    """A loose piece of obstacle or border."""
+
+    number: int  # from 1
+    outline: Polygon  # where it stands, in the coordinates of the plan
+    pegs: tuple[Peg, ...]  # two against turning; fewer where there is no room
+
+
+def loose_pieces(
+    plan: RigPlan, cuts: Cuts, options: RigOptions, peg_mm: float, most: int
+) -> tuple[LoosePiece, ...]:
+    """Return all pieces of a plan, numbered from the lower left, row by row."""
+    room_mm = max(np.diff(cuts.x_mm)), max(np.diff(cuts.y_mm))
+    whole: list[Polygon] = []
+    large: list[Polygon] = []
+    for piece in plan.solids:
+        x_min, y_min, x_max, y_max = piece.bounds
+        fits = x_max - x_min <= room_mm[0] and y_max - y_min <= room_mm[1]
+        (whole if fits else large).append(piece)
+    divided = [  # what pieces too large for the bed leave in each cell of the cuts
+        snapped_union(polygon_parts(*shapely.intersection(large, cell, grid_size=GRID_MM)))
+        for _, cell in cuts.cells()
+        if large
+    ]
+    pieces = polygon_parts(*whole, *divided, Polygon())
+    pieces, _ = without_slivers(pieces, options.sliver_mm)
+    if len(pieces) > most:
+        allowed = f"at most {most} loose pieces: --most-parts allows more, --style plate needs none"
+        raise BadInputError("parts", len(pieces), allowed)
+    middles = shapely.get_coordinates(shapely.centroid(pieces))
+    order = np.lexsort((middles[:, 0], np.round(middles[:, 1] / 20.0)))
+    return tuple(
+        LoosePiece(number=number, outline=pieces[index], pegs=pegs_in(pieces[index], peg_mm))
+        for number, index in enumerate(order.tolist(), 1)
+    )
+
+
+def pegs_in(outline: Polygon, peg_mm: float) -> tuple[Peg, ...]:
+    """Return pegs that fit into an outline: the two places farthest apart, or the one with room."""
+    for diameter_mm in (peg_mm, _SMALLER * peg_mm):
+        reach_mm = 0.5 * diameter_mm + RIM_MM
+        room = shapely.buffer(outline, -reach_mm, quad_segs=2)
+        if room.is_empty:
+            continue
+        corners = shapely.get_coordinates(shapely.convex_hull(room))
+        apart_mm = np.hypot(*(corners[:, None] - corners[None]).transpose(2, 0, 1))
+        ends = np.unravel_index(int(apart_mm.argmax()), apart_mm.shape)
+        places = corners[np.array(ends)]
+        if apart_mm[ends] < 1.5 * diameter_mm:
+            circle = shapely.maximum_inscribed_circle(outline, 0.05)
+            places = shapely.get_coordinates(circle)[:1]
+        return tuple(
+            Peg(x_mm=x_mm, y_mm=y_mm, diameter_mm=diameter_mm)
+            for x_mm, y_mm in np.round(places, 3).tolist()
+        )
+    return ()
+
+
+def build_board(
+    world: Map, printer: Printer, options: RigOptions, plan: RigPlan | None = None
+) -> tuple[Rig, tuple[LoosePiece, ...]]:
+    """Return a rig of loose obstacles, and the pieces that it is made of.
+
+    The parts are printed top down, pegs upwards, so that nothing needs supports; the number is
+    engraved into the top.
+    ``plan`` is the map's plan for this printer, where that is known.
+    """
+    # Only what stands on a cell of the bed's size is a part: the cells may be many more.
+    many = options.changed(most_parts=MOST_PARTS)
+    grid_of(_plate_size_mm(world, options), printer, many)
+    plan = plan or plan_of(world, printer, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, printer, many)
+    pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
+    wall_mm = shell_wall_mm(printer, options)
+    parts = tuple(_loose_part(piece, len(pieces), plan, (options, wall_mm)) for piece in pieces)
+    counts = {f"{count} pegs": sum(len(one.pegs) == count for one in pieces) for count in (0, 1, 2)}
+    bare, single = counts["0 pegs"], counts["1 pegs"]
+    rig = _rig_of(
+        plan,
+        world,
+        printer,
+        options,
+        {
+            f"{counted(bare, 'piece')} {agreeing(bare, 'has', 'have')} no room for a peg: glue "
+            f"{agreeing(bare, 'it', 'them')} onto {agreeing(bare, 'its', 'their')} mark": bare,
+            f"{counted(single, 'piece')} {agreeing(single, 'has', 'have')} room for one peg only: "
+            f"turn {agreeing(single, 'it', 'them')} to {agreeing(single, 'its', 'their')} "
+            "mark": single,
+        },
+        parts=parts,
+        style="board",
+        counts={"pieces": len(pieces), "slivers": plan.slivers, "slits": plan.slits, **counts},
+    )
+    return rig, pieces
+
+
+def _loose_part(
+    piece: LoosePiece, count: int, plan: RigPlan, job: tuple[RigOptions, float]
+) -> RigPart:
+    """Return a loose piece as it is printed: what will be its top lies on the bed."""
+    options, wall_mm = job
+    x_min, _, _, y_max = piece.outline.bounds
+    walls = shell_walls(piece.outline, wall_mm)
+    hollow = len(walls.interiors) > len(piece.outline.interiors)
+    courses, marks = _courses_of(piece, walls, options, wall_mm if hollow else 0.0)
+
+    def top_down(course: Course) -> Course:
+        # Mirrored at y_max: every corner lies right of x_min and below y_max.
+        flipped = shapely.transform(course.pieces, lambda points: np.abs(points - (x_min, y_max)))
+        return replace(course, pieces=np.asarray(flipped, dtype=object))
+
+    # Grooves are at most half as deep as a thin top.
+    depth_mm = min(options.mark_depth_mm, 0.5 * (options.top_mm or 2.0 * options.mark_depth_mm))
+    vertices, faces = built_of(
+        [top_down(course) for course in courses],
+        [top_down(Course(pieces=marks, low_mm=-1.0, high_mm=depth_mm))],
+        weld_mm=WELD_MM if hollow else 0.0,
+    )
+    standing = np.diag([1.0, -1.0, -1.0, 1.0])
+    standing[:3, 3] = x_min, y_max, options.height_mm
+    return RigPart(
+        name=f"piece_{piece.number:0{max(2, len(str(count)))}d}",
+        number=piece.number,
+        vertices_mm=vertices,
+        faces=faces,
+        to_map=plan.to_map() @ standing,
+        volume_mm3=plan_volume_mm3(courses) - float(shapely.area(marks).sum()) * depth_mm,
+        shell_wall_mm=wall_mm if hollow else 0.0,
+    )
+
+
+def _courses_of(
+    piece: LoosePiece, walls: Polygon, options: RigOptions, wall_mm: float
+) -> tuple[list[Course], Polygons]:
+    """Return what a piece is built of as printed, top down, and the grooves in its top.
+
+    The top of a shell is open but for a tongue that bears the number; below each peg courses reach
+    out from the walls, so that nothing needs supports. A ``wall_mm`` of 0: no shell.
+    """
+    outline, high_mm = piece.outline, options.height_mm
+    pegs = [peg.outline for peg in piece.pegs]
+    closed, marks, thick_mm = polygon_parts(outline), polygon_parts(Polygon()), options.top_mm
+    if wall_mm and not options.top_mm:
+        closed, thick_mm = polygon_parts(Polygon()), 2.0 * options.mark_depth_mm
+        if options.mark_depth_mm:
+            closed, marks = label_of(piece.number, outline, wall_mm)
+    elif options.mark_depth_mm:
+        marks = engraved_marks(piece.number, outline, from_below=False)
+    courses = [Course(pieces=polygon_parts(walls), low_mm=0.0, high_mm=high_mm)]
+    if wall_mm:
+        if len(closed):
+            courses.append(Course(pieces=closed, low_mm=0.0, high_mm=thick_mm))
+        courses += corbelled(walls, outline, pegs, high_mm, wall_mm)
+    if pegs:
+        # From the middle of what carries them: bodies that overlap join surely.
+        low_mm, up_mm = high_mm - _PEG_ROOT_MM, high_mm + options.plate_mm - PEG_RECESS_MM
+        courses.append(Course(pieces=polygon_parts(*pegs), low_mm=low_mm, high_mm=up_mm))
+    return courses, marks

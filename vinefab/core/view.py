@@ -298,7 +298,7 @@ class Result:
     schema: ClassVar[str] = ""
     origin: Origin | None = None  # a result that can be got again by a command has one
 
-    parts: ClassVar[int] = 1  # about how many sections its page has
+    section_count: ClassVar[int] = 1  # about how many sections its page has
 
     @property
     def title(self) -> str:
@@ -346,7 +346,7 @@ class Result:
         for count, block in enumerate(self.sections(), start=1):
             blocks.append(block)
             if progress is not None:
-                progress(min(1.0, count / self.parts), "drawing the page")
+                progress(min(1.0, count / self.section_count), "drawing the page")
         if self.origin is not None:
             blocks.append(self.origin.section)
         made: str = front_door("pages.html").page(self.title, blocks)

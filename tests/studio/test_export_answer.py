@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import vinefab.cli.report  # noqa: F401  so that its names can be replaced
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
@@ -115,8 +114,7 @@ class FoundInNoTime:
 
 
 def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
-    for place in ("prediction.predict.predict", "cli.report.predict"):
-        monkeypatch.setattr(f"vinefab.{place}", FoundInNoTime.of)
+    monkeypatch.setattr("vinefab.prediction.predict.predict", FoundInNoTime.of)
     content = edited(opened(**MOVED, growth={"storage_kpa": 1.25}))
     options = {"poses": 2, "environment": "pegs", "count": 3}
     answer = export(content, "report", "page.html", options=options)

@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill
+from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
@@ -31,7 +32,6 @@ from vinefab.search.manufacturability import (
     SpaceQuery,
     refuse_infeasible_space,
 )
-from vinefab.search.parallel.dask_cluster import DaskEvaluator
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
 from vinefab.search.record.generations import Progress, RunIdentity
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, resumed_limits
@@ -47,6 +47,11 @@ from vinefab.search.settings import (
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
+
+if TYPE_CHECKING:
+    from vinefab.search.parallel import dask_cluster
+else:
+    dask_cluster = imported_later("vinefab.search.parallel.dask_cluster")
 
 
 def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
@@ -147,7 +152,7 @@ def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvalu
         if workers == 0:
             raise BadInputError("--workers", 0, "1 or more; 0 only with --cluster")
         return ThreadEvaluator(1 if workers is None else workers)
-    return DaskEvaluator(cluster, threads=workers)
+    return dask_cluster.DaskEvaluator(cluster, threads=workers)
 
 
 def run_search(  # noqa: PLR0913  options by keyword

@@ -6,33 +6,11 @@ from pathlib import Path
 
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
-from vinefab.core.registry import Registry
 from vinefab.pages.html import Report, Section, Table, page_html
 from vinefab.search.record.identity import package_versions
-from vinefab.studies.ablation import ablation
-from vinefab.studies.anchor_holding import anchor
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
-from vinefab.studies.optimizers_compared import optimizer_study
-from vinefab.studies.price import price
-from vinefab.studies.redeployment import redeployment_study
+from vinefab.studies.experiments import EXPERIMENTS
 from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, Tell
-from vinefab.studies.training_studies import convergence, maps, weighting
-from vinefab.studies.transfer import transfer
-
-EXPERIMENTS: Registry[Callable[[JobStore], StudyResult]] = Registry(
-    "experiment",
-    {
-        "transfer": transfer,
-        "convergence": convergence,
-        "maps": maps,
-        "weighting": weighting,
-        "reach": redeployment_study,
-        "anchor": anchor,
-        "search": optimizer_study,
-        "ablation": ablation,
-        "price": price,
-    },
-)
 
 PAGE, NUMBERS = "reproduction.html", "reproduction.json"
 

@@ -14,9 +14,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from vinefab.cli.map_commands import parameter_words
+from vinefab.app.verbs import GROUPS, VERBS
+from vinefab.cli.commands import Command, names_in
+from vinefab.cli.help import command_help, group_help
 from vinefab.core.table import DeclaredKey, Table, declared_keys
 from vinefab.core.units import deg
+from vinefab.core.verbs import parameter_words
 from vinefab.fabrication.rule_listing import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -311,36 +314,20 @@ a path or the name of a shipped one; `--json FILE` writes the result for program
 
 def commands_page() -> str:
     """Return the help of every command, as the program prints it."""
-    import typer.testing  # noqa: PLC0415  only this page needs a terminal
-
-    from vinefab.cli.main import COMMANDS, UNDER_STUDY, build_app  # noqa: PLC0415
-
-    runner = typer.testing.CliRunner()
     parts = [COMMANDS_INTRODUCTION]
-    for name in COMMANDS:
-        if name in UNDER_STUDY:
-            continue
-        words = [name]
-        shown = [words]
-        if COMMANDS[name].is_group:
-            shown += [[name, part] for part in _subcommands(name)]
-        for words in shown:
-            result = runner.invoke(
-                build_app(name), [*words, "--help"], prog_name="vinefab", env={"COLUMNS": "100"}
-            )
-            level = "##" if len(words) == 1 else "###"
-            parts.append(
-                f"{level} vinefab {' '.join(words)}\n\n```text\n{result.output.strip()}\n```\n"
-            )
+    for first in dict.fromkeys(name.split()[0] for name in VERBS):
+        shown = [
+            (f"## vinefab {first}", group_help(first, 100) if first in GROUPS else _help(first))
+        ]
+        if first in GROUPS:
+            names = [f"{first} {last}" for last in names_in(first)]
+            shown += [(f"### vinefab {name}", _help(name)) for name in names]
+        parts += [f"{heading}\n\n```text\n{text}\n```\n" for heading, text in shown]
     return "\n".join(parts)
 
 
-def _subcommands(name: str) -> list[str]:
-    from typer.main import get_command  # noqa: PLC0415  as above
-
-    from vinefab.cli.main import build_app  # noqa: PLC0415
-
-    return list(get_command(build_app(name)).commands[name].commands)  # type: ignore[attr-defined]
+def _help(name: str) -> str:
+    return command_help(Command.named(name), 100)
 
 
 # --- Parts --------------------------------------------------------------------------------------

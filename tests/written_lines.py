@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from typer.main import get_command
-
-from vinefab.cli.main import COMMANDS, UNDER_STUDY, build_app
+from vinefab.app.verbs import VERBS
+from vinefab.cli.commands import Command
+from vinefab.maps.generators.environments import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
@@ -82,17 +82,11 @@ def mentioned_on(page: Path) -> list[WrittenLine]:
 
 def help_examples() -> list[WrittenLine]:
     """Return the examples of every command's help, in the order of `vinefab -h`."""
-    lines: list[WrittenLine] = []
-    for name in COMMANDS:
-        if name not in UNDER_STUDY:
-            lines += examples_below(name, get_command(build_app(name)).commands[name])  # type: ignore[attr-defined]
-    return lines
-
-
-def examples_below(name: str, command: object) -> Iterator[WrittenLine]:
-    for paragraph in re.split(r"\n\s*\n", command.help or ""):  # type: ignore[attr-defined]
-        said, found, line = " ".join(paragraph.split()).partition("Example: ")
-        if found and not said:
-            yield WrittenLine(Path(f"vinefab {name} --help"), line)
-    for part, inner in getattr(command, "commands", {}).items():
-        yield from examples_below(f"{name} {part}", inner)
+    names = [*VERBS]
+    place = names.index("map import")
+    names[place:place] = [f"map {name}" for name in ENVIRONMENTS]
+    return [
+        WrittenLine(Path(f"vinefab {name} --help"), line)
+        for name in names
+        for line in Command.named(name).examples()
+    ]

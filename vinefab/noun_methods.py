@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import python_words
-from vinefab.core.plain_text import visible
-from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
+from vinefab.core.plain_text import counted, visible
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
+from vinefab.model.inputs import MapLike, PoseLike, growth_of, map_of
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 
@@ -43,8 +42,8 @@ def grow_design(
     """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
     from vinefab.prediction.deploy import deploy
 
-    given = growth_given(growth, **shortcuts)
-    place = map_given(world, "world")
+    given = growth_of(growth, **shortcuts)
+    place = map_of(world, "world")
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)
@@ -92,12 +91,29 @@ def write_deployment(
     return write_bytes(target, drawn(suffix), force=force)
 
 
+def map_summary(world: Map) -> tuple[str, ...]:
+    """Return the size of a map, its starts, what is odd about it and how it was made."""
+    from vinefab.model.start_place import area_notes, start_words
+    from vinefab.prediction.map_info import size_notes
+
+    sides = [f"{one:.0f}" if one >= 100.0 else f"{one:.3g}" for one in world.size_mm]
+    lines = [
+        f"{world.name}: {' x '.join(sides)} mm, {counted(len(world.obstacles), 'obstacle')}, "
+        f"{counted(world.wall_count, 'wall')}, free area {world.free_space.area / 1e6:.4g} m2"
+    ]
+    starts = world.starts if any(one.area for one in world.starts) else world.starts[:1]
+    lines += [f"start: {start_words(start)}" for start in starts]
+    lines += [f"note: {note}" for note in [*size_notes(world), *area_notes([world])]]
+    shown = {key: value for key, value in world.facts.items() if value is not None}
+    return (*lines, *(f"  {key}: {value:.6g}" if isinstance(value, float) else f"  {key}: {value}"
+                      for key, value in shown.items()))  # fmt: skip
+
+
 def info_of(world: Map, *, width_mm: float | None, passages: int) -> MapInfo:
     """Return figures of a map; see `vinefab.model.map.Map.info`."""
     from vinefab.prediction.map_info import map_info
 
-    with python_words():
-        return map_info(world, width_mm=width_mm, passages=passages)
+    return map_info(world, width_mm=width_mm, passages=passages)
 
 
 def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:

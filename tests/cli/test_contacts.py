@@ -8,9 +8,9 @@ import pytest
 import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.inputs import growth_given
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.inputs import growth_of
 from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
@@ -114,7 +114,7 @@ def test_poses_are_searched_over_the_measured_interval(vinefab, grid, plain, mea
     found = json.loads(words)
     assert found["standing"]["contacts"] == f"measured: {WORDS}"
     assert f"--contacts {measured}" in found["reproduce"]["command"]
-    assert "head_on_half_angle_deg=3.0,6.0" in found["reproduce"]["command"]
+    assert found["growth"]["head_on_half_angle_deg"] == [3.0, 6.0]
 
 
 def test_a_given_half_angle_is_assumed_again(vinefab, grid, plain, measured):
@@ -185,7 +185,7 @@ def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
     measured.rename(tmp_path / "contacts" / "our_film.toml")
-    assert growth_given({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
+    assert growth_of({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
 
 
 @pytest.mark.usefixtures("measured")
@@ -296,19 +296,21 @@ def test_observations_are_fitted_and_the_file_is_read(vinefab, grid, plain, obse
 
 
 def test_what_cannot_be_fitted_is_one_clear_line(vinefab, observed, tmp_path):
-    one, other = observed
+    one = observed[0]
     foreign = tmp_path / "notes.toml"
     foreign.write_text("mine")
     for arguments, words in (
-        ((one, other), "one photo; several observations (JSON) together with --fit"),
-        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "not beside --fit"),
+        ((one, "--fit", tmp_path / "a.toml", "--map", "x.geojson"), "there is no option --map"),
         ((one, "--fit", tmp_path / "a.json"), "ending in .toml"),
         ((one, one, "--fit", tmp_path / "a.toml"), "each observation once"),
         ((tmp_path / "no.json", "--fit", tmp_path / "a.toml"), "there is no such file"),
-        ((one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1), "--angle-error-deg is -1"),
+        (
+            (one, "--fit", tmp_path / "a.toml", "--angle-error-deg", -1),
+            "--angle-error-deg is -1.0; allowed: 0.1 to 30 deg",
+        ),
         ((one, "--fit", foreign), "not written by vinefab"),
-        ((one,), "--map is missing"),
-        ((one, "--angle-error-deg", 3), "only together with --fit"),
+        ((one,), "MAP is missing"),
+        ((one, "--angle-error-deg", 3), "there is no option --angle-error-deg"),
     ):
         code, _, complaint = vinefab("observe", *arguments)
         assert code == 2

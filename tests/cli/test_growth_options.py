@@ -4,8 +4,9 @@ import json
 
 import pytest
 
-from vinefab.cli.common_options import growth_from
-from vinefab.growth.options import GrowthOptions, growth_arguments
+from vinefab.app.predicting import grow
+from vinefab.core.verbs import options_of
+from vinefab.growth.options import GrowthOptions
 
 TRAINED = '[origin.growth]\nbody = "centerline"\nhead_on_half_angle_deg = [3.0, 9.0]\n'
 DEFAULT = "inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa"
@@ -95,9 +96,9 @@ def test_a_check_has_growth_options_only_on_a_map(vinefab, grid, plain):
 
 
 def test_the_repeat_line_gives_the_same_options():
-    options = GrowthOptions.of(
-        {"head_on_half_angle_deg": [1, 15], "pressure_stop": False, "storage_kpa": 8.32}
-    )
-    arguments = growth_arguments(options)
-    assert arguments[::2] == ["--growth"] * len(options.content)
-    assert GrowthOptions.of(growth_from(arguments[1::2])) == options
+    given = {"head_on_half_angle_deg": [1, 15], "pressure_stop": False, "storage_kpa": 8.32}
+    (option,) = [one for one in options_of(grow) if one.name == "growth"]
+    words = option.words(given)
+    assert words[::2] == ["--growth"] * len(given)
+    assert option.value(words[1::2]) == given
+    assert GrowthOptions.of(option.value(words[1::2])) == GrowthOptions.of(given)

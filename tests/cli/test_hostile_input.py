@@ -9,9 +9,8 @@ from xml.etree import ElementTree
 from zipfile import ZipFile
 
 import pytest
-from rich.table import Table
 
-from vinefab.cli.common_options import CommandOutput
+from vinefab.cli.terminal import Terminal
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.pages.figure import blank, house_style, svg_bytes
@@ -291,12 +290,10 @@ def test_no_path_in_an_error_is_obeyed_by_a_terminal(vinefab, tmp_path):
     assert words.strip().isprintable()
 
 
-def test_cells_of_tables_are_no_markup(capsys):
-    table = Table(OBEYED)
-    table.add_row(OBEYED)
-    CommandOutput().show(table)
+def test_no_line_is_obeyed_by_a_terminal(capsys):
+    Terminal().say(OBEYED)
     said = capsys.readouterr().out
-    assert said.count("[/red]<script>") == 2
+    assert said.count("[/red]<script>") == 1
     assert all(letter.isprintable() or letter == "\n" for letter in said)
 
 

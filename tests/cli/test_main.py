@@ -13,7 +13,6 @@ import pytest
 
 import vinefab
 import vinefab.cli.main as main_module
-from vinefab.cli.common_options import CommandOutput
 from vinefab.cli.main import main, run
 
 SOURCES = Path(vinefab.__file__).parent
@@ -24,7 +23,7 @@ def test_an_unforeseen_error_is_one_line_and_a_log(monkeypatch, capsys, tmp_path
         raise ZeroDivisionError("a secret of the inside")
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("vinefab.cli.profiles.ProfileListing", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles"]) == 3
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -44,7 +43,7 @@ def test_the_log_holds_arguments_that_are_no_text(monkeypatch, capsys, tmp_path)
         raise ZeroDivisionError
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("vinefab.cli.profiles.ProfileListing", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles", "--json", "\udcff.json"]) == 3
     assert "fault of vinefab" in capsys.readouterr().err
     (log,) = tmp_path.glob("vinefab-error-*.log")
@@ -69,7 +68,7 @@ def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):
         raise RecursionError
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
-    monkeypatch.setattr("vinefab.cli.profiles.ProfileListing", broken)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", broken)
     assert main(["profiles"]) == 3
     assert "no log could be written" in capsys.readouterr().err
 
@@ -81,7 +80,7 @@ def test_want_of_memory_is_no_fault(monkeypatch, capsys, error):
     def greedy(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("vinefab.cli.profiles.ProfileListing", greedy)
+    monkeypatch.setattr("vinefab.fabrication.profile_listing.ProfileListing", greedy)
     assert main(["profiles"]) == 2
     assert "not enough memory" in capsys.readouterr().err
 
@@ -93,7 +92,7 @@ def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code, 
         "from vinefab.cli import main as program\n"
         "def interrupted(_):\n"
         f"    exec('import signal; signal.raise_signal(signal.{name})')\n"
-        "program.build_app = interrupted\n"
+        "program.dispatch = interrupted\n"
         "program.run()\n"
     )
     (tmp_path / "interrupted_program.py").write_text(program)
@@ -177,6 +176,6 @@ def test_what_an_earlier_version_moved_aside_is_named_and_kept(tmp_path, capsys)
     aside = tmp_path / ".coupons.old.abc"
     aside.mkdir()
     (aside / "notes.txt").write_text("mine")
-    CommandOutput().ensure_folder(tmp_path / "coupons", "coupon.json")
+    assert main(["coupon", "--out", str(tmp_path / "coupons")]) == 0
     assert f"note: {aside} has files of" in capsys.readouterr().out
     assert (aside / "notes.txt").read_text() == "mine"

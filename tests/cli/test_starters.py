@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.cli.main import COMMANDS, UNDER_STUDY, each_map_named, main
-from vinefab.cli.new import NEXT_STEPS
+from vinefab.app.files import _NEXT_STEPS as NEXT_STEPS
+from vinefab.app.verbs import OLDER, VERBS
+from vinefab.cli.commands import each_map_named
+from vinefab.cli.main import main
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.files.design_toml import read_design
@@ -101,7 +103,7 @@ def test_the_starter_map_has_room_for_the_starter_design(capsys):
         (["thing", "a.toml"], "kind"),
         (["design", "a.json"], "file"),
         (["map", "a.toml"], "file"),
-        (["map", "a.geojson", "--from", "table"], "original"),
+        (["map", "a.geojson", "--from", "table"], "--original"),
     ],
 )
 def test_a_wrong_kind_or_suffix_is_one_line(arguments, named, capsys):
@@ -186,13 +188,15 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
 def test_old_names_of_studies_work_and_are_not_listed(capsys):
     assert main(["-h"]) == 0
     listed = capsys.readouterr().out
-    for name in UNDER_STUDY:
+    for name, (newer, renamed) in OLDER.items():
+        if renamed:
+            continue
         assert f"\n  {name} " not in listed
         assert main([name, "-h"]) == 0
         own = capsys.readouterr().out
-        assert main(["study", name, "--help"]) == 0
-        assert capsys.readouterr().out.partition("Options:")[2] == own.partition("Options:")[2]
-    shown = [name for name in COMMANDS if name not in UNDER_STUDY]
+        assert main([*newer.split(), "--help"]) == 0
+        assert capsys.readouterr().out == own
+    shown = [name.split()[0] for name, verb in VERBS.items() if verb.listed]
     assert all(f"\n  {name} " in listed for name in shown)
 
 
@@ -216,18 +220,35 @@ def test_maps_as_a_shell_expands_them(given, named):
         ("vinefab fabr", "fabricate"),
         ("vinefab check six_", "six_branch_anchor"),
         ("vinefab score plain_vine --tas", "--task"),
+        ("vinefab score plain_vine --task rea", "reach"),
+        ("vinefab map cor", "corridors"),
+        ("vinefab map grid --col", "--columns"),
+        ("vinefab check plain_vine --recipe co2_40", "co2_40w__stretchlon_200"),
         ("vinefab optimize grid_cov", "grid_coverage"),
     ],
 )
 def test_a_shell_completes_commands_options_and_names(typed, completed):
-    asked = {"_VINEFAB_COMPLETE": "complete_zsh", "_TYPER_COMPLETE_ARGS": typed}
     done = subprocess.run(
-        [sys.executable, "-m", "vinefab"],
-        env={**os.environ, **asked},
+        [sys.executable, "-m", "vinefab", *typed.split(" ")[1:]],
+        env={**os.environ, "_VINEFAB_COMPLETE": "1"},
         capture_output=True,
         text=True,
         errors="replace",
         check=False,
     )
-    assert completed in done.stdout
+    assert completed in done.stdout.splitlines()
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_of_a_shell_is_printed_and_installed(shell, capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["--show-completion", shell]) == 0
+    shown = capsys.readouterr().out
+    assert "_VINEFAB_COMPLETE=1" in shown
+    for _ in range(2):
+        assert main(["--install-completion", shell]) == 0
+    (path,) = [one for one in tmp_path.rglob("*vinefab*") if one.is_file()]
+    assert path.read_text() == shown.removesuffix("\n")
+    starts = [one for one in tmp_path.iterdir() if one.name in (".bashrc", ".zshrc")]
+    assert all(one.read_text().count("\n") == 2 for one in starts)

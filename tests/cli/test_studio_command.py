@@ -6,7 +6,6 @@ import socket
 
 import pytest
 
-from vinefab.cli import studio
 from vinefab.cli.main import main
 
 
@@ -29,7 +28,9 @@ def refused(capsys, *words):
 
 
 def test_a_missing_package_is_named_with_the_extra(capsys, monkeypatch):
-    monkeypatch.setattr(studio, "find_spec", lambda name: None if name == "uvicorn" else name)
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == "uvicorn" else name
+    )
     line = refused(capsys)
     assert "without uvicorn" in line
     assert "vinefab[studio]" in line

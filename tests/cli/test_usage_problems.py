@@ -5,15 +5,16 @@ import shlex
 import pytest
 
 GUESSES = {
-    "grow": "Missing argument 'design'; for example: vinefab grow three_level_tree --map",
+    "grow": "DESIGN is missing; for example: vinefab grow three_level_tree --map",
+    "grow plain_vine": "MAP is missing; for example: vinefab grow three_level_tree --map",
     "grow plain_vine --map m.geojson --pose 100 20 90": "for example: vinefab grow",
-    "grow plain_vine --map m.geojson --out x": "no option --out; vinefab grow --help lists them",
+    "grow plain_vine --map m.geojson --dpi x": "no option --dpi; vinefab grow --help lists them",
     "grow plain_vine --hlep": "there is no option --hlep; did you mean --help?",
-    "grow plain_vine --head-on-half-angle 5": "did you mean --head-on-half-angle-deg?",
+    "grow plain_vine --head-on-half-angl 5": "did you mean --head-on-half-angle-deg or",
     "map import a --scale 2 --out c.json": "did you mean --scale-mm-per-unit?",
     "map grid --size 300mm --out g.json": "--size-mm is '300mm'; allowed: a number, without a unit",
     "map grid --size=abc --out g.json": "--size-mm is 'abc'; allowed: a number",
-    "map grid --seed -1 --out g.json": "--seed is '-1'; allowed: 0 or more",
+    "map grid --seed -1 --out g.json": "--seed is -1; allowed: a whole number, 0 or more",
     "map grid --seed 1.5 --out g.json": "--seed is '1.5'; allowed: a whole number",
     "map grid --out g.svg": "--out is 'g.svg'; allowed: a file name ending in .geojson or .json",
     "map import a.svg --out g.png": "--out is 'g.png'; allowed: a file name ending in .geojson",

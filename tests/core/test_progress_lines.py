@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from vinefab.cli.common_options import CommandOutput
+from vinefab.cli.terminal import Terminal
 from vinefab.core import progress_lines
 from vinefab.core.progress_lines import _State, progress_in_lines, progress_shown
 
@@ -29,7 +29,7 @@ def written(capsys, least):
 
 @pytest.mark.usefixtures("often")
 def test_a_piped_command_tells_how_far_it_is_while_a_step_lasts(capsys):
-    with CommandOutput().progress("working") as show:
+    with Terminal().progress("working") as show:
         show(0.25, "1 of 4")
         lines = written(capsys, 2)
     assert len(lines) >= 2
@@ -43,7 +43,7 @@ def test_a_piped_command_tells_how_far_it_is_while_a_step_lasts(capsys):
 def test_quiet_commands_and_quick_ones_write_no_line(capsys, quiet, monkeypatch):
     if quiet:
         monkeypatch.setattr(progress_lines, "FIRST_S", 0.001)
-    with CommandOutput(quiet=quiet).progress("working") as show:
+    with Terminal(quiet=quiet).progress("working") as show:
         show(0.5, "half")
         time.sleep(0.05)
     assert capsys.readouterr().err == ""

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
-from vinefab.pages.live_curve import MOST_POINTS, live_curve
+from vinefab.pages.charts import MOST_POINTS, fitness_curve
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Shape
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.search import live_page
 from vinefab.search.live_page import PAGE_NAME, LivePage
@@ -148,17 +150,18 @@ def test_the_curve_is_drawn_at_any_length_within_its_frame(count: int) -> None:
     best = np.linspace(-5.0, 0.4, count)
     mean, spread = np.linspace(0.1, 0.3, count), np.full(count, 0.05)
     mean[0] = np.nan if count > 2 else mean[0]
-    text = live_curve(best, mean, spread).decode()
-    assert "nan" not in text
-    places = [
-        tuple(map(float, pair.split(",")))
-        for line in re.findall(r'points="([^"]*)"', text)
-        for pair in line.split()
-    ]
-    assert all(0.0 <= x <= 720.0 and 0.0 <= y <= 300.0 for x, y in places)
+    page = fitness_curve(best, mean, spread)
+    assert b"nan" not in page_svg(page)
+    (panel,) = page.panels
+    lines = [one for one in panel.primitives if isinstance(one, Shape)]
+    places = np.concatenate([chain for one in lines for chain in one.chains])
+    x0, y0, x1, y1 = panel.box
+    assert ((places >= (x0, y0)) & (places <= (x1, y1))).all()
     assert len(places) <= 4 * MOST_POINTS
 
 
 def test_the_curve_of_designs_that_all_fail_is_empty() -> None:
     gap = np.full(3, np.nan)
-    assert live_curve(gap, gap, gap).count(b"polyline") == 0
+    (panel,) = fitness_curve(gap, gap, gap).panels
+    assert all(isinstance(one, Shape) and not one.chains for one in panel.primitives)
+    assert page_svg(fitness_curve(gap, gap, gap)).startswith(b"<?xml")

@@ -18,7 +18,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.jsontext import GENERATOR
-from vinefab.maps.make_map import generate
+from vinefab.maps import generate
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.run_recipe import RunRecipe, recipe_digest

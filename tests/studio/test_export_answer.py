@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-import vinefab.cli.report  # noqa: F401  so that its names can be replaced
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.view import Answer
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
@@ -110,13 +110,15 @@ class FoundInNoTime:
     def json_text(self):
         return ""
 
+    def view(self):
+        return (Answer("found"),)
+
     def page(self, _progress):
         return f"{GENERATOR} {self.given} {self.origin.command} {self.origin.inputs}"
 
 
 def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
-    for place in ("prediction.predict.predict", "cli.report.predict"):
-        monkeypatch.setattr(f"vinefab.{place}", FoundInNoTime.of)
+    monkeypatch.setattr("vinefab.prediction.predict.predict", FoundInNoTime.of)
     content = edited(opened(**MOVED, growth={"storage_kpa": 1.25}))
     options = {"poses": 2, "environment": "pegs", "count": 3}
     answer = export(content, "report", "page.html", options=options)

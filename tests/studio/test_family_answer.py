@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.statistics import mean_interval
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
-from vinefab.maps.make_map import generate
+from vinefab.maps import generate
 from vinefab.model.files.design_toml import design_content, read_design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.physics.tube import inflated_diameter_mm

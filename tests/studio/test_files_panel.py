@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from vinefab.maps.make_map import generate
+from vinefab.maps import generate
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 

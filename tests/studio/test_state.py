@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.maps.make_map import grid
+from vinefab.maps import grid
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text

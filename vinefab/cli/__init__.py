@@ -1,1 +1,1 @@
-"""One thin file per command; `main` names module and function of each and loads one of them."""
+"""The command line, made from the verbs: this package knows no feature."""

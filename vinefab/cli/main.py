@@ -1,6 +1,5 @@
-"""The program ``vinefab``: finds the command, and turns errors into one line and an exit code."""
+"""The program ``vinefab``: runs a command, and turns errors into one line and an exit code."""
 
-import importlib
 import logging
 import os
 import shlex
@@ -9,134 +8,24 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
-from typing import Annotated
 
-import typer
-
-from vinefab.cli.usage_problems import usage_line
-from vinefab.core.errors import InterruptedRunError, KeptAsideWarning, VinefabError, shortened
+from vinefab.core.errors import (
+    ExportRefusedError,
+    InterruptedRunError,
+    KeptAsideWarning,
+    VinefabError,
+    shortened,
+)
 from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
-
-@dataclass(frozen=True, slots=True)
-class CommandEntry:
-    """Where a command is found, and its line of ``--help``."""
-
-    module: str  # in `vinefab.cli`
-    function: str  # the command; of a group, what returns it with its subcommands
-    summary: str
-    is_group: bool = False
-
-    def register(self, app: typer.Typer, name: str) -> None:
-        """Load the command and register it."""
-        loaded = getattr(importlib.import_module(f"vinefab.cli.{self.module}"), self.function)
-        if self.is_group:
-            app.add_typer(loaded(), name=name)
-        else:
-            app.command(name)(loaded)
-
-
-COMMANDS = {
-    "new": CommandEntry(
-        "new", "new_command", "Write a file to begin with: a design, run, map, recipe, machine."
-    ),
-    "examples": CommandEntry(
-        "examples", "examples_command", "List the examples that ship with vinefab, or copy them."
-    ),
-    "studio": CommandEntry(
-        "studio",
-        "studio_command",
-        "Design in the browser: growth, score, rules and sheet follow every change.",
-    ),
-    "demo": CommandEntry(
-        "demo",
-        "demo_command",
-        "Run the main job at small size: maps, optimization, package, rig, report.",
-    ),
-    "map": CommandEntry("map_commands", "map_group", "Generate or import a map.", is_group=True),
-    "grow": CommandEntry("grow", "grow_command", "Deploy a design on a map."),
-    "score": CommandEntry(
-        "score_command", "score_command", "Score a design on a task over maps and poses."
-    ),
-    "aim": CommandEntry("aim", "aim_command", "Search a map for the best place of a robot's base."),
-    "optimize": CommandEntry(
-        "optimize", "optimize_command", "Search for the best design of a run file."
-    ),
-    "runs": CommandEntry(
-        "runs", "runs_command", "List the records of runs, or rebuild their files."
-    ),
-    "compare": CommandEntry(
-        "compare",
-        "compare_command",
-        "Compare designs on the same maps and poses, with paired statistics.",
-    ),
-    "contest": CommandEntry(
-        "contest", "contest_command", "Compare optimizers on run files, with statistics."
-    ),
-    "check": CommandEntry(
-        "check", "check_command", "Check a design against the rules of making and deploying it."
-    ),
-    "rules": CommandEntry(
-        "rules_command", "rules_command", "List the design rules, or explain one."
-    ),
-    "fabricate": CommandEntry(
-        "fabricate",
-        "fabricate_command",
-        "Write the fabrication package: laser files, checks, report.",
-    ),
-    "coupon": CommandEntry(
-        "coupon",
-        "coupon_command",
-        "Write test pieces for a recipe: files, instructions, a table to fill in.",
-    ),
-    "calibrate": CommandEntry(
-        "calibrate", "calibrate_command", "Fit a recipe to coupon results, and write it."
-    ),
-    "profiles": CommandEntry(
-        "profiles", "profiles_command", "List machines, materials and recipes, or explain one."
-    ),
-    "rig": CommandEntry("rig", "rig_command", "Write printable obstacles for a test rig."),
-    "observe": CommandEntry(
-        "observe",
-        "observe_command",
-        "Trace a grown robot on a photo and put it beside the prediction.",
-    ),
-    "report": CommandEntry(
-        "report", "report_command", "Write predictions for a design as one HTML page."
-    ),
-    "reproduce": CommandEntry(
-        "reproduce", "reproduce_command", "Do the paper's experiments again, with statistics."
-    ),
-    "study": CommandEntry(
-        "study",
-        "study_group",
-        "Compare optimizers, do the paper's experiments again, measure speed.",
-        is_group=True,
-    ),
-    "bench": CommandEntry(
-        "bench", "bench_command", "Measure the speed of the growth simulator on this computer."
-    ),
-}
-"""Every command, in the order of ``--help``."""
-
-UNDER_STUDY = ("contest", "reproduce", "bench")
-"""Commands that few need; they stand under ``study``, and go on working under their own names."""
-
-_HOW_TO_CITE = (
-    f"Cite vinefab {__version__} and Glick et al., Branching Vine Robots for Unmapped Environments "
-    "(2022), doi 10.3389/frobt.2022.838913. Licence: MIT."
-)
-
-MAP_OPTIONS = ("--maps", "--map")
-MAP_SUFFIXES = (".geojson", ".json")
-
+HELP = ("-h", "--help")
 _MOST_LETTERS = 2_000  # of a line that names an error
+EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 INTERRUPTED = "interrupted; what was being written was left as it was"
@@ -144,55 +33,6 @@ NO_MEMORY = "there is not enough memory; what was being written was left as it w
 _WANT_OF_MEMORY = ("failed to map segment", "annot allocate memory", "can't start new thread")
 """What the loader of libraries and of threads say of it, in errors of other kinds."""
 EXIT_BROKEN_PIPE = 141
-
-# typer carries its own click, whose usage errors have this public ancestor.
-UsageProblem: type[Exception] = typer.BadParameter.__mro__[1]
-
-
-def build_app(wanted: str | None) -> typer.Typer:
-    """Return the program with one command loaded and the others as lines of ``--help``.
-
-    Loading all of them would import the simulator, the exporters and the plots just to print a
-    list of names.
-    """
-    app = typer.Typer(
-        name="vinefab",
-        help="Design, simulate, optimize and make branching vine robots.",
-        epilog=_HOW_TO_CITE,
-        context_settings={"help_option_names": ["-h", "--help"]},
-        rich_markup_mode=None,
-        pretty_exceptions_enable=False,
-    )
-    app.callback()(_program_options)
-    for name, command in COMMANDS.items():
-        if name == wanted:
-            command.register(app, name)
-        else:
-            app.command(name, help=command.summary, hidden=name in UNDER_STUDY)(_not_loaded)
-    return app
-
-
-def _print_version(asked: bool) -> None:  # noqa: FBT001  typer calls it with the value
-    if asked:
-        typer.echo(f"vinefab {__version__}")
-        raise typer.Exit
-
-
-def _program_options(
-    *,
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", is_eager=True, callback=_print_version, help="Print the version and stop."
-        ),
-    ] = False,
-) -> None:
-    """Design, simulate, optimize and make branching vine robots."""
-    del version
-
-
-def _not_loaded() -> None:
-    """Stand in for a command that was not asked for."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -209,53 +49,63 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
-    typed = os.environ["_TYPER_COMPLETE_ARGS"].split()[1:] if _completes() else arguments
-    named = [argument for argument in typed if not argument.startswith("-")]
     try:
-        app = build_app(named[0] if named and named[0] in COMMANDS else None)
-        result = app(
-            each_map_named(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False
-        )
+        code = dispatch(arguments)
         if sys.stdout is not None:  # as with >&- in a shell
             sys.stdout.flush()
-    except (BrokenPipeError, SystemExit) as ended:  # typer makes the second of the first
-        if _completes() and isinstance(ended, SystemExit):  # fish asks by the exit code
-            return ended.code if isinstance(ended.code, int) else 0
+    except BrokenPipeError:
         # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
     except (Exception, KeyboardInterrupt) as error:  # the last net of the project, the only one
         return _print_error(*_explained(error, arguments, request))
-    code = result if isinstance(result, int) else 0
-    # Some versions of typer return it instead of raising.
-    interrupted = request.number or code == request.exit_code
-    return _print_error(INTERRUPTED, request.exit_code) if interrupted else code
+    return _print_error(INTERRUPTED, request.exit_code) if request.number else code
 
 
-def _completes() -> bool:
-    """Tell whether a shell asks what a half-typed word may become."""
-    return "_VINEFAB_COMPLETE" in os.environ and "_TYPER_COMPLETE_ARGS" in os.environ
+def dispatch(arguments: Sequence[str]) -> int:
+    """Do what a command line asks for, and return the exit code."""
+    # What is not asked for is not loaded: the list of commands needs no command.
+    from vinefab.cli import help as helps
+
+    if "_VINEFAB_COMPLETE" in os.environ:
+        from vinefab.cli.completion import answer
+
+        return answer(arguments)
+    first, *rest = arguments or HELP
+    if first in HELP:
+        return _print(helps.program_help())
+    if first == "--version":
+        return _print(f"vinefab {__version__}")
+    if first in ("--show-completion", "--install-completion"):
+        from vinefab.cli.completion import install, script_for, shell_name
+
+        done = script_for if first == "--show-completion" else install
+        return _print(done(rest[0] if rest else shell_name()))
+    return _command(arguments)
 
 
-def each_map_named(arguments: Sequence[str]) -> list[str]:
-    """Return arguments with the option before each of several map files.
+def _command(arguments: Sequence[str]) -> int:
+    """Run a command, or print its help."""
+    from vinefab.app.verbs import GROUPS
+    from vinefab.cli.commands import Command, UsageError, command_for, names_in
+    from vinefab.cli.help import command_help, group_help
 
-    A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``.
+    name, typed = command_for(arguments)
+    if name in GROUPS and typed:
+        return _print(group_help(name))
+    if name in GROUPS:
+        raise UsageError(f"a command is missing; there are: {', '.join(names_in(name))}")
+    command = Command.named(name)
+    options = typed[: typed.index("--")] if "--" in typed else typed
+    if any(word in HELP for word in options):
+        return _print(command_help(command))
+    return command.run(typed)
 
-    >>> each_map_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
-    ['score', 'vine', '--maps', 'a.geojson', '--maps', 'b.geojson', '-q']
-    """
-    named: list[str] = []
-    option = ""
-    for argument in arguments:
-        if argument.startswith("-"):
-            option = argument if argument in MAP_OPTIONS else ""
-        elif option and not named[-1].startswith("-") and argument.endswith(MAP_SUFFIXES):
-            named.append(option)
-        elif named and not named[-1].startswith("-"):
-            option = ""
-        named.append(argument)
-    return named
+
+def _print(text: str) -> int:
+    if sys.stdout is not None:
+        sys.stdout.write(f"{text}\n")
+    return 0
 
 
 def run() -> None:
@@ -287,11 +137,11 @@ def _explained(
     if isinstance(error, InterruptedRunError):
         return str(error), request.exit_code
     # A request may have come where other code made another error of it.
-    if request.number or isinstance(error, KeyboardInterrupt | typer.Abort):
+    if request.number or isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, request.exit_code
     match error:
-        case UsageProblem():
-            return usage_line(error, arguments), EXIT_BAD_INPUT
+        case ExportRefusedError():
+            return str(error), EXIT_FINDINGS
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
@@ -326,6 +176,7 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 def _print_error(message: str, code: int) -> int:
     line = shortened(visible(" ".join(message.split())), _MOST_LETTERS)
-    with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
-        typer.echo(f"error: {line}", err=True)
+    with suppress(OSError, AttributeError):  # a closed terminal, a full disk; the code still tells
+        sys.stderr.write(f"error: {line}\n")
+        sys.stderr.flush()
     return code

@@ -169,12 +169,17 @@ class ExportRefusedError(VinefabError, ValueError):
         What forbids it, in words.
     report
         The ``CheckReport`` with the findings, or None.
+    summary
+        What the rules say, a line each.
     """
 
-    def __init__(self, name: str, reason: str, report: object = None) -> None:
+    def __init__(
+        self, name: str, reason: str, report: object = None, *, summary: tuple[str, ...] = ()
+    ) -> None:
         self.name = name
         self.reason = reason
         self.report = report
+        self.summary = summary
         super().__init__(name, reason, report)
 
     def __str__(self) -> str:

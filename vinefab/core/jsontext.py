@@ -3,8 +3,6 @@
 import json
 from collections.abc import Mapping
 
-import numpy as np
-
 from vinefab.core.version import __version__
 
 OWN_MARK = b"written by vinefab"
@@ -20,8 +18,6 @@ def json_text(schema: str, content: Mapping[str, object]) -> str:
 
 def plain(value: object) -> object:
     """Return a numpy scalar or array as plain Python values."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
+    if type(value).__module__ == "numpy":  # not loaded for its own sake
+        return value.tolist()  # type: ignore[attr-defined]
     raise TypeError(f"{type(value).__name__} has no JSON form")

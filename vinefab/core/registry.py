@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from traceback import format_exception_only
 from typing import Any, Generic, TypeVar
@@ -15,7 +16,7 @@ from vinefab.core.errors import (
     VinefabError,
     nearest,
 )
-from vinefab.core.validation import plain_number
+from vinefab.core.limits import plain_number
 
 T = TypeVar("T")
 
@@ -45,14 +46,14 @@ class Registry(Mapping[str, T], Generic[T]):
     def __init__(
         self,
         kind: str,
-        builtin: Mapping[str, T],
+        builtin: Mapping[str, T | str],
         group: str = "",
         problem: Callable[[str, object], str] = lambda _name, _part: "",
     ) -> None:
         self.kind = kind
         self.broken: dict[str, str] = {}
         self.packages: dict[str, str] = {}
-        self._parts = dict(builtin)
+        self._parts: dict[str, Any] = dict(builtin)
         self._group = group
         self._problem = problem
 
@@ -62,7 +63,11 @@ class Registry(Mapping[str, T], Generic[T]):
         if name not in self._parts:
             problem = self.broken.get(name, "")
             raise UnknownNameError(self.kind, name, self._parts, problem=problem)
-        return self._parts[name]
+        part = self._parts[name]
+        if isinstance(part, str):  # ``module:name`` of a part that is loaded when it is asked for
+            module, _, attribute = part.partition(":")
+            part = self._parts[name] = getattr(import_module(module), attribute)
+        return part  # type: ignore[no-any-return]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._parts)

@@ -85,6 +85,15 @@ class Table(BaseModel, metaclass=_TableType):
         """The values as files and reports have them; what is None is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401  of the class statement
+        """Document the fields in ``help``: each with its unit and its meaning."""
+        if cls.__doc__ and cls.model_fields and "Parameters\n" not in cls.__doc__:
+            units = [(key, f", {key.unit}" if key.unit else "") for key in declared_keys(cls)]
+            rows = [f"    {key.field}{unit}\n        {key.meaning}" for key, unit in units]
+            head = ["", "    Parameters", "    ----------"]
+            cls.__doc__ = "\n".join([cls.__doc__.rstrip(), *head, *rows])
+
     def __str__(self) -> str:
         return repr(self)
 

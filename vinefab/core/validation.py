@@ -2,41 +2,29 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import LARGEST_MM, SMALLEST, number, plain_number, positive, whole
+
+__all__ = [
+    "LARGEST_MM",
+    "SMALLEST",
+    "Floats",
+    "Ints",
+    "check_plain",
+    "frozen_floats",
+    "frozen_ints",
+    "number",
+    "plain_number",
+    "positive",
+    "whole",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-LARGEST_MM = 1e7
-"""Limit of lengths and coordinates (10 km): a larger one is a mixed-up unit."""
-SMALLEST = 1e-6
-"""Least number, in any unit, where it must be above zero: what divides by less may overflow."""
-
-
-def number(key: str, value: float, low: float, high: float, unit: str = "") -> float:
-    """Return a finite number within ``low .. high`` (both allowed), or raise BadInputError."""
-    try:
-        allowed = math.isfinite(value) and low <= value <= high
-    except TypeError:  # no number at all: what a caller of the library may pass
-        allowed = False
-    if not allowed:
-        raise BadInputError(key, value, f"{low:g} to {high:g}{f' {unit}' if unit else ''}")
-    return float(value)
-
-
-def plain_number(value: Any) -> Any:  # noqa: ANN401  whatever else is given is returned
-    """Return a number of numpy as Python's, which every file form takes; anything else as it is."""
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def positive(key: str, value: float, high: float = LARGEST_MM, unit: str = "mm") -> float:
-    """Return a number from `SMALLEST` to ``high``, or raise BadInputError."""
-    return number(key, value, SMALLEST, high, unit)
 
 
 DEEPEST_NESTING = 32
@@ -80,17 +68,6 @@ def _check_plain_value(key: str, value: object, *, finite: bool) -> None:
 
 def _shortened(key: str) -> str:
     return key if len(key) <= 60 else f"{key[:57]}..."
-
-
-def whole(key: str, value: int, low: int, high: int) -> int:
-    """Return a whole number within ``low .. high``, or raise BadInputError."""
-    try:
-        allowed = not isinstance(value, bool) and low <= value <= high and int(value) == value
-    except TypeError:
-        allowed = False
-    if not allowed:
-        raise BadInputError(key, value, f"a whole number from {low} to {high}")
-    return int(value)
 
 
 def frozen_floats(key: str, values: ArrayLike, columns: int | None = None) -> Floats:

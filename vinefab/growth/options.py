@@ -360,21 +360,6 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     return ", ".join(parts)
 
 
-def growth_arguments(options: GrowthOptions) -> list[str]:
-    """Return the arguments that choose the same growth options again, but for measured contacts.
-
-    Those are a file, which only the caller knows, or stand in the design's origin.
-    """
-    arguments = []
-    for name, value in options.content.items():
-        if name == "contacts":
-            continue
-        parts = value if isinstance(value, list) else [value]
-        shown = ",".join(str(part).lower() for part in parts)
-        arguments += ["--growth", f"{name}={shown}"]
-    return arguments
-
-
 def half_angle_ends_deg(found: MeasuredNumber) -> tuple[float, float]:
     """Return the range of half-angles that a measured one leaves open.
 

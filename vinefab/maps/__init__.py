@@ -5,7 +5,7 @@ What other rooms use:
 - ``generators.environments.ENVIRONMENTS``: generators by name, each with its options class;
   ``grid_map``, ``cave_map``, ``corridors_map``, ``pegs_map`` and ``rubble_map`` in the file of
   their name; ``generators.generated_map.option_fields`` for lists of options.
-- ``importers.importers.import_map`` (with ``importers.source_drawing.ImportOptions``),
+- ``importers.importers.import_map`` (with ``importers.import_options.ImportOptions``),
   ``IMPORTERS`` and ``import_suffixes``.
 - ``poses.draw_poses``: poses from the starts of a map. ``passages.narrow_passages``: its narrowest
   places.
@@ -13,34 +13,32 @@ What other rooms use:
 ``cleanup`` serves the importers only. Files of vinefab's own maps are read and written by
 ``vinefab.model.files.map_geojson``.
 
-Public functions (``import vinefab as vf``): ``vf.maps.grid(seed=3)``, ``cave``, ``corridors``,
-``pegs``, ``rubble``, ``generate`` (any environment by name), ``read`` and ``import_``; all live in
-``make_map`` and are loaded when first used.
+Public functions (``import vinefab as vf``): a function for every registered environment, as
+``vf.maps.grid(seed=3)``, ``generate`` (any environment by name), ``read``, ``import_``, ``start``
+and ``info``. They are verbs, `vinefab.app.maps`, and loaded when first used.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-__all__ = ["cave", "corridors", "generate", "grid", "import_", "pegs", "read", "rubble"]
+from vinefab.core.front_door import front_door
 
-if TYPE_CHECKING:
-    from vinefab.maps.make_map import (
-        cave,
-        corridors,
-        generate,
-        grid,
-        import_,
-        pegs,
-        read,
-        rubble,
-    )
-else:
+_VERBS = ("generate", "import_", "info", "read", "start")
 
-    def __getattr__(name: str) -> Any:  # noqa: ANN401  what the name stands for
-        if name not in __all__:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module("vinefab.maps.make_map"), name)
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401  a function, or the list of names
+    if name in _VERBS:
+        return getattr(front_door("app.maps"), name)
+    if name.startswith("_") and name != "__all__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    environments = import_module("vinefab.maps.generators.environments").ENVIRONMENTS
+    environments.load_plugins()
+    if name == "__all__":
+        return sorted([*_VERBS, *environments])
+    if name not in environments:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return front_door("app.maps").generator(name)
 
 
 def __dir__() -> list[str]:
-    return [*__all__]
+    return list(__getattr__("__all__"))

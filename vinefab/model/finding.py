@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Answer, Block, Data, Remark, Result, Table, lines
+from vinefab.core.view import Answer, Block, Data, Notes, Remark, Result, Table, lines
 
 
 class Severity(StrEnum):
@@ -196,6 +196,8 @@ class CheckReport(Result):
         Waived fingerprints without a finding.
     limits
         Limits that differ from their defaults.
+    notes
+        What was deployed for it, and by which rules, a line each.
     """
 
     design: str
@@ -205,6 +207,7 @@ class CheckReport(Result):
     findings: tuple[Finding, ...]
     stale_waivers: tuple[str, ...] = ()
     limits: tuple[ChangedLimit, ...] = ()
+    notes: tuple[str, ...] = ()
 
     schema = "vinefab/checks-1"
 
@@ -218,6 +221,7 @@ class CheckReport(Result):
 
     def view(self) -> Iterator[Block]:
         """Yield findings by rule, what was not looked at, limits that were changed, the verdict."""
+        yield Notes(self.notes)
         groups = dict[tuple[str, str, str], list[str]]()
         for one in self.findings:
             groups.setdefault((one.weight, one.rule, one.title), []).append(one.words)
@@ -248,6 +252,11 @@ class CheckReport(Result):
     def details(self) -> tuple[str, ...]:
         """The summary and every rule that was applied."""
         return (*lines(self.sections()), *self.summary)
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of a command: 1 where something stands in the way of an export."""
+        return int(bool(self.blocking))
 
     def sections(self) -> Iterator[Block]:
         """Yield the rules that were applied."""

@@ -345,6 +345,18 @@ class Map:
         """
         return front_door().info_of(self, width_mm=width_mm, passages=passages)
 
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """Its size, its starts, what is odd about it and how it was made, a line each."""
+        lines: tuple[str, ...] = front_door().map_summary(self)
+        return lines
+
+    def json_text(self) -> str:
+        """Return the map as its file holds it: GeoJSON, ``vinefab/map-1``."""
+        from vinefab.model.files.map_geojson import map_text  # noqa: PLC0415  as above
+
+        return map_text(self)
+
     def _repr_svg_(self) -> str | None:
         """Show the plan in a notebook."""
         drawn: str | None = front_door().svg_of(self)

@@ -15,6 +15,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in, start_marks
+from vinefab.pages.panel import round_length_mm
 
 _LONGEST_PX = 640
 """Longer side of the map in an animation."""
@@ -86,18 +87,6 @@ class Stage:
             for part in parts
             if isinstance(part, Polygon) and not part.is_empty
         ]
-
-
-def round_length_mm(most_mm: float) -> float:
-    """Return the largest of 1, 2, 5, 10, ... millimetres that is at most so long.
-
-    Examples
-    --------
-    >>> round_length_mm(130.0)
-    100.0
-    """
-    power = 10.0 ** math.floor(math.log10(most_mm))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_mm * 1.001))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

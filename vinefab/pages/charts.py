@@ -34,8 +34,15 @@ def curve(panel: Panel, x: ArrayLike, y: ArrayLike, colour: str, label: str = ""
     panel.marks(points, "o", 5.0, Ink(fill=colour))
 
 
+MOST_POINTS = 400
+"""Longer curves are thinned out."""
+
+
 def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Page:
     """Return the fitness per generation of a search.
+
+    The axis shows the scores; a best fitness below them, of designs with a penalty, lies on its
+    lower end.
 
     Parameters
     ----------
@@ -44,21 +51,25 @@ def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Page:
     mean, spread
         Mean and standard deviation over each generation's candidates, shape (g,).
     """
-    best, mean, spread = (np.asarray(values, dtype=float) for values in (best, mean, spread))
-    generations = np.arange(1, len(best) + 1)
-    x0, x1 = ends_of(generations)
-    y0, y1 = ends_of(best, mean - spread, mean + spread)
+    rows = np.array([np.asarray(values, dtype=float) for values in (best, mean, spread)])
+    count = rows.shape[1]
+    kept = np.unique(np.linspace(0, max(0, count - 1), min(count, MOST_POINTS)).astype(int))
+    top, middle, wide = rows[:, kept]
+    low, high = middle - wide, middle + wide
+    known = middle[np.isfinite(middle)]
+    y0, y1 = ends_of(low, high, top[top >= known.min()] if len(known) else [])
+    x0, x1 = ends_of(kept + 1)
     panel = Panel(
         box=(x0, y0, x1, y1), width_pt=400.0, height_pt=200.0, frame=True,
         x_name="generation", y_name="fitness (simulated)",
     )  # fmt: skip
-    panel.band(generations, mean - spread, mean + spread, LEVEL_COLOURS[0], 0.15)
+    panel.band(kept + 1, low, high, LEVEL_COLOURS[0], 0.15)
+    words = "mean of the generation, shaded: one standard deviation"
     for values, colour, label in (
-        (mean, LEVEL_COLOURS[0], "mean of the generation, shaded: one standard deviation"),
-        (best, LEVEL_COLOURS[1], "best so far"),
+        (middle, LEVEL_COLOURS[0], words),
+        (np.clip(top, y0, y1), LEVEL_COLOURS[1], "best so far"),
     ):
-        known = np.isfinite(values)
-        points = np.column_stack([generations[known], values[known]])
+        points = np.column_stack([kept + 1, values])[np.isfinite(values)]
         panel.line(points, Ink(line=colour, width_pt=1.5), label=label)
         if len(points) == 1:
             panel.marks(points, "o", 5.0, Ink(fill=colour))

@@ -285,9 +285,7 @@ class Panel:
 
     def scale_bar(self, at: tuple[float, float], pt_per_mm: float, most_pt: float) -> float:
         """Draw a bar of a round length on paper, and return how far its words reach."""
-        most_mm = most_pt / pt_per_mm
-        power = 10.0 ** math.floor(math.log10(most_mm))
-        length_mm = power * max(step for step in (1, 2, 5) if step * power <= most_mm)
+        length_mm = round_length_mm(most_pt / pt_per_mm)
         (x, y), end = at, at[0] + length_mm * pt_per_mm
         ends = [(x, y), (x, y + 6), (x, y + 3), (end, y + 3), (end, y + 6), (end, y)]
         self.line(ends, Ink(line=INK, width_pt=1.2))
@@ -375,6 +373,18 @@ def round_ticks(low: float, high: float, most: float) -> list[tuple[float, str]]
     return [(float(value), f"{value + 0.0:.{digits}f}") for value in np.round(values, 12)]
 
 
+def round_length_mm(most_mm: float) -> float:
+    """Return the largest of 1, 2, 5, 10, ... millimetres that is at most so long.
+
+    Examples
+    --------
+    >>> round_length_mm(130.0)
+    100.0
+    """
+    power = 10.0 ** math.floor(math.log10(most_mm))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_mm * 1.001))
+
+
 def round_step(least: float) -> float:
     """Return the smallest of 1, 2, 5, 10, ... times a power of ten that is not below a number."""
     power = 10.0 ** math.floor(math.log10(max(least, 1e-12)))
@@ -456,13 +466,18 @@ def page_of_rows(
     around = [[_margins(panel) for panel in row] for row in rows]
     columns = max(len(row) for row in rows)
 
-    def most(column: int, side: int) -> float:
-        return max(margins[column][side] for margins in around if column < len(margins))
-
-    left = [most(column, 0) for column in range(columns)]
-    right = [most(column, 2) for column in range(columns)]
-    wide = [max(row[c].width_pt for row in rows if c < len(row)) for c in range(columns)]
     # The last panel of a shorter row may reach over the columns to its right.
+    counted = [
+        [
+            (row[column], margins[column])
+            for row, margins in zip(rows, around, strict=True)
+            if column < len(row) - (len(row) < columns)
+        ]
+        for column in range(columns)
+    ]
+    left = [max(m[column][0] for m in around if column < len(m)) for column in range(columns)]
+    right = [max(margins[2] for _, margins in column) for column in counted]
+    wide = [max(panel.width_pt for panel, _ in column) for column in counted]
     begin = [_PAD + sum(left[:c]) + sum(wide[:c]) + sum(right[:c]) for c in range(columns)]
     width_pt = begin[-1] + left[-1] + wide[-1] + right[-1] + _PAD
     for row, margins in zip(rows, around, strict=True):

@@ -6,7 +6,7 @@ from shapely import Polygon
 from vinefab.core.plain_text import counted, one_line
 from vinefab.maps.importers.photo_map import PhotoMap
 from vinefab.pages.colours import ALERT, INK
-from vinefab.pages.panel import Ink, Page, page_of, photo, plan_panel
+from vinefab.pages.panel import Ink, Page, page_of, photo, plan_panel, round_length_mm
 
 _LONGEST_PT = 648.0
 _WALLS, _MARKERS = ALERT, "#0a7d32"
@@ -26,7 +26,7 @@ def photo_preview(imported: PhotoMap) -> Page:
     for start in world.starts[:1]:
         dot = Ink(fill=_WALLS, line="#ffffff", width_pt=1.0)
         panel.marks([(start.pose.x_mm, start.pose.y_mm)], "o", 6.0, dot, rank=5.0)
-    bar = _round_length((box[2] - box[0]) / 5.0)
+    bar = round_length_mm((box[2] - box[0]) / 5.0)
     x, y = (box[0] + box[2] - bar) / 2.0, box[1] + 0.04 * (box[3] - box[1])
     for colour, width_pt in (("#ffffff", 6.0), (INK, 3.0)):
         panel.line([(x, y), (x + bar, y)], Ink(line=colour, width_pt=width_pt, butt=True), rank=6.0)
@@ -37,9 +37,3 @@ def photo_preview(imported: PhotoMap) -> Page:
         f"walls red{markers}, start a dot; the bar is {bar:g} mm"
     )
     return page_of(panel)
-
-
-def _round_length(most_mm: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... that is not longer."""
-    steps = [digit * 10.0**power for power in range(-3, 8) for digit in (1, 2, 5)]
-    return max(step for step in steps if step <= max(most_mm, 1e-3))

@@ -13,9 +13,9 @@ from vinefab.core.errors import shortened
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import one_line
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.pages.animation import round_length_mm
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import STOP_WORDS, Box, longer_mm
+from vinefab.pages.panel import round_length_mm
 from vinefab.pages.plan_svg import CONTACT, STOP_SIGNS, stop_class, view_box
 
 LONGEST_PX = 600.0

@@ -17,6 +17,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
+from vinefab.core.verbs import MOST_SEED
 from vinefab.core.view import (
     Answer,
     Block,
@@ -110,7 +111,7 @@ class AimPlan:
     def __post_init__(self) -> None:
         whole("--deployments", self.deployments, FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS)
         whole("--robots", self.robots, 1, LARGEST_TEAM)
-        whole("--seed", self.seed, 0, 2**31)
+        whole("--seed", self.seed, 0, MOST_SEED)
         number("--placing-mm", self.placing_mm, 0.0, MOST_PLACING_MM, "mm")
         number("--placing-deg", self.placing_deg, 0.0, MOST_PLACING_DEG, "deg")
 

@@ -10,6 +10,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
+from vinefab.core.verbs import MOST_SEED
 from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -51,7 +52,7 @@ def unseen_maps(
 ) -> MapFamily:
     """Generate maps of an environment that no design was trained on."""
     whole("--count", count, 1, MOST_MAPS)
-    whole("--seed", seed, 0, 2**31)
+    whole("--seed", seed, 0, MOST_SEED)
     kind = ENVIRONMENTS[environment]
     options = with_parameters(kind.options, environment, parameters or {})
     first = FIRST_UNSEEN + MOST_MAPS * seed

@@ -373,8 +373,8 @@ class MapInfo(Result):
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
     """Return numbers about a map."""
-    width_mm = None if width_mm is None else positive("--width-mm", width_mm)
-    whole("--passages", passages, 0, 1000)
+    width_mm = None if width_mm is None else positive("width_mm", width_mm)
+    whole("passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
     return MapInfo(

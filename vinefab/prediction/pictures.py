@@ -261,8 +261,8 @@ def passage_plan(
         draw_pose(panel, start.pose, max(world.size_mm))
         ring = around * clearance_mm + (start.pose.x_mm, start.pose.y_mm)
         panel.line(ring, clear, label="clearance of the start")
+    ends = [np.array(passage.ends_mm) for passage in passages]
     if passages:
-        ends = [np.array(passage.ends_mm) for passage in passages]
         panel.lines(ends, Ink(line=ALERT, width_pt=2.0, butt=True), rank=6.0)
         # Many a passage is too short to be seen on paper: the ring shows where it is.
         middles = np.array([passage.middle_mm for passage in passages])
@@ -274,5 +274,5 @@ def passage_plan(
     places = [one.middle_mm for one in named] + [(s.pose.x_mm, s.pose.y_mm) for s in starts]
     colours = [ALERT] * len(named) + [INK] * len(starts)
     words_of += [f"start {number}" for number in range(1, len(starts) + 1)]
-    panel.write_labels(np.array(places), words_of, colours, size_pt=8.0, mark_pt=5.5)
+    panel.write_labels(np.array(places), words_of, colours, size_pt=8.0, mark_pt=5.5, lines=ends)
     return page_of(panel)

@@ -5,7 +5,8 @@ Others use ``make`` (`make_rig`, `RigRequest`), ``page`` (`RigFiles`), ``rig_opt
 ``rig_json`` (`read_rig`). A file format for printed parts is a `part_files.PartFormat` and one
 line in `part_files.PART_FORMATS`.
 
-Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``, see `vinefab.api`.
+Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``, see
+`vinefab.app.making`.
 """
 
 import inspect
@@ -23,13 +24,13 @@ class _CallableRoom(ModuleType):
     ``vinefab.rig`` cannot be the function alone: it is both, whatever was loaded before.
     """
 
-    def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  see `vinefab.api.rig`
-        """Call `vinefab.api.rig`."""
-        return front_door("api").rig(*given, **named)
+    def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  see `vinefab.app.making.rig`
+        """Call `vinefab.app.making.rig`."""
+        return front_door("app.making").rig(*given, **named)
 
     @property
     def __signature__(self) -> inspect.Signature:
-        return inspect.signature(front_door("api").rig)
+        return inspect.signature(front_door("app.making").rig)
 
 
 sys.modules[__name__].__class__ = _CallableRoom

@@ -79,7 +79,8 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
         data.front[list(robots)], numbers, [INK] * len(numbers), size_pt=11.0, mark_pt=4.0,
         lines=[corners] if data.is_line else [],
     )  # fmt: skip
-    return page_of_rows([[chart], plans], explained)
+    levels_first = sorted(explained.items(), key=lambda entry: (entry[0][:5] != "level", entry[0]))
+    return page_of_rows([[chart], plans], dict(levels_first))
 
 
 def _chart(data: FrontData, width_pt: float) -> Panel:

@@ -23,8 +23,9 @@ from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.animation_svg import svg_animation
+from vinefab.pages.charts import fitness_curve
 from vinefab.pages.html import Live, page
-from vinefab.pages.live_curve import live_curve
+from vinefab.pages.page_svg import page_svg
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Generation, Progress, curve_of
@@ -126,7 +127,7 @@ class LivePage:
                 Facts(tuple(self._headlines(progress)), lead=True),
                 *self._best.view(),
                 Picture(
-                    image=live_curve(*curve_of(progress.history)),
+                    image=page_svg(fitness_curve(*curve_of(progress.history))),
                     caption="Best fitness so far, and the scores of each generation (simulated). "
                     "A best value can be luck: at the end finalists are evaluated again on fresh "
                     "poses.",

@@ -52,10 +52,13 @@ class RunListing(Result):
         The summary of each, in plain values: ``folder``, ``name``, ``seed``, ``winner_score``, ...
     broken
         One line for each that is unreadable.
+    whole
+        Whether all runs have ended whose best winner was written.
     """
 
     rows: tuple[dict[str, Any], ...]
     broken: tuple[str, ...]
+    whole: bool = True
 
     schema = "vinefab/runs-1"
 
@@ -80,6 +83,11 @@ class RunListing(Result):
             data=tuple(summary.content for summary in self.seeds),
         )  # fmt: skip
         yield Data({"runs": list(self.rows), "broken": list(self.broken)})
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command: 1 where runs miss, or none can be read."""
+        return int(not self.whole or bool(self.broken and not self.rows))
 
     @property
     def seeds(self) -> tuple["SeedSummary", ...]:

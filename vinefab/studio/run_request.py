@@ -22,7 +22,7 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.costs import COSTS
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.space import LIMITS, SpaceSettings
+from vinefab.search.space import LIMITS, BuildSettings, SpaceSettings
 from vinefab.studio.design_form import label_of
 from vinefab.studio.state import PAGE, StudioState
 from vinefab.tasks.shipped_tasks import TASKS
@@ -94,6 +94,8 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
     """Return what the page offers for a search around its design."""
     deeper, depth = SpaceSettings(), state.design.depth
     environment = state.world.environment if state.world else ""
+    costs = {name: f"little {name.replace('_', ' ')}" for name in COSTS}
+    costs["branches"] = "few branches"
     return {
         "values": [value.plain() for value in design_values(state.design, state.locks)],
         "levels": [depth, depth],
@@ -105,7 +107,7 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
         "notes": list(_notes(state)),
         "tasks": list(TASKS),
         "objectives": [
-            *({"name": name, "kind": "cost", "words": _cost_words(name)} for name in COSTS),
+            *({"name": name, "kind": "cost", "words": words} for name, words in costs.items()),
             *({"name": name, "kind": "task", "words": f"{name} score"} for name in TASKS),
         ],
         "optimizers": list(OPTIMIZERS),
@@ -127,10 +129,6 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             "start_here": True,
         },
     }
-
-
-def _cost_words(name: str) -> str:
-    return "few branches" if name == "branches" else f"little {name.replace('_', ' ')}"
 
 
 def _notes(state: StudioState) -> Sequence[str]:
@@ -167,7 +165,8 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         others = [name for name in objectives if name != given["task"]]
         content["task"]["objectives"] = [given["task"], *others]
     content["space"] = _space(state, ask)
-    content["build"] = _build(state.design)
+    build = design_content(state.design)["build"]  # as the page's, but for what no run has
+    content["build"] = {name: build[name] for name in BuildSettings.model_fields if name in build}
     content["growth"] = {
         key: list(value) if isinstance(value, tuple) else value
         for key, value in state.growth.content.items()
@@ -176,32 +175,28 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
         **({"name": given["optimizer"]} if given["optimizer"] else {}),
         **{key: given[key] for key in ("population", "generations", "seed")},
     }
-    if given["start_here"] and _can_start_at(given, objectives):
+    usual = "islands" if given["fabricable"] and not objectives else "another"
+    if given["start_here"] and (given["optimizer"] or usual) == "islands":  # only they can
         content["optimizer"]["start_from"] = [START_FILE]
         files[START_FILE] = design_text(state.design)
-    content["evaluation"] = {"fabricable": given["fabricable"], "recipe": _recipe(state.recipe)}
+    recipe = "" if state.recipe == DEFAULT_RECIPE else state.recipe
+    if Path(recipe).is_file():
+        recipe = str(Path(recipe).resolve())  # a run file names it from any folder
+    content["evaluation"] = {"fabricable": given["fabricable"], "recipe": recipe}
     head = f"# {GENERATOR}: a search begun on the studio's page\n"
     try:
-        return {**files, RUN_FILE: head + _one_line_lists(tomli_w.dumps(content))}
+        text = tomli_w.dumps(content)
     except (TypeError, ValueError) as error:
         raise BadInputError("settings", str(error), "texts, numbers and lists", PAGE) from error
+    # Each list of plain values in one line, as people write them.
+    text = _LIST.sub(lambda found: f"[{', '.join(found[1].split(_BETWEEN))[4:-2]}]", text)
+    return {**files, RUN_FILE: head + text}
 
 
 _LIST = re.compile(r"\[\n((?: +[^\[\]\n]*,\n)+)\]")
 
 
-def _one_line_lists(text: str) -> str:
-    """Return TOML with each list of plain values in one line, as people write them."""
-    return _LIST.sub(lambda found: f"[{', '.join(found[1].split(_BETWEEN))[4:-2]}]", text)
-
-
 _BETWEEN = ",\n    "
-
-
-def _can_start_at(given: Mapping[str, Any], objectives: Sequence[str]) -> bool:
-    """Tell whether the run's optimizer takes designs to begin at: only islands do."""
-    default = "islands" if given["fabricable"] and not objectives else "another"
-    return bool((given["optimizer"] or default) == "islands")
 
 
 def _maps(state: StudioState, given: object, folder: Path, files: dict[str, str]) -> dict[str, Any]:
@@ -213,20 +208,15 @@ def _maps(state: StudioState, given: object, folder: Path, files: dict[str, str]
         if state.world is None:
             raise BadInputError("maps.shown", "no map is open", "a map on the page", PAGE)
         files[SHOWN_MAP_FILE] = map_text(state.world)
-        return {"files": [SHOWN_MAP_FILE], **_start(state)}
+        table: dict[str, Any] = {"files": [SHOWN_MAP_FILE]}
+        if (pose := state.pose) is not None:  # else the map's own start is taken
+            heading_deg = deg(pose.heading_rad)
+            table["start"] = {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": heading_deg}
+        return table
     if "files" in given:
         names = _texts("maps.files", given["files"])
         return {"files": [os.path.relpath(name, folder) for name in names]}
     return {key: given[key] for key in ("environment", "count", "seed") if key in given}
-
-
-def _start(state: StudioState) -> dict[str, Any]:
-    """Return the page's start as that of the map; nothing where the map's own is taken."""
-    pose = state.pose
-    if pose is None:
-        return {}
-    start = {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": deg(pose.heading_rad)}
-    return {"start": start}
 
 
 def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -237,7 +227,10 @@ def _space(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     values = design_values(state.design, state.locks)
     depth = state.design.depth
     levels = ask.get("levels", [depth, depth])
-    least, most = _levels(levels)
+    if not isinstance(levels, list) or len(levels) != 2:
+        raise BadInputError("levels", levels, "[fewest, most]", PAGE)
+    least = whole("levels", levels[0], 1, MOST_LEVELS)
+    most = whole("levels", levels[1], least, MOST_LEVELS)
     locked = max((value.level for value in values if value.is_locked), default=1)
     if least < locked:
         allowed = f"at least {counted(locked, 'level')}: level {locked} has locked values"
@@ -260,27 +253,6 @@ def _tidy(given: object) -> object:
     if isinstance(given, list):
         return [_tidy(value) for value in given]
     return int(given) if isinstance(given, float) and given.is_integer() else given
-
-
-def _levels(given: Any) -> tuple[int, int]:  # noqa: ANN401  JSON
-    if not isinstance(given, list) or len(given) != 2:
-        raise BadInputError("levels", given, "[fewest, most]", PAGE)
-    least = whole("levels", given[0], 1, MOST_LEVELS)
-    return least, whole("levels", given[1], least, MOST_LEVELS)
-
-
-def _build(design: Design) -> dict[str, Any]:
-    """Return the table of how all designs are built: as the page's, but for what no run has."""
-    content = design_content(design)["build"]
-    names = ("widths_mm", "tail_mm", "pressure_kpa", "pouch", "pieces", "mounting")
-    return {name: content[name] for name in names if name in content}
-
-
-def _recipe(recipe: str) -> str:
-    """Return a recipe as a run file names it from any folder."""
-    if recipe == DEFAULT_RECIPE:
-        return ""
-    return str(Path(recipe).resolve()) if Path(recipe).is_file() else recipe
 
 
 def _texts(key: str, given: object) -> list[str]:

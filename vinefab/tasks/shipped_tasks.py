@@ -1,21 +1,25 @@
 """The registry of tasks."""
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from vinefab.core.registry import Registry, with_parameters
-from vinefab.tasks.anchoring_force import Anchoring
-from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.reach import Reach
-from vinefab.tasks.task import Task
 
-TASKS: Registry[Callable[..., Task]] = Registry(
+if TYPE_CHECKING:
+    from vinefab.tasks.task import Task
+
+TASKS: Registry["Callable[..., Task]"] = Registry(
     "task",
-    {"coverage": Coverage, "reach": Reach, "anchoring": Anchoring},
+    {
+        "coverage": "vinefab.tasks.coverage:Coverage",
+        "reach": "vinefab.tasks.reach:Reach",
+        "anchoring": "vinefab.tasks.anchoring_force:Anchoring",
+    },
     group="vinefab.tasks",
 )
 
 
-def make_task(name: str, parameters: Mapping[str, object] | None = None) -> Task:
+def make_task(name: str, parameters: Mapping[str, object] | None = None) -> "Task":
     """Return a task with its parameters.
 
     Parameters

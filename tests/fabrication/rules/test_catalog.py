@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.rules.catalog import changed_limits, parsed_limits
+from vinefab.fabrication.rules.catalog import changed_limits
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
@@ -63,9 +63,3 @@ def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: Laser
         changed_limits(make(), with_limits(profile, VF_B99={"error": 1.0}))
     with pytest.raises(BadInputError, match="--limit"):
         changed_limits(make(), None, {"VF-X01": {"error": 1.0}})
-
-
-@pytest.mark.parametrize("text", ["VF-C01", "VF-C01=6", "VF-C01.warning=", "VF-C01.warning=six"])
-def test_a_malformed_limit_is_refused(text: str) -> None:
-    with pytest.raises(BadInputError, match=r"RULE\.NAME=NUMBER"):
-        parsed_limits([text])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 
 ROOM = "room,0,0\nroom,300,0\nroom,300,200\nroom,0,200\n"
 SVG = (

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.map import Pose
 
 

@@ -23,8 +23,8 @@ import numpy as np
 import shapely
 from pyogrio import raw
 
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.passages import narrow_passages
 
 NECK_MM = 180.0

@@ -1,8 +1,8 @@
 import pytest
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 
 WITH_HEADER = """# a room with a pillar
 polygon,x_mm,y_mm

@@ -13,8 +13,8 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import dxf_drawing
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 
 VERSIONS = ("R12", "R2000", "R2010", "R2018")

@@ -8,8 +8,8 @@ import shapely
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 
 FOREIGN = Path(__file__).parent / "foreign"
 

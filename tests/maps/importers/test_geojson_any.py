@@ -7,8 +7,8 @@ import shapely
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Pose
 

@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 
 raw = pytest.importorskip("pyogrio.raw")
 

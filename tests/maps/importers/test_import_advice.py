@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
 
 LAYERS = ("one", "two")
 

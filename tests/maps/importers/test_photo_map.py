@@ -11,13 +11,14 @@ from tests.photos.conftest import TrueCamera
 from tests.photos.measure_walls import photo_of_bricks
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_map import read_photo_map
 from vinefab.maps.importers.photo_options import PhotoOptions, points_from
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.map import Map
+from vinefab.pages.panel import Raster, Shape
 from vinefab.pages.photo_preview import photo_preview
 from vinefab.photos.photo_camera import projected
 
@@ -235,10 +236,12 @@ def test_points_that_are_none_are_refused(text):
 
 def test_the_preview_shows_the_photo_and_its_walls(found):
     assert found.markers_mm.shape == (4, 4, 2)
-    (axes,) = photo_preview(found).axes
-    assert len(axes.images) == 1
-    assert len(axes.patches) == 2
-    assert f"{len(BRICKS)} obstacles" in axes.get_title()
+    (panel,) = photo_preview(found).panels
+    kinds = [type(primitive) for primitive in panel.primitives]
+    assert kinds.count(Raster) == 1
+    outlines = [one for one in panel.primitives if isinstance(one, Shape) and one.closed]
+    assert len(outlines) == 2
+    assert f"{len(BRICKS)} obstacles" in panel.title
 
 
 def test_the_command_writes_map_and_preview(table, tmp_path, capsys):

@@ -13,8 +13,8 @@ from shapely import Point, Polygon
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.hashing import sha256_of_file
 from vinefab.maps.cleanup import raster
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
-from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Pose
 

@@ -4,7 +4,7 @@ Marks lie outside the body, because a mark weakens film under pressure.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -436,14 +436,29 @@ def _label(robot: SheetRobot, free: FreeRoom, profile: LaserProfile, own: int) -
     full = label_lines(name, profile, (robot.number, robot.count))
     tail = robot.on_sheet(robot.body.outline.contour).points_mm
     x, y = ((tail[0] + tail[-1]) / 2.0).tolist()
-    label = f"label of {robot.title}"
-    target = LabelTarget(near_mm=(x, y), label=label, name=name, own=own)
-    paths = label_paths(full, free, target)
+    target = LabelTarget(near_mm=(x, y), label=f"label of {robot.title}", name=name, own=own)
+    number = f"{robot.number}/{robot.count}" if robot.count > 1 else ""
+    return label_marking(full, {"number": number}, free, target)
+
+
+def label_marking(
+    lines: Sequence[str], short: Mapping[str, str], free: FreeRoom, target: LabelTarget
+) -> Marking:
+    """Return a label; where all of it has no room, one of its short forms alone.
+
+    Parameters
+    ----------
+    short
+        Short forms by what they are called; empty ones are left out.
+    """
+    paths = label_paths(lines, free, target)
     if paths:
-        blank = unwritten("".join(full))
-        left_out = (f"no strokes for {blank} in the {label}",) if blank else ()
+        blank = unwritten("".join(lines))
+        left_out = (f"no strokes for {blank} in the {target.label}",) if blank else ()
         return Marking(paths=paths, left_out=left_out)
-    if robot.count > 1:
-        paths = label_paths([f"{robot.number}/{robot.count}"], free, target)
-    what = f"room only for the number in the {label}" if paths else f"no room for the {label}"
-    return Marking(paths=paths, left_out=(what,))
+    for what, text in short.items():
+        paths = label_paths([text], free, target) if text else ()
+        if paths:
+            message = f"room only for the {what} in the {target.label}"
+            return Marking(paths=paths, left_out=(message,))
+    return Marking(left_out=(f"no room for the {target.label}",))

@@ -20,10 +20,10 @@ from vinefab.fabrication.job.marks import (
     Marking,
     body_area,
     fold_marking,
+    label_marking,
     label_paths,
     mark,
     short_name,
-    unwritten,
 )
 from vinefab.fabrication.job.placement import SheetRobot
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
@@ -147,8 +147,7 @@ def _piece(
     root = next(piece.root for piece in partition.pieces if piece.label == robot.piece)
     middle = float(layout.tree.length_mm[root]) / 2.0 if root else 0.0
     near = _on_sheet(robot, placed((middle, 0.0), _frame(layout, root)))
-    label = piece_mark(robot.title)
-    target = LabelTarget(near_mm=near, label=label, name=robot.of, own=own)
+    target = LabelTarget(near_mm=near, label=piece_mark(robot.title), name=robot.of, own=own)
     copy = f" copy {robot.number} of {robot.count}" if robot.count > 1 else ""
     full = [
         f"{robot.piece} of {counted(len(partition.pieces), 'piece')}{copy}",
@@ -156,11 +155,4 @@ def _piece(
         short_name(profile.recipe.name),
         GENERATOR.removeprefix("written by "),
     ]
-    paths = label_paths(full, free, target)
-    if paths:
-        blank = unwritten("".join(full))
-        left_out = (f"no strokes for {blank} in the {label}",) if blank else ()
-        return Marking(paths=paths, left_out=left_out)
-    paths = label_paths([robot.piece], free, target)
-    what = f"room only for the letter in the {label}" if paths else f"no room for the {label}"
-    return Marking(paths=paths, left_out=(what,))
+    return label_marking(full, {"letter": robot.piece}, free, target)

@@ -123,16 +123,16 @@ def place_contours(
     # The hull's corners lie on chords, a little inside the arcs: the exact box decides.
     candidates = [row for row in order[:MOST_TRIES].tolist() if badness[row] == 0.0]
     for turn in turns[candidates].tolist():
-        placement = _placed(contours, turn, room_mm, corner_mm)
+        placement = placed_at(contours, turn, room_mm, corner_mm)
         if placement.fits:
             return placement
-    return _placed(contours, float(turns[order[0]]), room_mm, corner_mm)
+    return placed_at(contours, float(turns[order[0]]), room_mm, corner_mm)
 
 
-def _placed(
+def placed_at(
     contours: Sequence[Contour], turn_rad: float, room_mm: tuple[float, float], corner_mm: float
 ) -> BedPlacement:
-    """Return the placement after one rotation, measured on the exact arcs."""
+    """Return the placement of contours after one rotation, measured on the exact arcs."""
     x0, y0, x1, y1 = box_around_mm(contour.moved(turn_rad, 0.0, 0.0) for contour in contours)
     width, height = x1 - x0, y1 - y0
     return BedPlacement(

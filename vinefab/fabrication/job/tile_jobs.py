@@ -14,7 +14,7 @@ import shapely
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.marks import CLEAR_MM, Box, mark, region
 from vinefab.fabrication.job.passes import BodyPaths, in_order
-from vinefab.fabrication.job.placement import BedPlacement, box_around_mm, place_contours
+from vinefab.fabrication.job.placement import BedPlacement, place_contours, placed_at
 from vinefab.fabrication.job.tiling import (
     OVERLAP_MM,
     TARGET_MM,
@@ -75,15 +75,7 @@ def tiled(
     for row, turn in enumerate(
         dict.fromkeys((best.angle_rad, *(() if pass_through else _TURNS_RAD)))
     ):
-        x0, y0, x1, y1 = box_around_mm(contour.moved(turn, 0.0, 0.0) for contour in contours)
-        placement = BedPlacement(
-            angle_rad=turn,
-            dx_mm=margin - x0,
-            dy_mm=margin - y0,
-            width_mm=x1 - x0,
-            height_mm=y1 - y0,
-            fits=False,
-        )
+        placement = replace(placed_at(contours, turn, room, margin), fits=False)
         paths = [replace(path, contour=placement.moved(path.contour)) for path in body.paths]
         try:
             tiles = film_tiles(_axes(design, placement), paths, room, pass_through=pass_through)

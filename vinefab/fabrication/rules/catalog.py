@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from vinefab.core.errors import BadInputError, located
+from vinefab.core.errors import located
 from vinefab.core.registry import Registry
 from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
 from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
@@ -127,26 +127,6 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
     values: dict[str, dict[str, float]] = {}
     for limit in changed:
         values.setdefault(limit.rule, {})[limit.name] = limit.value
-    return values
-
-
-def parsed_limits(texts: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return limits from texts like ``VF-C01.warning=6``.
-
-    >>> parsed_limits(["VF-C01.warning=6", "VF-C01.error=4"])
-    {'VF-C01': {'warning': 6.0, 'error': 4.0}}
-    """
-    values: dict[str, dict[str, float]] = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        rule, dot, name = key.strip().partition(".")
-        try:
-            number = float(value)
-        except ValueError:
-            equals = ""
-        if not (rule and dot and name and equals):
-            raise BadInputError(COMMAND_LINE, text, "RULE.NAME=NUMBER, as VF-C01.warning=6")
-        values.setdefault(rule, {})[name] = number
     return values
 
 

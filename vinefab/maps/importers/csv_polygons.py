@@ -14,9 +14,9 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.maps.cleanup.drawn_shapes import Role
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     DrawingItem,
-    ImportOptions,
     Ring,
     SourceDrawing,
     Straight,

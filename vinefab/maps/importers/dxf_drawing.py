@@ -25,11 +25,11 @@ from scipy.interpolate import make_interp_spline
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.validation import Floats
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     Arc,
     CurvePiece,
     DrawingItem,
-    ImportOptions,
     Ring,
     SourceDrawing,
     Straight,

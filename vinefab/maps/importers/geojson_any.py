@@ -12,10 +12,10 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import positive
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     PROJECT_ADVICE,
     DrawingItem,
-    ImportOptions,
     Ring,
     SourceDrawing,
     Straight,

@@ -16,10 +16,10 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, located
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     PROJECT_ADVICE,
     DrawingItem,
-    ImportOptions,
     Ring,
     SourceDrawing,
     Straight,

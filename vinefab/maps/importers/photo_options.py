@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import number, positive
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import number, positive
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
 

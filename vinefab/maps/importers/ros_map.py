@@ -24,7 +24,7 @@ from vinefab.maps.cleanup.raster import (
     RasterOptions,
     raster_map,
 )
-from vinefab.maps.importers.source_drawing import ImportOptions
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.map import Map

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
-from vinefab.maps.importers.photo_options import PhotoOptions
-from vinefab.model.map import Map, Pose
+from vinefab.maps.cleanup.drawn_shapes import Drawn, Shape, SourceFrame, framed
+from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.model.map import Map
 
 _MOST_CURVE_POINTS = 1_000_000
 """In one curve: a tolerance that needs more surely has the wrong unit."""
@@ -169,65 +169,6 @@ _MOST_POINTS = 5_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImportOptions:
-    """Options of an import; None leaves the choice to the importer.
-
-    Parameters
-    ----------
-    scale_mm_per_unit
-        Millimetres of the map per unit of the source (per metre for ROS maps, per pixel for
-        photos), instead of the unit that the source names.
-    simplify_mm
-        Largest distance between imported walls and those of the source.
-    unknown
-        Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
-    least_obstacle_mm2
-        Obstacles of a ROS map or a photo smaller than this are left out, as noise.
-    start
-        Where robots start, in the map's millimetres.
-    join_mm
-        Widest gap in an outline that is closed.
-    layers
-        Names of the layers (DXF, GeoPackage) or groups (SVG) to read; empty for all.
-    drawn
-        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``, see
-        `AssembleOptions`.
-    bounds
-        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`.
-    margin_mm
-        Around the drawing when the bounds are a box.
-    wall_mm
-        Thickness of walls that are drawn as lines.
-    open_lines
-        ``refuse`` or ``drop``.
-    photo
-        What is known of a photo or scan: its scale, and what its obstacles look like.
-    """
-
-    scale_mm_per_unit: float | None = None
-    simplify_mm: float | None = None
-    unknown: str | None = None
-    least_obstacle_mm2: float | None = None
-    start: Pose | None = None
-    join_mm: float | None = None
-    layers: tuple[str, ...] = ()
-    drawn: Literal["obstacles", "free"] | None = None
-    bounds: Literal["outline", "largest", "wall", "box"] | None = None
-    margin_mm: float | None = None
-    wall_mm: float | None = None
-    open_lines: Literal["refuse", "drop"] | None = None
-    photo: PhotoOptions | None = None
-
-    def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
-        """Raise BadInputError if an option was given that means nothing for a kind of file."""
-        for name in names:
-            value = getattr(self, name)
-            if value is not None and value != ():
-                option = {"open_lines": "open", "layers": "layer"}.get(name, name)
-                raise BadInputError(option, value, f"nothing for {kind}", source)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Ring:
     """Consecutive pieces."""
 
@@ -239,18 +180,8 @@ class Ring:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DrawingItem:
+class DrawingItem(Drawn[Ring]):
     """A `Shape` whose curves are still curves."""
-
-    # the fields of `Shape`
-    rings: tuple[Ring, ...]
-    where: str
-    closed: bool = True
-    filled: bool = False
-    holes: tuple[Ring, ...] = ()
-    role: Role | None = None
-    paint: int | None = None
-    even_odd: bool = False
 
     def flat(self, tolerance: float) -> Shape:
         """Return it with chords for curves, within a tolerance in units of the source."""
@@ -263,16 +194,8 @@ class DrawingItem:
             raise BadInputError(self.where, error.value, error.allowed) from error
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
-        return Shape(
-            rings=rings,
-            where=self.where,
-            closed=self.closed,
-            filled=self.filled,
-            holes=holes,
-            role=self.role,
-            paint=self.paint,
-            even_odd=self.even_odd,
-        )
+        same = {one.name: getattr(self, one.name) for one in fields(self)}
+        return Shape(**same | {"rings": rings, "holes": holes})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,12 +16,12 @@ import numpy as np
 from vinefab.core.errors import BadInputError, UnknownNameError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.source_drawing import (
     Arc,
     Bezier,
     CurvePiece,
     DrawingItem,
-    ImportOptions,
     Ring,
     SourceDrawing,
     Straight,

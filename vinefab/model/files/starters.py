@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import shapely
@@ -134,6 +135,19 @@ def copy_examples(chosen: Mapping[str, Path], out: Path, *, force: bool = False)
     for place, path in missing.items():
         write_bytes(place, path.read_bytes(), force=force)
     return list(missing)
+
+
+_TEXTS = (".toml", ".py", ".sbatch", ".md")
+
+
+def about_example(path: Path) -> str:
+    """Return a file's heading or first sentence, behind a colon; nothing of what is no text."""
+    if path.suffix not in _TEXTS:
+        return ""
+    lines = [line for line in read_text(path).splitlines() if not line.startswith("#!")]
+    comment = " ".join(line[2:] for line in takewhile(lambda line: line[:2] == "# ", lines))
+    first = next((words for line in lines if (words := line.strip("#\" '-"))), "")
+    return f": {(comment or first).partition('. ')[0].rstrip('.')}"
 
 
 def _is_there(path: Path, shipped: Path) -> bool:

@@ -1,27 +1,23 @@
 """The optimizers that come with vinefab."""
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from vinefab.core.registry import Registry, with_parameters
-from vinefab.search.optimizers.cmaes import CmaConfig
-from vinefab.search.optimizers.evolution import EvolutionConfig
-from vinefab.search.optimizers.islands import IslandsConfig
-from vinefab.search.optimizers.nsga2 import NsgaConfig
-from vinefab.search.optimizers.optimizer import OptimizerConfig
-from vinefab.search.optimizers.particleswarm import AdaptiveSwarmConfig
-from vinefab.search.optimizers.pso import SwarmConfig
-from vinefab.search.optimizers.random_search import RandomConfig
 
-OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
+if TYPE_CHECKING:
+    from vinefab.search.optimizers.optimizer import OptimizerConfig
+
+OPTIMIZERS: Registry["Callable[..., OptimizerConfig]"] = Registry(
     "optimizer",
     {
-        "cmaes": CmaConfig,
-        "evolution": EvolutionConfig,
-        "islands": IslandsConfig,
-        "nsga2": NsgaConfig,
-        "particleswarm": AdaptiveSwarmConfig,
-        "pso": SwarmConfig,
-        "random": RandomConfig,
+        "cmaes": "vinefab.search.optimizers.cmaes:CmaConfig",
+        "evolution": "vinefab.search.optimizers.evolution:EvolutionConfig",
+        "islands": "vinefab.search.optimizers.islands:IslandsConfig",
+        "nsga2": "vinefab.search.optimizers.nsga2:NsgaConfig",
+        "particleswarm": "vinefab.search.optimizers.particleswarm:AdaptiveSwarmConfig",
+        "pso": "vinefab.search.optimizers.pso:SwarmConfig",
+        "random": "vinefab.search.optimizers.random_search:RandomConfig",
     },
     group="vinefab.optimizers",
 )
@@ -29,6 +25,6 @@ OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
 
 def make_optimizer_config(
     name: str, parameters: Mapping[str, object] | None = None
-) -> OptimizerConfig:
+) -> "OptimizerConfig":
     """Return an optimizer's parameters, ready to start."""
     return with_parameters(OPTIMIZERS[name], "optimizer", parameters or {})

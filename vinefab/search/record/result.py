@@ -20,7 +20,7 @@ from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileE
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table
+from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table, lines
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_recipe import RunRecipe
@@ -101,6 +101,10 @@ class RunResult(Result):
     recipe
         The recipe by which designs were judged; None where none was asked for, and in a record of
         an older vinefab.
+    told
+        What was found, a line each, of what `vinefab.optimize` returned.
+    exit_code
+        Of the command: 1 where no manufacturable robot was found.
     """
 
     run_id: str
@@ -116,6 +120,23 @@ class RunResult(Result):
     extensions: tuple[Extension, ...] = ()
     prediction: Mapping[str, Any] = field(default_factory=dict)
     recipe: RunRecipe | None = None
+    told: tuple[str, ...] = ()
+    exit_code: int = 0
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The result, a line each: what `vinefab.optimize` told, or else the view."""
+        return self.told or tuple(lines(self.view()))
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """The summary, and where the time went."""
+        return (self.times.summary, *self.summary)
+
+    def json_text(self) -> str:
+        """Return the result as JSON: ``vinefab/run-result-1``."""
+        text: str = front_door("search.run").result_json(self)
+        return text
 
     def view(self) -> Iterator[Block]:
         """Yield the winner, how it was found, the finalists, and what is predicted of it."""

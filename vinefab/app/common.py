@@ -1,0 +1,153 @@
+"""What several verbs share: growth options, families of maps, tasks, and what is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.verbs import Kind, Within, names_of, note, wrote
+from vinefab.model.inputs import (
+    MapsLike,
+    StartsLike,
+    growth_of,
+    map_of,
+    mapping_of,
+    maps_of,
+    path_of,
+)
+
+if TYPE_CHECKING:
+    from vinefab.growth.options import GrowthChoice
+    from vinefab.model.design import Design
+    from vinefab.prediction.family_deployments import MapFamily
+    from vinefab.tasks.task import Task
+
+    TaskLike = str | Task
+else:
+    TaskLike = Annotated[
+        object, Kind(metavar="TASK", known=names_of("vinefab.tasks.shipped_tasks:TASKS"))
+    ]
+
+MOST_POSES = 1_000_000
+MOST_WORKERS = 1024
+ENVIRONMENT = Kind(
+    metavar="NAME", known=names_of("vinefab.maps.generators.environments:ENVIRONMENTS")
+)
+
+Poses = Annotated[int, Within(1, MOST_POSES)]
+Workers = Annotated[int, Within(1, MOST_WORKERS)]
+Environment = Annotated[str, ENVIRONMENT]
+Body = Literal["inflated", "centerline"]
+
+
+def page_path(key: str, out: str | PathLike[str] | None, *, force: bool) -> Path | None:
+    """Return the file to write, if one is asked for, once it may be written."""
+    if out is None:
+        return None
+    path = path_of(key, out)
+    ensure_writable(path, force=force)
+    return path
+
+
+def write_page(path: Path, content: str | bytes, *, force: bool) -> Path:
+    """Write a file that was asked for, and say so."""
+    if isinstance(content, str):
+        write_text(path, content, force=force)
+    else:
+        write_bytes(path, content, force=force)
+    wrote(path)
+    return path
+
+
+def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: bool) -> Path:
+    """Return the folder to fill, once it may be; name what lies beside it from a killed run."""
+    from vinefab.core.replacement import moved_aside
+
+    folder = path_of(key, out)
+    ensure_own_folder(folder, mark, force=force)
+    for aside in moved_aside(folder):
+        note(
+            f"note: {aside} has files of {folder} from before a run was killed; vinefab leaves "
+            "it alone: move out what you miss, then remove it"
+        )
+    return folder
+
+
+def ensure_apart(key: str, path: Path, source: object, what: str) -> None:
+    """Check that what is to be written is another file than what is read."""
+    import os
+
+    if not isinstance(source, str | PathLike):
+        return
+    read = Path(source)
+    # Unlike Path.resolve, realpath takes a link that leads to itself.
+    same = os.path.realpath(path) == os.path.realpath(read)
+    if same or (path.exists() and read.exists() and path.samefile(read)):
+        raise BadInputError(key, str(path), f"another file than {what}")
+
+
+def file_of(kind: str, given: object) -> object:
+    """Return the file that a name or a path means; what is neither as it is."""
+    from vinefab.model.files.shipped import locate
+
+    return locate(kind, given) if isinstance(given, str | PathLike) else given
+
+
+def growth_choice(
+    named: Sequence[object],
+    designs: Sequence[Design],
+    growth: object,
+    **shortcuts: object,
+) -> tuple[GrowthChoice, Mapping[str, Any]]:
+    """Return the growth options for designs, and those that were passed.
+
+    An error in the origin of a design names its file.
+    """
+    from vinefab.growth.options import GrowthChoice, trained_growth
+
+    given = growth_of(growth, **shortcuts)
+    for name, design in zip(named, designs, strict=True):
+        file = file_of("design", name)
+        with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
+            trained_growth(design)
+    return GrowthChoice.of(designs, given), given
+
+
+def families_of(
+    maps: MapsLike,
+    start: StartsLike,
+    environment: str | None,
+    count: int,
+    seed: int,
+    options: object,
+) -> tuple[MapFamily, ...]:
+    """Return the maps passed, and unseen ones of an environment, as families."""
+    from dataclasses import replace
+
+    from vinefab.prediction.family_deployments import map_families, unseen_maps
+
+    chosen, unseen = mapping_of("options", options), None
+    if environment is not None:
+        unseen = unseen_maps(environment, count, seed, chosen)
+        worlds = tuple(map_of(world, "maps", start) for world in unseen.worlds)
+        unseen = replace(unseen, worlds=worlds)
+    return map_families(maps_of(maps, start), unseen)
+
+
+def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:
+    """Return a task by its name, or the one passed."""
+    from vinefab.tasks.shipped_tasks import TASKS, make_task
+
+    if isinstance(task, str):
+        return make_task(task, parameters)
+    if isinstance(task, type) or not all(hasattr(task, n) for n in ("name", "lowest", "evaluate")):
+        allowed = f"{', '.join(TASKS)}, or an object with name, lowest and evaluate"
+        raise BadInputError("task", task, allowed)
+    for name, value in parameters.items():
+        raise BadInputError(name, value, "a parameter of a task that is named, not of an object")
+    return task

@@ -1,0 +1,237 @@
+"""Verbs about files: what ships, what begins a file, and what is known of profiles and rules."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+from vinefab.app.results import Names, WrittenFile
+from vinefab.core.verbs import IN_PLACE, Kind, also, names_of, verb, wrote
+from vinefab.model.inputs import FOLDER, PathText, all_names, path_of
+
+if TYPE_CHECKING:
+    from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
+    from vinefab.fabrication.rule_listing import RuleBook
+
+_NEXT_STEPS = {
+    "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
+    "run": "vinefab optimize {0} --out run",
+    "recipe": "vinefab coupon --recipe {0} --out coupons, then vinefab calibrate",
+    "machine": 'put its numbers in; vinefab new recipe mine.toml beside it, with machine = "{1}"',
+    "material": 'put its numbers in; vinefab new recipe mine.toml beside it, with material = "{1}"',
+    "map": "vinefab map info {0}, or: vinefab grow three_level_tree --map {0} --svg grown.svg",
+}
+
+
+@verb
+def new(
+    kind: Annotated[str, Kind(metavar="KIND", known=names_of("vinefab.app.files:_NEXT_STEPS"))],
+    file: PathText,
+    *,
+    original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,
+    force: bool = False,
+) -> WrittenFile:
+    """Write a commented file to begin with, as a design or a map; its name is the file's.
+
+    Parameters
+    ----------
+    kind
+        ``design``, ``run``, ``map``, ``recipe``, ``machine`` (a laser) or ``material`` (a film).
+    file
+        The file to write: ``.geojson`` for a map, else ``.toml``.
+    original
+        The shipped or own file to copy; default: a usual one.
+    force
+        Overwrite what is there, whoever wrote it.
+
+    Returns
+    -------
+    WrittenFile
+        What was written; it can be passed as a path.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such kind, or the name ends in something else.
+    ForeignFileError
+        If the place is taken.
+
+    Examples
+    --------
+    $ vinefab new design mine.toml
+    $ vinefab new map table.geojson
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from vinefab.model.design import Design
+    >>> with TemporaryDirectory() as folder:
+    ...     Design.read(new("design", f"{folder}/mine.toml")).name
+    'mine'
+    """
+    from vinefab.model.files.starters import write_starter
+
+    path = path_of("file", file)
+    name = write_starter(kind, path, original=original, force=force)
+    wrote(path, "" if name == path.stem else f", named {name}")
+    return WrittenFile(path=path, summary=(f"next: {_NEXT_STEPS[kind].format(path, name)}",))
+
+
+@verb
+def examples(
+    *names: Annotated[str, Kind(metavar="NAME")],
+    out: Annotated[PathText | None, FOLDER] = None,
+    force: bool = False,
+) -> Names:
+    """List the examples that ship with vinefab, or copy them to try and change.
+
+    Parameters
+    ----------
+    *names
+        Examples, with or without folder and ending; all of them if none is named.
+    out
+        Copy them into this folder; what is there already and unchanged stays.
+    force
+        Overwrite files that vinefab did not write, or that were changed.
+
+    Raises
+    ------
+    ForeignFileError
+        If a file is in the way.
+    UnknownNameError
+        If there is no such example.
+
+    Examples
+    --------
+    $ vinefab examples --out examples
+
+    >>> examples("grid_coverage")
+    ('grid_coverage.toml',)
+    """
+    from vinefab.model.files.starters import about_example, copy_examples, examples_named
+
+    chosen = examples_named([str(name) for name in names])
+    if out is None:
+        lines = [f"  {name}{about_example(path)}" for name, path in chosen.items()]
+        return Names.of(chosen, [*lines, "vinefab examples --out examples copies them"])
+    folder = path_of("out", out)
+    missing = copy_examples(chosen, folder, force=force)
+    there = len(chosen) - len(missing)
+    lines = [
+        f"wrote {len(missing)} {'file' if len(missing) == 1 else 'files'} to {folder}/"
+        + (f", {there} unchanged" if there else "")
+    ]
+    return Names.of(chosen, lines)
+
+
+@verb
+def designs() -> Names:
+    """Return the names of the shipped designs and of the user's own.
+
+    Examples
+    --------
+    $ vinefab designs
+
+    >>> "grid_explorer" in designs()
+    True
+    """
+    return Names.of(all_names("design"))
+
+
+@verb
+def recipes() -> Names:
+    """Return the names of the shipped recipes (laser, film, settings) and of the user's own.
+
+    Examples
+    --------
+    $ vinefab recipes
+
+    >>> recipes()[0]
+    'co2_40w__stretchlon_200'
+    """
+    return Names.of(all_names("recipe"))
+
+
+@verb
+def printers() -> Names:
+    """Return the names of the shipped 3-D printers and of the user's own.
+
+    Examples
+    --------
+    $ vinefab printers
+
+    >>> printers()
+    ('generic_220', 'generic_256', 'generic_large')
+    """
+    return Names.of(all_names("printer"))
+
+
+@verb
+def profiles(
+    name: Annotated[
+        PathText | None, Kind(metavar="NAME", files=partial(all_names, "recipe")), IN_PLACE
+    ] = None,
+) -> ProfileNumbers | ProfileListing:
+    """List machines, materials and recipes, or explain one: every number with its standing.
+
+    Parameters
+    ----------
+    name
+        A shipped name, one of your own, or a path; default: list all.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such profile.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab profiles co2_60w__stretchlon_200
+
+    >>> profiles("co2_60w__stretchlon_200").summary[0].startswith("recipe ")
+    True
+    """
+    from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers, kind_of
+
+    if name is None:
+        return ProfileListing()
+    found = ProfileNumbers(name=str(path_of("name", name, "a name, or a path")))
+    kind_of(found.name)  # an unknown name is refused here
+    return found
+
+
+profile = profiles
+
+
+@verb
+def rules(
+    rule: Annotated[str | None, Kind(metavar="ID"), IN_PLACE] = None,
+) -> RuleBook:
+    """List the design rules, or explain one: limits, reason and remedy.
+
+    Parameters
+    ----------
+    rule
+        The id of a rule, or a word of titles; default: all, those of other packages too.
+
+    Returns
+    -------
+    RuleBook
+        Rules by id; each has a ``title``, ``limits`` in its ``unit``, a ``reason`` and a
+        ``remedy``.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such rule.
+
+    Examples
+    --------
+    $ vinefab rules VF-C01
+
+    >>> rules()["VF-C01"].limits
+    mappingproxy({'error': 0.0, 'warning': 2.0})
+    """
+    from vinefab.fabrication.rule_listing import RuleBook
+
+    return RuleBook.of(rule)

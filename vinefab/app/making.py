@@ -1,0 +1,630 @@
+"""Verbs that make things: checks, fixes, laser files, coupons, recipes, rigs."""
+
+from __future__ import annotations
+
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from vinefab.app.common import (
+    ensure_apart,
+    file_of,
+    folder_to_write,
+    growth_choice,
+    page_path,
+    write_page,
+)
+from vinefab.app.results import ProposedFix, WrittenFolder, WrittenReport
+from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
+from vinefab.core.errors import BadInputError, ExportRefusedError, located
+from vinefab.core.plain_text import counted
+from vinefab.core.verbs import FieldsOf, Kind, Progress, Within, also, told, verb, wrote
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.model.inputs import (
+    DESIGNS,
+    FOLDER,
+    DesignLike,
+    DesignsLike,
+    LimitsLike,
+    MapLike,
+    MapsLike,
+    Pairs,
+    PathText,
+    RecipeLike,
+    StartsLike,
+    WordsLike,
+    all_names,
+    design_of,
+    designs_of,
+    limits_of,
+    map_of,
+    maps_of,
+    name_or_path,
+    numbers,
+    path_of,
+    recipe_for,
+    recipe_of,
+    several_of,
+    starts_of,
+    written,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from vinefab.model.finding import CheckReport
+    from vinefab.rig.rig_options import Printer
+
+    PrinterLike = Printer | str | PathLike[str]
+    PicturesLike = str | PathLike[str] | Iterable[str | PathLike[str]]
+else:
+    PrinterLike = Annotated[object, Kind(metavar="PRINTER", files=partial(all_names, "printer"))]
+    PicturesLike = Annotated[
+        object, Kind(metavar="FILE", writes="file", ends=(".svg", ".png", ".dxf"), several=True)
+    ]
+
+
+def _refuse_without_maps(maps: MapsLike, **given: object) -> None:
+    """Raise BadInputError for what would mean nothing without maps."""
+    for name, value in given.items():
+        if value and not several_of(maps):
+            raise BadInputError(name, value, "to be given together with maps (--map)")
+
+
+@verb
+def check(
+    design: DesignLike,
+    recipe: RecipeLike | None = None,
+    *,
+    maps: Annotated[MapsLike, also("--map")] = (),
+    start: StartsLike = (),
+    rig: Annotated[PathText | None, Kind(metavar="DIR")] = None,
+    limits: Annotated[LimitsLike | None, also("--limit")] = None,
+    growth: Pairs | None = None,
+    out: Annotated[PicturesLike | None, also("--svg", "--png", "--dxf")] = None,
+    force: bool = False,
+) -> CheckReport:
+    """Check a design against the rules of making and deploying it.
+
+    Rules about growth paths use deployments on each map from its starts (simulated); rules about
+    corridors, heights and printed parts use the maps and the rig. The exit code of the command is 1
+    if an error forbids cutting the design.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, in Python also a laser profile; default: that of the run that found
+        the design, else the shipped one.
+    maps
+        Maps or paths of map files; the design is deployed from their starts first (simulated).
+    start
+        Where robots start, in place of the maps' starts.
+    rig
+        A folder that `rig` wrote.
+    limits
+        Limits in place of the rules' own: VF-C01.warning=6, in Python
+        ``{"VF-C01": {"warning": 6.0}}``.
+    growth
+        Growth options by name for the maps: body=centerline; there no pressure stops it.
+    out
+        The robot with the findings in place, to write: .svg or .png, or .dxf on layers that are not
+        cut; one or several.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    CheckReport
+        All findings; ``blocking`` are those that stand in the way of cutting.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design, recipe or rule.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab check three_level_tree --map grid.geojson --limit VF-C01.warning=6
+    $ vinefab check grid_explorer --map grid.geojson --out findings.svg
+
+    >>> check("plain_vine").blocking
+    ()
+    """
+    from dataclasses import replace
+
+    from vinefab.fabrication.checking import Deployed, check_design, deployed_lines, findings_file
+
+    pictures = [path_of("out", one) for one in several_of(out)] if out is not None else []
+    for path in pictures:
+        ensure_writable(path, force=force)
+    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
+    robot, worlds = design_of(design), maps_of(maps, start)
+    profile = recipe_for(robot, recipe).profile
+    changed = limits_of(limits)
+    facts = None
+    if rig is not None:
+        from vinefab.rig.rig_json import read_rig
+
+        facts = read_rig(path_of("rig", rig, "a folder that vinefab rig wrote"))
+    deployed: Deployed = ()
+    notes = list[str]()
+    if worlds:
+        from vinefab.growth.options import growth_text
+        from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
+
+        _, given = growth_choice([design], [robot], growth)
+        choice = growth_on_maps(robot, given)
+        notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
+        deployed = deploy_from_starts(robot, worlds, given)
+        notes += deployed_lines(deployed)
+    report = check_design(robot, profile, changed, deployed, worlds, facts)
+    for path in pictures:
+        write_page(path, findings_file(robot, profile, report, path), force=force)
+    return replace(report, notes=tuple(notes))
+
+
+@verb
+def fix(
+    design: DesignLike,
+    recipe: RecipeLike | None = None,
+    *,
+    maps: Annotated[MapsLike, also("--map")] = (),
+    start: StartsLike = (),
+    keep: WordsLike = (),
+    limits: Annotated[LimitsLike | None, also("--limit")] = None,
+    growth: Pairs | None = None,
+    out: Annotated[PathText | None, written(".toml"), also("--fix")] = None,
+    progress: Progress = True,
+    force: bool = False,
+) -> ProposedFix:
+    """Propose the smallest change of a design that clears its errors.
+
+    Fillets are tried first, then widths, tapers, lengths and angles, fewer branches last. The exit
+    code of the command is 1 where errors are left.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, in Python also a laser profile; default: that of the run that found
+        the design, else the shipped one.
+    maps
+        As in `check`; with maps the ``summary`` says what the fix costs in score, too.
+    start
+        Where robots start, in place of the maps' starts.
+    keep
+        What must not change: branches, length, angle, width, one or several.
+    limits
+        As in `check`.
+    growth
+        As in `check`.
+    out
+        Write the changed design here, if one was found.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    ProposedFix
+        The changed ``design``, None where nothing had to or could be changed, and its ``report``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design, recipe or rule.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab fix mine.toml --keep branches,length --map grid.geojson --out fixed.toml
+
+    >>> fix("plain_vine").summary[-1]
+    'fix: no errors, nothing to fix'
+    """
+    from vinefab.fabrication.rules.fix import parsed_keeps
+    from vinefab.model.files.design_toml import design_text
+    from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
+
+    file = page_path("out", out, force=force)
+    if file is not None:
+        ensure_apart("out", file, file_of("design", design), "the design itself")
+    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
+    robot, worlds = design_of(design), maps_of(maps, start)
+    profile = recipe_for(robot, recipe).profile
+    changed, words = limits_of(limits), several_of(keep)
+    for word in words:
+        if not isinstance(word, str):
+            raise BadInputError("keep", word, "a name")
+    given = growth_choice([design], [robot], growth)[1] if worlds else {}
+    with told("fix", progress) as tell:
+        found = propose_fix(
+            robot, profile, changed, worlds, lambda share: tell(share, ""),
+            growth=given, keep=parsed_keeps(words),
+        )  # fmt: skip
+        lines = [line.strip() for line in found.lines()]
+        if found.design is not None:
+            more = score_change_lines(robot, found.design, worlds, given)
+            lines += [line.strip() for line in more]
+    if found.design is not None and found.after is not None:
+        lines.append(found.after.verdict)
+        if file is not None:
+            write_page(file, design_text(found.design), force=force)
+    if found.before.blocking:
+        lines = [*found.before.summary, *lines]
+    return ProposedFix(
+        design=found.design,
+        report=found.after or found.before,
+        summary=tuple(lines),
+        before=found.before,
+        failed=found.design is None and found.failed,
+    )
+
+
+@verb
+def fabricate(
+    design: DesignLike,
+    recipe: RecipeLike | None = None,
+    *,
+    out: Annotated[PathText, FOLDER],
+    allow_uncalibrated: bool = False,
+    copies: Annotated[int, Within(1, 200)] = 1,
+    beside: Annotated[DesignsLike, DESIGNS, also("--with")] = (),
+    process: str = "auto",
+    pass_through: bool = False,
+    r12: bool = False,
+    make_zip: Annotated[bool, also("--zip")] = False,
+    force: bool = False,
+) -> WrittenFolder:
+    """Write the fabrication package of a design: laser files, checks, report, instructions.
+
+    The exit code of the command is 1 where a rule forbids the design.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, in Python also a laser profile; default: that of the run that found
+        the design, else the shipped one.
+    out
+        The folder to write; one of an earlier package is replaced.
+    allow_uncalibrated
+        Write files for a recipe that no coupon has confirmed.
+    copies
+        How many robots to nest on one bed.
+    beside
+        Further designs for the same sheet.
+    process
+        weldcut (one pass), weld+cut, or auto: what the recipe has.
+    pass_through
+        Whether the film may be fed along the bed's width, and be longer than the bed.
+    r12
+        Also write a DXF of release 12, which knows no unit.
+    make_zip
+        Also write the folder as ``OUT.zip``.
+    force
+        Overwrite what vinefab did not write.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the check.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    ExportRefusedError
+        If a rule forbids the design, or the recipe is not calibrated; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else.
+    UnknownNameError
+        If there is no such design or recipe.
+
+    Examples
+    --------
+    $ vinefab fabricate three_level_tree --out package --allow-uncalibrated
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     made = fabricate("plain_vine", out=f"{folder}/vine", allow_uncalibrated=True)
+    >>> "outline.dxf" in made.files
+    True
+    """
+    from vinefab.fabrication.formats.laser_formats import broken_formats
+    from vinefab.fabrication.job.placement import SheetOptions
+    from vinefab.fabrication.package.prepare import PACKAGE_MARK, package, prepare, zip_bytes
+
+    folder = folder_to_write("out", out, PACKAGE_MARK, force=force)
+    archive = folder.with_name(f"{folder.name}.zip")
+    if make_zip:
+        ensure_writable(archive, force=force)
+    others = tuple(designs_of(beside, "beside"))
+    sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
+    robot = design_of(design)
+    prepared = prepare(robot, recipe_for(robot, recipe).profile, sheet=sheet, r12=r12)
+    reports = (prepared.report, *prepared.beside)
+    lines = [line for report in reports for line in report.summary]
+    lines += broken_formats()
+    if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
+        is_older = (folder / PACKAGE_MARK).is_file()
+        older = f"; {folder} still holds an earlier package, not this design" if is_older else ""
+        raise ExportRefusedError(
+            prepared.design.name, why + older, prepared.report, summary=tuple(lines)
+        )
+    files = package(prepared)
+    write_folder(folder, files, PACKAGE_MARK, force=force)
+    if make_zip:
+        write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
+        wrote(archive)
+    elif archive.exists():
+        lines.append(f"note: {archive} is from an earlier run; --zip replaces it")
+    wrote(folder, f"/ ({counted(len(files), 'file')}; begin with README.txt)")
+    return WrittenFolder(
+        path=folder, files=tuple(files), report=prepared.report, summary=tuple(lines)
+    )
+
+
+def _refused(name: str, report: CheckReport) -> ExportRefusedError:
+    """Return the error that says which rules forbid what was checked."""
+    rules = ", ".join(sorted({finding.rule for finding in report.blocking}))
+    return ExportRefusedError(name, f"{rules} forbid it", report, summary=report.summary)
+
+
+@verb
+def coupon(
+    recipe: RecipeLike = DEFAULT_RECIPE,
+    *,
+    out: Annotated[PathText, FOLDER],
+    force: bool = False,
+) -> WrittenFolder:
+    """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
+
+    Parameters
+    ----------
+    recipe
+        A recipe's name or path, in Python also a laser profile.
+    out
+        The folder to write; ``README.txt`` in it says what to do, ``results.csv`` is the table.
+    force
+        Overwrite what vinefab did not write, and a table that was filled in.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the check.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or a coupon is larger than the machine's bed.
+    ExportRefusedError
+        If a rule forbids the coupons; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else, or its table was filled in.
+    UnknownNameError
+        If there is no such recipe.
+
+    Examples
+    --------
+    $ vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
+
+    >>> coupon("co2_60w__stretchlon_200", out="coupons")  # doctest: +SKIP
+    """
+    from vinefab.fabrication.calibration.coupon_package import (
+        COUPON_MARK,
+        coupon_files,
+        ensure_results_not_filled_in,
+        make_coupons,
+    )
+    from vinefab.fabrication.formats.laser_formats import broken_formats
+
+    folder = folder_to_write("out", out, COUPON_MARK, force=force)
+    ensure_results_not_filled_in(folder, force=force)
+    made = make_coupons(recipe_of(recipe))
+    if made.report.blocking:
+        raise _refused("coupons", made.report)
+    files = coupon_files(made)
+    write_folder(folder, files, COUPON_MARK, force=force)
+    wrote(folder, f"/ ({counted(len(files), 'file')}; begin with README.txt)")
+    return WrittenFolder(
+        path=folder,
+        files=tuple(files),
+        report=made.report,
+        summary=(*made.report.summary, *broken_formats()),
+    )
+
+
+@verb
+def calibrate(
+    results: Annotated[PathText, Kind(metavar="RESULTS")],
+    recipe: Annotated[
+        PathText, Kind(metavar="RECIPE", files=partial(all_names, "recipe"))
+    ] = DEFAULT_RECIPE,
+    *,
+    out: PathText,
+    force: bool = False,
+) -> WrittenReport:
+    """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
+
+    Parameters
+    ----------
+    results
+        The table that `coupon` wrote, filled in.
+    recipe
+        The recipe that the coupons were cut with, its name or path.
+    out
+        The recipe to write, ``NAME.toml``: what is returned can be passed as ``recipe``.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    WrittenReport
+        The recipe's ``path``, the fitted numbers (measured) as ``summary`` and as ``numbers``.
+
+    Raises
+    ------
+    BadInputError
+        If the table or a value in it cannot be used.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such recipe.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out my_recipe.toml
+
+    >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
+    >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
+    """
+    import json
+
+    from vinefab.fabrication.calibration.calibrated_recipe import (
+        calibrated_recipe,
+        calibration_json,
+        calibration_lines,
+    )
+    from vinefab.fabrication.calibration.coupon_results import read_results
+    from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
+    from vinefab.model.files.profile_toml import read_profile
+
+    path, table = path_of("out", out), path_of("results", results)
+    ensure_writable(path, force=force)
+    before = name_or_path("recipe", recipe, "a recipe's path or name")
+    profile = read_profile(before)
+    with located(table):
+        found = fitted_recipe(read_results(table), profile)
+    write_page(path, calibrated_recipe(found, before, path, table), force=force)
+    return WrittenReport(
+        path=path,
+        summary=(*calibration_lines(found), f"use it with --recipe {path}"),
+        numbers=json.loads(calibration_json(found)),
+    )
+
+
+@verb
+def rig(
+    world: Annotated[MapLike, also("--map")],
+    printer: PrinterLike = DEFAULT_PRINTER,
+    *,
+    out: Annotated[PathText, FOLDER],
+    start: StartsLike = (),
+    design: DesignLike | None = None,
+    fit_mm: float | None = None,
+    sheet_mm: Annotated[tuple[float, float] | None, numbers("WIDTH,DEPTH")] = None,
+    lid: bool = False,
+    allow_empty: bool = False,
+    pictures: bool = True,
+    progress: Progress = True,
+    force: bool = False,
+    **sizes: Annotated[
+        Any,
+        FieldsOf(("vinefab.rig.rig_options:RigOptions",), also={"entry_width_mm": ("--entry-mm",)}),
+    ],
+) -> WrittenFolder:
+    """Write a map as a test rig: printable solids, sheets for the laser, pictures, ``rig.json``.
+
+    Parameters
+    ----------
+    world
+        A map, or the path of a map file.
+    printer
+        A printer's name or path, in Python also a printer.
+    out
+        The folder to write; one of an earlier rig is replaced.
+    start
+        Where robots start, in place of the map's starts.
+    design
+        The robot that will be tried on it: its corridors and heights are checked too.
+    fit_mm
+        Length of the rig's longer side; sets the scale.
+    sheet_mm
+        Width and depth of the laser's sheets; short for two sizes.
+    lid
+        Add a transparent lid (DXF).
+    allow_empty
+        Make a bare tray of a map without anything to steer around.
+    pictures
+        Draw the rig and its beds, and write a page about them.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite what vinefab did not write.
+    **sizes
+        Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
+        `vinefab.rig.rig_options.RigOptions`.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the rules about rigs.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    ExportRefusedError
+        If a rule forbids the rig; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else.
+    UnknownNameError
+        If there is no such printer or design.
+
+    Examples
+    --------
+    $ vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
+
+    >>> from vinefab import maps
+    >>> made = rig(maps.pegs(seed=4), "generic_220", out="rig", fit_mm=300)  # doctest: +SKIP
+    """
+    from vinefab.core.limits import number
+    from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
+    from vinefab.rig.rig_options import Printer, RigOptions, read_printer
+    from vinefab.rig.rig_plan import refuse_fine
+
+    folder = folder_to_write("out", out, RIG_MARK, force=force)
+    place, machine = map_of(world, "world", start), printer
+    if isinstance(world, str | PathLike):
+        refuse_fine(place, Path(world))
+    if not isinstance(machine, Printer):
+        allowed = f"a Printer, a path, or one of {', '.join(all_names('printer'))}"
+        machine = read_printer(name_or_path("printer", machine, allowed))
+    if sheet_mm is not None:
+        sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
+    options = RigOptions(**sizes)
+    request = RigRequest(
+        design=None if design is None else design_of(design),
+        allow_empty=allow_empty,
+        pictures=pictures,
+        lid=lid,
+    )
+    with told("rig", progress) as tell:
+        if fit_mm is not None:
+            options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
+        made = make_rig(place, machine, options, request, progress=tell)
+    if made.report.blocking:
+        raise _refused(f"rig of {place.name}", made.report)
+    write_folder(folder, made.files, RIG_MARK, force=force)
+    wrote(folder, f"/ ({counted(len(made.files), 'file')})")
+    return WrittenFolder(
+        path=folder, files=tuple(made.files), report=made.report, summary=made.summary
+    )

@@ -1,0 +1,386 @@
+"""Verbs about maps: generated, read, imported, given other starts, described."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+from vinefab.app.common import ensure_apart, page_path, write_page
+from vinefab.core.verbs import FieldsOf, Kind, Seed, also, verb, wrote
+from vinefab.model.inputs import POINTS, MapLike, PathText, StartsLike, map_of, path_of, starts_of
+from vinefab.model.inputs import written as file_kind
+
+if TYPE_CHECKING:
+    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.model.map import Map
+    from vinefab.prediction.map_info import MapInfo
+
+    Layers = str | Sequence[str]
+else:
+    Layers = Annotated[object, Kind(metavar="NAME", several=True)]
+MAP_SUFFIXES = (".geojson", ".json")
+MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES)]
+
+
+def _kept(world: Map, out: Any, *, force: bool) -> Map:
+    """Write a map if a file is asked for, and return it."""
+    if out is not None:
+        path = path_of("out", out)
+        world.write(path, force=force)
+        wrote(path)
+    return world
+
+
+@verb
+def generate(
+    environment: str,
+    seed: Seed = 0,
+    *,
+    start: StartsLike = (),
+    out: MapOut = None,
+    force: bool = False,
+    **options: object,
+) -> Map:
+    """Make one instance of an environment; the same arguments give the same map.
+
+    Parameters
+    ----------
+    environment
+        A registered environment, also one that a plug-in offers.
+    seed
+        The same seed gives the same map.
+    start
+        Where robots start, in place of the map's own starts: X,Y,DEG+-SPREAD, 'left side',
+        'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
+    out
+        The map file to write.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+    **options
+        What ``vinefab map ENVIRONMENT --help`` lists, with the units in the names.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such option, or a value cannot be used.
+    UnknownNameError
+        If there is no such environment.
+
+    Examples
+    --------
+    $ vinefab map grid --seed 3 --out grid.geojson
+
+    >>> generate("pegs", seed=4, columns=6, rows=5).size_mm
+    (260.0, 220.0)
+    """
+    from vinefab.core.registry import with_parameters
+    from vinefab.maps.generators.environments import ENVIRONMENTS
+
+    kind = ENVIRONMENTS[environment]
+    made = kind.make(seed, with_parameters(kind.options, environment, options))
+    return _kept(map_of(made, start=start), out, force=force)
+
+
+def generator(environment: str) -> Callable[..., Map]:
+    """Return the function that makes maps of one environment: ``vinefab.maps.grid``."""
+    from vinefab.maps.generators.environments import ENVIRONMENTS
+
+    kind = ENVIRONMENTS[environment]
+
+    def made(seed: int = 0, **options: Any) -> Map:
+        return generate(environment, seed, **options)
+
+    made.__name__ = made.__qualname__ = environment
+    made.__doc__ = f"""Make a map: {kind.description}.
+
+Parameters
+----------
+seed
+    The same seed gives the same map.
+**options
+    The fields of `{kind.options.__module__}.{kind.options.__name__}`, and ``start``, ``out`` and
+    ``force`` as in `generate`.
+
+Raises
+------
+BadInputError
+    If there is no such option, or a value cannot be used.
+
+Examples
+--------
+>>> {environment}(seed=3).environment
+'{environment}'
+"""
+    return made
+
+
+@verb
+def read(path: Annotated[PathText, Kind(metavar="MAP")]) -> Map:
+    """Return the map in a GeoJSON file in millimetres, as `Map.read` does.
+
+    Parameters
+    ----------
+    path
+        A file that ``Map.write`` or ``vinefab map`` wrote, or plain polygons.
+
+    Raises
+    ------
+    BadInputError
+        If it is no path, or a value in the file cannot be used.
+    UnreadableFileError
+        If there is no such file, or it is not JSON.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     read(generate("grid", 3).write(f"{folder}/grid.geojson")).name
+    'grid_3'
+    """
+    from vinefab.model.map import Map
+
+    return Map.read(path_of("path", path))
+
+
+@verb
+def start(
+    map: MapLike,
+    *,
+    start: StartsLike,
+    out: MapOut = None,
+    force: bool = False,
+) -> Map:
+    """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
+
+    Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
+
+    Parameters
+    ----------
+    map
+        A map, or the path of a map file.
+    start
+        Where robots start, one or several: X,Y,DEG+-SPREAD, 'left side', 'line X,Y X,Y' or
+        'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
+    out
+        The map file to write.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Raises
+    ------
+    BadInputError
+        If the words are no start, or nothing of a start is in free space.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab map start grid.geojson --start "left side, heading 0+-20" --out left.geojson
+    $ vinefab map start grid.geojson --start "area 0,0 50,480, clear 20" --out area.geojson
+
+    >>> start(generate("pegs", 1), start="left side, heading 0+-20").starts[0].pose.heading_deg
+    0.0
+    """
+    from vinefab.core.errors import BadInputError
+    from vinefab.model.start_place import START_WAYS
+
+    if not starts_of(start):
+        raise BadInputError("start", None, START_WAYS)
+    return _kept(map_of(map, start=start), out, force=force)
+
+
+@verb
+def info(
+    map: MapLike,
+    *,
+    width_mm: float | None = None,
+    start: StartsLike = (),
+    passages: int = 5,
+    out: Annotated[PathText | None, file_kind(".svg", ".png"), also("--svg")] = None,
+    force: bool = False,
+) -> MapInfo:
+    """Describe a map: its size, its narrowest passages, and the widest robot that fits.
+
+    Parameters
+    ----------
+    map
+        A map, or the path of a map file.
+    width_mm
+        Lay-flat width of a body to check.
+    start
+        Where robots start, in place of the map's starts.
+    passages
+        How many of the narrowest passages to find.
+    out
+        A picture to write.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab map info cave.geojson --width-mm 20 --svg cave.svg
+
+    >>> info(generate("pegs", 1), width_mm=20).summary[0]
+    'map: pegs_1'
+    """
+    from vinefab.prediction.map_info import map_info
+
+    picture = page_path("out", out, force=force)
+    found = map_info(map_of(map, start=start), width_mm=width_mm, passages=passages)
+    if picture is not None:
+        write_page(picture, found.picture(picture.suffix), force=force)
+    return found
+
+
+_OF_PHOTOS = "vinefab.maps.importers.photo_options:PhotoOptions"
+_OF_DRAWINGS = "vinefab.maps.importers.import_options:ImportOptions"
+
+
+@verb
+def import_(
+    path: Annotated[PathText, Kind(metavar="SOURCE")],
+    *,
+    out: MapOut = None,
+    start: StartsLike = (),
+    layers: Annotated[Layers, also("--layer")] = (),
+    preview: Annotated[PathText | None, file_kind(".png")] = None,
+    force: bool = False,
+    **options: Annotated[
+        Any,
+        FieldsOf(
+            (_OF_DRAWINGS, _OF_PHOTOS),
+            without=("start", "layers", "photo"),
+            also={"open_lines": ("--open",)},
+            kinds={"points_px": POINTS},
+        ),
+    ],
+) -> Map:
+    """Import a map from a file of another program, or from a photo.
+
+    Everything that was repaired or left out is counted in its facts.
+
+    Parameters
+    ----------
+    path
+        The file: a drawing, a GIS layer, a ROS map or a photo; its ending says what it is.
+    out
+        The map file to write.
+    start
+        Where robots start, in the map; default: the roomiest place.
+    layers
+        Read only these layers (DXF, GeoPackage) or groups (SVG: id or label); may be repeated.
+    preview
+        Of a photo: a picture of it, rectified, with the walls drawn over.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+    **options
+        Fields of `vinefab.maps.importers.import_options.ImportOptions`; of a photo also of
+        `vinefab.maps.importers.photo_options.PhotoOptions`.
+
+    Raises
+    ------
+    BadInputError
+        If an option means nothing for the kind of file, or a value cannot be used.
+    UnreadableFileError
+        If there is no such file, or it is not of the kind that its ending says.
+
+    Examples
+    --------
+    $ vinefab map import examples/imports/cave.dxf --drawn free --out plan.geojson
+    $ vinefab map import examples/arena/table.jpg --marker-mm 30 --height-mm 30
+      --obstacles 50,84,176,75 --crop 42,42,642,442 --out arena.geojson
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     drawn = Path(folder) / "room.svg"
+    ...     text = '<svg xmlns="http://www.w3.org/2000/svg"><rect width="40" height="30"/></svg>'
+    ...     _ = drawn.write_text(text)
+    ...     import_(drawn, scale_mm_per_unit=10.0).size_mm
+    (400.0, 300.0)
+    """
+    from vinefab.core.atomic import ensure_writable, write_bytes
+    from vinefab.core.errors import BadInputError
+    from vinefab.maps.importers.import_options import ImportOptions
+    from vinefab.maps.importers.importers import import_map, import_suffixes
+    from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
+    from vinefab.model.map import Start
+    from vinefab.model.start_place import start_given
+
+    source = path_of("path", path, f"a file ending in {', '.join(import_suffixes())}")
+    for name, file in (("out", out), ("preview", preview)):
+        if file is not None:
+            target = path_of(name, file)
+            ensure_apart(name, target, source, "the one to import")
+            ensure_writable(target, force=force)
+    names = (layers,) if isinstance(layers, str) else layers
+    if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
+        raise BadInputError("layers", layers, "names of layers")
+    places = [start_given(one) for one in starts_of(start)]
+    chosen = ImportOptions(
+        start=next((one.pose for one in places if isinstance(one, Start)), None),
+        layers=tuple(names),
+        photo=_photo_options(options),
+        **_known(options),
+    )
+    if preview is None:
+        return _kept(map_of(import_map(source, chosen), start=places), out, force=force)
+    if source.suffix.lower() not in PHOTO_SUFFIXES:
+        allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
+        raise BadInputError("preview", str(preview), allowed, source)
+    from vinefab.maps.importers.photo_map import read_photo_map
+    from vinefab.pages.page_png import page_png
+    from vinefab.pages.photo_preview import photo_preview
+
+    imported = read_photo_map(source, chosen)
+    picture = page_png(photo_preview(imported))
+    world = _kept(map_of(imported.world, start=places), out, force=force)
+    target = path_of("preview", preview)
+    write_bytes(target, picture, force=force)
+    wrote(target)
+    return world
+
+
+def _known(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of an import, once all of them are known; those of photos are gone."""
+    from vinefab.core.errors import BadInputError, nearest
+    from vinefab.maps.importers.import_options import ImportOptions
+    from vinefab.maps.importers.photo_options import PhotoOptions
+
+    of_photos = PhotoOptions.__dataclass_fields__
+    known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]
+    for name, value in options.items():
+        if name not in known:
+            allowed = f"one of {', '.join(known)}; of a photo one of {', '.join(of_photos)}"
+            raise BadInputError(name, value, f"{allowed}{nearest(name, [*known, *of_photos])}")
+    return options
+
+
+def _photo_options(options: dict[str, Any]) -> PhotoOptions | None:
+    """Take the options of a photo out of the others, also from a table of them."""
+    from collections.abc import Mapping
+
+    from vinefab.core.errors import BadInputError, nearest
+    from vinefab.maps.importers.photo_options import PhotoOptions
+
+    known = PhotoOptions.__dataclass_fields__
+    flat = {name: options.pop(name) for name in list(options) if name in known}
+    given = options.pop("photo", None)
+    if flat and given is not None:
+        raise BadInputError(next(iter(flat)), next(iter(flat.values())), "not beside photo")
+    if given is None or isinstance(given, PhotoOptions):
+        return PhotoOptions(**flat) if flat else given
+    if not isinstance(given, Mapping):
+        raise BadInputError("photo", given, "PhotoOptions, or a dict of them")
+    for name, value in given.items():
+        if name not in known:
+            allowed = f"one of {', '.join(known)}{nearest(str(name), known)}"
+            raise BadInputError(f"photo.{name}", value, allowed)
+    return PhotoOptions(**given)

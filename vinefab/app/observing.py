@@ -1,0 +1,195 @@
+"""Verbs about photos of grown robots: one seen, and several fitted."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
+from vinefab.app.results import PhotoReport
+from vinefab.core.errors import BadInputError
+from vinefab.core.verbs import Kind, Within, also, verb
+from vinefab.model.inputs import (
+    DesignLike,
+    MapLike,
+    Pairs,
+    PathText,
+    PoseLike,
+    design_of,
+    listed_of,
+    map_of,
+    numbers,
+    path_of,
+    several_of,
+    written,
+)
+
+
+@verb
+def observe(
+    photo: Annotated[PathText, Kind(metavar="PHOTO")],
+    map: MapLike,
+    design: DesignLike,
+    pose: PoseLike | None = None,
+    *,
+    rig: PathText | None = None,
+    corners_px: Annotated[
+        tuple[float, ...] | None, numbers("X,Y,X,Y,..."), also("--corners")
+    ] = None,
+    obstacle_height_mm: Annotated[float | None, also("--obstacle-height")] = None,
+    film_colour: Annotated[tuple[int, int, int] | None, numbers("R,G,B")] = None,
+    outline: PathText | None = None,
+    growth: Pairs | None = None,
+    out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
+    force: bool = False,
+) -> PhotoReport:
+    """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
+
+    Parameters
+    ----------
+    photo
+        A photo from above, JPEG or PNG.
+    map
+        The map that the rig was made from, or the path of its file.
+    design
+        A design, its path or its name.
+    pose
+        Where the robot was launched, X,Y,DEG in mm and degrees; default: the map's first start.
+    rig
+        The rig's ``rig.json``: where its markers lie and how high its obstacles are. Without it,
+        markers are looked for where `rig` puts them.
+    corners_px
+        Instead of markers: column and row of the lower left, lower right, upper right and upper
+        left corner of the bounds' box in the photo, eight numbers.
+    obstacle_height_mm
+        Height of the obstacles, which hide what lies behind them.
+    film_colour
+        Red, green and blue of the film, 0 to 255; default: as it is at the base.
+    outline
+        The film outlined by hand: GeoJSON in map millimetres, or SVG in pixels of the photo.
+    growth
+        Growth options of the prediction by name: pressure_stop=false.
+    out
+        A page (.html) to write, or the numbers (.json), which `fit_observations` reads.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    PhotoReport
+        A ``summary`` in lines, all ``numbers``, and the ``path`` of what was written.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, no markers are seen, or no film is found.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab observe examples/arena/grown_1.jpg --map arena.geojson
+      --design examples/arena/sprig.toml --pose 152,132,2 --obstacle-height 30 --json seen.json
+
+    >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
+    >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
+    """
+    from vinefab.model.map import Map, Pose
+    from vinefab.observation.observe_photo import observe_photo
+    from vinefab.observation.photo_setup import PhotoSetup
+    from vinefab.photos.photo import read_photo
+    from vinefab.prediction.deploy import first_start
+
+    page = page_path("out", out, force=force)
+    picture = path_of("photo", photo)
+    if page is not None:
+        ensure_apart("out", page, picture, "the photo")
+    world, robot = map_of(map), design_of(design)
+    _, given = growth_choice([design], [robot], growth)
+    eight, three = (
+        "columns and rows of four corners, eight numbers",
+        "red, green and blue, 0 to 255",
+    )
+    setup = PhotoSetup.of(
+        rig=None if rig is None else path_of("rig", rig),
+        corners_px=None if corners_px is None else listed_of("corners_px", corners_px, eight),
+        obstacle_mm=obstacle_height_mm,
+        film_colour=None if film_colour is None else listed_of("film_colour", film_colour, three),
+        outline=None if outline is None else path_of("outline", outline),
+    )
+    seen = observe_photo(
+        read_photo(picture),
+        world,
+        robot,
+        first_start(world) if pose is None else Pose.of(pose),
+        setup,
+        growth=given,
+        map_file=world.name if isinstance(map, Map) else str(map),
+        design_file=robot.name if not isinstance(design, str | Path) else str(design),
+    )
+    text = seen.json_text()
+    if page is not None:
+        is_json = page.suffix.lower() == ".json"
+        write_page(page, text if is_json else seen.page(), force=force)
+    return PhotoReport(path=page, summary=seen.summary, numbers=json.loads(text))
+
+
+@verb
+def fit_observations(
+    observations: Annotated[PathText | tuple[PathText, ...], Kind(metavar="JSON", several=True)],
+    *,
+    angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
+    out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
+    force: bool = False,
+) -> PhotoReport:
+    """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
+
+    Parameters
+    ----------
+    observations
+        JSON files of observations, one for each photo, in Python also what `observe` returned for
+        such ``out``.
+    angle_error_deg
+        Standard error of the angles of contacts where an observation does not give it (assumed).
+    out
+        A file to write; predictions read it as ``contacts``.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    PhotoReport
+        A ``summary`` in lines, all ``numbers``, and the file's ``path``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or the observations say nothing of contacts.
+    ForeignFileError
+        If ``out`` is something else.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab fit-observations seen.json --out contacts.toml
+
+    >>> fitted = fit_observations(["one.json", "two.json"], out="mine.toml")  # doctest: +SKIP
+    >>> fitted.numbers["head_on_half_angle_deg"]["low"]  # doctest: +SKIP
+    """
+    from vinefab.observation.contact_fit import fit_files
+
+    file = page_path("out", out, force=force)
+    paths = [path_of("observations", one) for one in several_of(observations)]
+    if not paths:
+        raise BadInputError("observations", None, "JSON files of observations")
+    for path in paths if file is not None else ():
+        ensure_apart("out", file or path, path, "an observation")
+    found = fit_files(paths, angle_error_deg)
+    if file is not None:
+        write_page(file, found.text(), force=force)
+    numbers_found = json.loads(found.json_text())
+    return PhotoReport(path=file, summary=tuple(found.lines()), numbers=numbers_found)

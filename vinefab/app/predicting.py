@@ -1,0 +1,633 @@
+"""Verbs that simulate: growing, scoring, aiming, comparing, predicting, and maps looked at."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from vinefab.app.common import (
+    Body,
+    Environment,
+    Poses,
+    TaskLike,
+    Workers,
+    families_of,
+    growth_choice,
+    page_path,
+    task_of,
+    write_page,
+)
+from vinefab.app.results import GrownDesign, WrittenReport
+from vinefab.core.errors import BadInputError
+from vinefab.core.verbs import (
+    Kind,
+    Progress,
+    Seed,
+    also,
+    numbers_from,
+    this_call,
+    told,
+    verb,
+)
+from vinefab.model.inputs import (
+    PAIRS,
+    ContactsLike,
+    DesignLike,
+    DesignsLike,
+    HalfAngle,
+    MapLike,
+    MapsLike,
+    Pairs,
+    PathText,
+    PoseLike,
+    RecipeLike,
+    StartsLike,
+    design_of,
+    map_of,
+    maps_of,
+    recipe_for,
+    several_of,
+    starts_of,
+    written,
+)
+
+if TYPE_CHECKING:
+    from vinefab.model.score import Score
+    from vinefab.prediction.aiming import AimResult
+    from vinefab.prediction.comparison import DesignComparison
+
+
+def _fronts(text: str) -> int | tuple[float, ...]:
+    numbers = numbers_from(text)
+    steps = len(numbers) == 1 and numbers[0].is_integer() and "." not in text
+    return int(numbers[0]) if steps else numbers
+
+
+@verb
+def grow(
+    design: DesignLike,
+    map: MapLike,
+    pose: PoseLike | None = None,
+    *,
+    start: StartsLike = (),
+    growth: Pairs | None = None,
+    body: Body | None = None,
+    head_on_half_angle_deg: HalfAngle | None = None,
+    contacts: ContactsLike | None = None,
+    children_of_stuck: str | None = None,
+    out: Annotated[PathText | None, written(".svg", ".png"), also("--svg")] = None,
+    label: bool = False,
+    history: Annotated[
+        int | tuple[float, ...] | None,
+        Kind(
+            metavar="N|L1,L2,...",
+            read=_fronts,
+            words=lambda fronts: [
+                str(fronts) if isinstance(fronts, int) else ",".join(f"{one!r}" for one in fronts)
+            ],
+        ),
+    ] = None,
+    animate: Annotated[PathText | None, written(".svg", ".gif")] = None,
+    frames: int = 40,
+    force: bool = False,
+) -> GrownDesign:
+    """Deploy a design on a map and say where every branch ended.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    map
+        A map, or the path of a map file.
+    pose
+        Where the robot starts, X,Y,DEG in mm and degrees; default: the map's first start.
+    start
+        Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side',
+        'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
+    growth
+        Growth options by name, in place of the design's or the defaults: pressure_stop=false,
+        head_on_half_angle_deg=1,15 (a range).
+    body
+        How wide a body is; short for a growth option. Default: as the design was trained.
+    head_on_half_angle_deg
+        Contacts closer to head-on than this stop a tip (assumed); short for a growth option.
+    contacts
+        Numbers that photos measured (`fit_observations`), in place of assumed ones.
+    children_of_stuck
+        stop: they never emerge; deploy: they grow from there.
+    out
+        A picture to write.
+    label
+        Write branch ids in the picture.
+    history
+        Add to the JSON the shapes at these lengths of the growing front, in mm along the body from
+        the base; a whole number alone: so many equal steps.
+    animate
+        The deployment as a moving picture.
+    frames
+        Frames of the moving picture.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    GrownDesign
+        What `Design.grow` returns is its ``deployed.deployment``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
+
+    >>> from vinefab import maps
+    >>> grow("plain_vine", maps.pegs(seed=1)).summary[0].startswith("plain_vine on pegs_1")
+    True
+    """
+    from vinefab.core.limits import positive, whole
+    from vinefab.model.map import Pose
+    from vinefab.prediction.deploy import MOST_FRAMES, deploy
+
+    picture = page_path("out", out, force=force)
+    film = page_path("animate", animate, force=force)
+    if film is not None:
+        whole("frames", frames, 1, MOST_FRAMES)
+    if isinstance(history, int):
+        whole("history", history, 1, MOST_FRAMES)
+    elif history is not None:
+        whole("history", len(history), 1, MOST_FRAMES)
+        history = tuple(positive("history", one) for one in history)
+    if pose is not None and starts_of(start):
+        raise BadInputError("pose", pose, "not together with start")
+    robot = design_of(design)
+    _, given = growth_choice(
+        [design],
+        [robot],
+        growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+        children_of_stuck=children_of_stuck,
+    )
+    here = None if pose is None else Pose.of(pose)
+    found = deploy(robot, map_of(map, start=start), here, given)
+    if picture is not None:
+        write_page(picture, found.picture(picture.suffix, named=label), force=force)
+    if film is not None:
+        write_page(film, found.animation(film.suffix, frames), force=force)
+    return GrownDesign(deployed=found, fronts=history)
+
+
+@verb
+def score(
+    design: DesignLike,
+    task: TaskLike = "coverage",
+    *,
+    maps: Annotated[MapsLike, also("--map")],
+    start: StartsLike = (),
+    poses: Poses = 3,
+    seed: Seed = 0,
+    body: Body | None = None,
+    head_on_half_angle_deg: HalfAngle | None = None,
+    contacts: ContactsLike | None = None,
+    growth: Pairs | None = None,
+    **parameters: Annotated[object, PAIRS, also("--set")],
+) -> Score:
+    """Score a design on a task over maps and poses (simulated).
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    task
+        The name of a task, in Python also a task of your own: an object with ``name``, ``lowest``
+        and ``evaluate``.
+    maps
+        Maps or paths of map files, at least one: --maps *.geojson. Poses are drawn around their
+        starts.
+    start
+        Where robots start, in place of the maps' starts.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of the poses; map ``i`` gets ``seed + i``.
+    body
+        How wide a body is; default: as the design was trained.
+    head_on_half_angle_deg
+        Contacts closer to head-on than this stop a tip (assumed); a range LOW,HIGH gives every
+        deployment a value of its own.
+    contacts
+        Numbers that photos measured (`fit_observations`), in place of assumed ones.
+    growth
+        Any growth options by name, in place of the design's or the defaults: pressure_stop=false.
+    **parameters
+        Parameters of a task that is named, such as radius_mm=60.
+
+    Returns
+    -------
+    Score
+        One evaluation per map and pose, and composites such as ``composite["mean"]``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design or task.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab score three_level_tree --task coverage --maps grid.geojson pegs.geojson
+
+    >>> from vinefab import maps
+    >>> found = score("plain_vine", "reach", maps=maps.pegs(seed=1), poses=2)
+    >>> found.scores.shape
+    (2,)
+    """
+    from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+
+    worlds = maps_of(maps, start)
+    if not worlds:
+        raise BadInputError("maps", "none", "at least one map")
+    plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
+    robot = design_of(design)
+    choice, _ = growth_choice(
+        [design],
+        [robot],
+        growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+    )
+    return score_design_on_task(robot, worlds, plan, choice.options)
+
+
+@verb
+def aim(
+    design: DesignLike,
+    world: Annotated[MapLike, also("--map")],
+    task: TaskLike = "reach",
+    *,
+    where: Annotated[str, Kind(metavar="PLACE")] = "border",
+    robots: int = 1,
+    against: DesignLike | None = None,
+    alone: bool = False,
+    placing_mm: float = 5.0,
+    placing_deg: float = 3.0,
+    deployments: int = 100_000,
+    seed: Seed = 0,
+    workers: Workers | None = None,
+    body: Body | None = None,
+    head_on_half_angle_deg: HalfAngle | None = None,
+    contacts: ContactsLike | None = None,
+    growth: Pairs | None = None,
+    out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
+    progress: Progress = True,
+    force: bool = False,
+    **parameters: Annotated[object, PAIRS, also("--set")],
+) -> AimResult:
+    """Search a map for the pose from which a robot scores best (simulated).
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    world
+        A map, or the path of a map file.
+    task
+        As in `score`.
+    where
+        Where the base may stand: border (of the free space, growing in, and where the map's starts
+        are), anywhere, starts, or a start in words: 'left side', 'area 0,0 50,480'.
+    robots
+        How many poses to choose that together cover most; for reach, coverage and tasks with a
+        method ``cover``.
+    against
+        A design to hold it against; default: a plain vine of the same total length.
+    alone
+        Hold it against nothing.
+    placing_mm
+        A base is placed within so many mm (assumed).
+    placing_deg
+        A base is turned within so many degrees (assumed).
+    deployments
+        About so many for the search of each design.
+    seed
+        Seed of the fresh deployments that reported scores come from.
+    workers
+        Threads; no result depends on it. Default: the processors.
+    body
+        How wide a body is; default: as the design was trained.
+    head_on_half_angle_deg
+        As in `score`; default: over the range that contacts may have.
+    contacts
+        Numbers that photos measured (`fit_observations`), in place of assumed ones.
+    growth
+        Any growth options by name, in place of the design's or the defaults: pressure_stop=false.
+    out
+        A page or a picture to write.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+    **parameters
+        Parameters of a task that is named, such as buffer_mm=60.
+
+    Returns
+    -------
+    AimResult
+        The best ``pose``, its expected score ``mean``, the ``poses`` of several robots, and a
+        ``summary`` in lines.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there is no room for the trunk.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design or task.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab aim grid_explorer --map grid.geojson --task reach --out aim.html
+
+    >>> from vinefab import maps
+    >>> found = aim("plain_vine", maps.pegs(seed=1), deployments=5000)
+    >>> 0.0 < found.mean <= 1.0
+    True
+    """
+    from dataclasses import replace
+
+    from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
+    from vinefab.prediction.family_deployments import MapFamily
+    from vinefab.prediction.provenance import origin_of
+
+    page = page_path("out", out, force=force)
+    place, scored_on = map_of(world, "world"), task_of(task, parameters)
+    named = [design] if against is None else [design, against]
+    robot = design_of(design)
+    other = None if against is None else design_of(against, "against")
+    compared = held_against(robot, other, alone=alone)
+    _, given = growth_choice(
+        named,
+        [robot] if other is None else [robot, other],
+        growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+    )
+    choice = aim_growth(compared, given)
+    plan = AimPlan(
+        where=where,
+        deployments=deployments,
+        placing_mm=placing_mm,
+        placing_deg=placing_deg,
+        robots=robots,
+        seed=seed,
+        options=choice.options,
+    )
+    with told("aim", progress) as tell:
+        found = aim_robots(compared, place, scored_on, plan, tell, workers)
+    family = MapFamily(label=place.name, worlds=(place,))
+    origin = origin_of(this_call().text(), compared, None, [family])
+    found = replace(found, origin=origin, growth_notes=choice.notes)
+    if page is not None:
+        is_page = page.suffix.lower() in (".html", ".htm")
+        content = found.page() if is_page else found.picture(page.suffix)
+        write_page(page, content, force=force)
+    return found
+
+
+@verb
+def compare(
+    designs: DesignsLike,
+    maps: Annotated[MapsLike, also("--map")] = (),
+    *,
+    start: StartsLike = (),
+    environment: Environment | None = None,
+    count: int = 100,
+    options: Annotated[Pairs | None, PAIRS, also("--set")] = None,
+    measure: str = "coverage_score",
+    poses: Poses = 3,
+    seed: Seed = 0,
+    body: Body | None = None,
+    head_on_half_angle_deg: HalfAngle | None = None,
+    contacts: ContactsLike | None = None,
+    growth: Pairs | None = None,
+    out: Annotated[PathText | None, written(".html", ".htm")] = None,
+    progress: Progress = True,
+    force: bool = False,
+) -> DesignComparison:
+    """Compare designs on the same maps and poses, with paired statistics (simulated).
+
+    Parameters
+    ----------
+    designs
+        Two to twelve designs, their paths or their names.
+    maps
+        Maps or paths of map files to compare on: --maps *.geojson.
+    start
+        Where robots start, in place of the maps' starts.
+    environment
+        Compare on unseen maps of this environment too.
+    count
+        How many unseen maps.
+    options
+        The environment's options, such as size_mm=300.
+    measure
+        What counts most, such as reach_percent.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of unseen maps and poses.
+    body
+        How wide a body is; default: as the designs were trained.
+    head_on_half_angle_deg
+        As in `score`.
+    contacts
+        Numbers that photos measured (`fit_observations`), in place of assumed ones.
+    growth
+        Any growth options by name, in place of the designs' or the defaults: pressure_stop=false.
+    out
+        A page to write.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    DesignComparison
+        The ``means`` by name, best first, the paired ``differences``, and a ``summary`` in lines.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there are neither maps nor an environment.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design, environment or measure.
+
+    Examples
+    --------
+    $ vinefab compare grid_explorer three_level_tree --environment grid --count 50
+
+    >>> from vinefab import maps
+    >>> found = compare(["plain_vine", "three_level_tree"], maps.pegs(seed=1), poses=1)
+    >>> sorted(found.means)
+    ['plain_vine', 'three_level_tree']
+    """
+    from dataclasses import replace
+
+    from vinefab.prediction.comparison import compare_designs, measure_named
+    from vinefab.prediction.family_deployments import PredictionPlan
+    from vinefab.prediction.provenance import origin_of
+
+    page = page_path("out", out, force=force)
+    named = several_of(designs)
+    main = measure_named(measure)
+    with told("compare", progress) as tell:
+        robots = [design_of(one, "designs") for one in named]
+        choice, _ = growth_choice(
+            named,
+            robots,
+            growth,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
+        )
+        families = families_of(maps, start, environment, count, seed, options)
+        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
+        found = compare_designs(
+            robots, families, plan, tell, measure=main, growth_notes=choice.notes
+        )
+        origin = origin_of(this_call().text(), robots, None, families)
+        found = replace(found, origin=origin)
+        content = "" if page is None else found.page()
+    if page is not None:
+        write_page(page, content, force=force)
+    return found
+
+
+@verb
+def report(
+    design: DesignLike,
+    recipe: RecipeLike | None = None,
+    *,
+    out: Annotated[PathText, written(".html", ".htm")],
+    maps: Annotated[MapsLike, also("--map")] = (),
+    start: StartsLike = (),
+    environment: Environment | None = None,
+    count: int = 100,
+    options: Annotated[Pairs | None, PAIRS, also("--set")] = None,
+    poses: Poses = 3,
+    seed: Seed = 0,
+    body: Body | None = None,
+    head_on_half_angle_deg: HalfAngle | None = None,
+    contacts: ContactsLike | None = None,
+    growth: Pairs | None = None,
+    progress: Progress = True,
+    force: bool = False,
+) -> WrittenReport:
+    """Write predictions (simulated), rules and materials of a design as one HTML page.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, in Python also a laser profile; default: that of the run that found
+        the design, else the shipped one.
+    out
+        The page to write.
+    maps
+        Maps or paths of map files to predict for: --maps *.geojson.
+    start
+        Where robots start, in place of the maps' starts.
+    environment
+        Predict for unseen maps of this environment too.
+    count
+        How many unseen maps.
+    options
+        The environment's options, such as size_mm=300.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of unseen maps and poses.
+    body
+        How wide a body is; default: as the design was trained.
+    head_on_half_angle_deg
+        As in `score`.
+    contacts
+        Numbers that photos measured (`fit_observations`), in place of assumed ones.
+    growth
+        Any growth options by name, in place of the design's or the defaults: pressure_stop=false.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    WrittenReport
+        The page's ``path``, a ``summary`` in lines, and all ``numbers``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there are neither maps nor an environment.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design, recipe or environment.
+
+    Examples
+    --------
+    $ vinefab report three_level_tree --environment grid --count 100 --out report.html
+
+    >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
+    >>> print(page.summary[0])  # doctest: +SKIP
+    """
+    from dataclasses import replace
+
+    from vinefab.prediction.family_deployments import PredictionPlan
+    from vinefab.prediction.predict import part_of, predict
+    from vinefab.prediction.provenance import origin_of
+
+    path = page_path("out", out, force=force)
+    assert path is not None  # noqa: S101  it is required
+    with told("report", progress) as tell:
+        tell(0.0, "reading and generating maps")
+        robot = design_of(design)
+        profile = recipe_for(robot, recipe).profile
+        families = families_of(maps, start, environment, count, seed, options)
+        choice, _ = growth_choice(
+            [design],
+            [robot],
+            growth,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
+        )
+        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
+        found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
+        origin = origin_of(this_call().text(), [robot], profile, families)
+        found = replace(found, origin=origin)
+        content = found.page(part_of(tell, 0.6, 1.0))
+    write_page(path, content, force=force)
+    return WrittenReport(path=path, summary=found.summary, numbers=found.numbers)

@@ -1,0 +1,732 @@
+"""Verbs about searches and studies: runs, contests, the paper, the studio, the demonstration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from vinefab.app.common import MOST_WORKERS, Environment, TaskLike, page_path, task_of, write_page
+from vinefab.app.results import StudyOutcome, WrittenFile
+from vinefab.core.atomic import ensure_own_folder, ensure_writable
+from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
+from vinefab.core.plain_text import counted
+from vinefab.core.verbs import (
+    IN_PLACE,
+    SHELL,
+    Kind,
+    Progress,
+    Seed,
+    Within,
+    also,
+    names_of,
+    note,
+    this_call,
+    told,
+    verb,
+    wrote,
+)
+from vinefab.model.inputs import (
+    FOLDER,
+    DesignLike,
+    MapLike,
+    PathText,
+    RecipeLike,
+    all_names,
+    name_or_path,
+    path_of,
+    several_of,
+    written,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from vinefab.search.record.generations import Progress as Generation
+    from vinefab.search.record.result import RunResult
+    from vinefab.search.run_pages import RunListing
+    from vinefab.search.settings import RunSettings
+    from vinefab.studies.optimizer_contest import Contender
+    from vinefab.tasks.task import Task
+
+    RunLike = RunSettings | str | PathLike[str]
+    RunsLike = str | PathLike[str] | tuple[str | PathLike[str], ...]
+    Contenders = str | tuple[str, ...]
+else:
+    RunLike = Annotated[object, Kind(metavar="RUN.toml", files=partial(all_names, "run file"))]
+    RunsLike = Annotated[
+        object, Kind(metavar="RUN.toml", files=partial(all_names, "run file"), several=True)
+    ]
+    Contenders = Annotated[
+        object,
+        Kind(
+            metavar="NAME[:KEY=VALUE,...]",
+            known=names_of("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            several=True,
+        ),
+    ]
+
+_FRONT_FILES = ("front.json", "front.svg", "front.png")
+
+
+@verb
+def optimize(
+    run: RunLike,
+    *,
+    out: Annotated[PathText | None, FOLDER] = None,
+    workers: Annotated[int | None, Within(0, MOST_WORKERS)] = None,
+    cluster: Annotated[str | None, Kind(metavar="ADDRESS")] = None,
+    seed: Seed | None = None,
+    task: TaskLike | None = None,
+    resume: bool = False,
+    generations: int | None = None,
+    evaluations: int | None = None,
+    wall_time_s: float | None = None,
+    page: bool = True,
+    progress: Progress = True,
+    force: bool = False,
+) -> RunResult:
+    """Search for the best design of a run; a page shows it, also while it is going on.
+
+    Every generation is recorded: ``resume`` continues a stopped run, and with ``generations``,
+    ``evaluations`` or ``wall_time_s`` a run that has ended, as if it had been asked for more at
+    once. The exit code of the command is 1 where no manufacturable robot was found.
+
+    Parameters
+    ----------
+    run
+        A run file, or the name of a shipped one, in Python also settings.
+    out
+        A folder for the record (``run.sqlite``), ``best.toml``, the page ``index.html`` with its
+        pictures and, for several objectives, the front; in Python None keeps the result in memory.
+    workers
+        Threads; no result depends on it. With a cluster they evaluate what is too little to hand
+        out; 0: nothing is evaluated here. Default: 1; N with local:N.
+    cluster
+        local:N, or the address of a dask scheduler that you trust: generations that are worth it
+        are handed out. For tls:// dask takes PEM files from DASK_DISTRIBUTED__COMM__TLS__CA_FILE,
+        DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY.
+    seed
+        Seed of the search in place of the run's.
+    task
+        A task in place of the run's: its name, in Python also a task of your own.
+    resume
+        Continue the run in ``out``.
+    generations
+        With ``resume``: go on until so many generations.
+    evaluations
+        With ``resume``: until so many designs are evaluated; 0: no limit.
+    wall_time_s
+        With ``resume``: until all sessions took so long; 0: no limit.
+    page
+        Write the page, also while the run is going on.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called after every generation.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    RunResult
+        The winner is ``best``; ``history`` holds every generation, ``score`` the winner's score on
+        fresh poses, and ``prediction`` what the winner does on unseen maps, over contacts and
+        placed off, in plain values.
+
+    Raises
+    ------
+    BadInputError
+        If a setting cannot be used, or no design of the space can be made.
+    ForeignFileError
+        If ``out`` holds something else, or a run and ``resume`` is not set.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    $ vinefab optimize grid_coverage --out run --workers 2
+
+    >>> from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings
+    >>> from vinefab.search.settings import SearchSettings
+    >>> found = optimize(
+    ...     RunSettings(
+    ...         maps=MapSettings(count=1, options={"columns": 3, "rows": 3}),
+    ...         search=SearchSettings(population=4, generations=2),
+    ...         evaluation=EvaluationSettings(fabricable=False),
+    ...     )
+    ... )
+    >>> len(found.history)
+    2
+    """
+    from dataclasses import replace
+
+    from vinefab.search.live_page import PAGE_NAME
+    from vinefab.search.run import make_point_evaluator, result_lines, violations_of
+    from vinefab.search.settings import PartSettings, RunLimits
+
+    settings, source = _run_of(run)
+    own_task = None if task is None or isinstance(task, str) else task_of(task, {})
+    if isinstance(task, str):
+        settings = settings.changed(task=PartSettings(name=task))
+    if seed is not None:
+        settings = settings.changed(search=settings.search.changed(seed=seed))
+    limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
+    for name, value in limits.given.items():
+        if not resume:
+            allowed = f"only with resume; of a new run it stands in its file, optimizer.{name}"
+            raise BadInputError(name, value, allowed)
+    if out is None:
+        if resume:
+            raise BadInputError("resume", resume, "together with out, the folder of the run")
+        if SHELL.get() is not None:
+            raise BadInputError("out", None, "the folder for the record and best.toml")
+        evaluator = make_point_evaluator(workers, cluster)
+        with _generations(settings, progress) as tell:
+            return _searched(settings, own_task, evaluator, tell)
+
+    from vinefab.prediction.run_folder import run_in_folder
+    from vinefab.prediction.run_winner import prediction_lines
+
+    folder = path_of("out", out)
+    pages = (PAGE_NAME,) if page else ()
+    for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
+        ensure_writable(folder / name, force=force)
+    again = this_call().text(resume=True)
+    with _resumable(again):
+        with _generations(settings, progress) as tell:
+            result = run_in_folder(
+                settings,
+                folder,
+                again=again,
+                page=page,
+                resume=resume,
+                limits=limits if limits.given else None,
+                workers=make_point_evaluator(workers, cluster),
+                progress=tell,
+                source=source,
+                task=own_task,
+            )
+        violations = violations_of(result, settings)
+    with _resumable(again), _recorded(again):
+        result.write_winner(folder, force=force)
+        lines = result_lines(result, violations)
+        if settings.objectives:
+            from vinefab.search.front_files import front_lines, write_front
+
+            lines += front_lines(write_front(result, settings, folder, force=force), settings)
+            note(
+                f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
+                f"{folder / 'front'}",
+                only_in_shell=True,
+            )
+        with told(
+            f"page of {settings.name}", progress if isinstance(progress, bool) else False
+        ) as (show):
+            from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
+
+            show(0.0, "drawing the winner")
+            ended = EndedRun.read(folder, result)
+            where = write_run_page(folder, ended, force=force) if page else folder / "best.toml"
+        lines += prediction_lines(result.prediction)
+        lines.append(outcome_line(ended, violations, where))
+    note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
+    return replace(result, told=tuple(lines), exit_code=int(bool(violations)))
+
+
+def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
+    """Return the settings of a run, and the file that they come from."""
+    from vinefab.model.files.shipped import locate
+    from vinefab.search.settings import RunSettings, read_run
+
+    if isinstance(given, RunSettings):
+        return given, None
+    allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
+    path = locate("run file", name_or_path("run", given, allowed))
+    return read_run(path), path
+
+
+@contextmanager
+def _generations(
+    settings: RunSettings,
+    given: Any,
+) -> Iterator[Callable[[Generation], None]]:
+    """Return what a run tells its generations to."""
+    from vinefab.search.run import progress_line
+
+    if callable(given):
+        yield given
+        return
+    with told(f"optimizing {settings.name}", given) as tell:
+        checked = settings.evaluation.fabricable
+        yield lambda now: tell(now.share, progress_line(now, checked=checked))
+
+
+def _searched(
+    settings: RunSettings,
+    task: Task | None,
+    workers: Any,
+    progress: Callable[[Generation], None],
+) -> RunResult:
+    """Return the result of a search that is not recorded."""
+    from vinefab.prediction.run_winner import predict_winner
+    from vinefab.search.loop import Search
+    from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
+
+    maps, fresh = training_maps(settings), fresh_maps(settings)
+    search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
+    result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
+    if recipe is not None:
+        result = result.with_recipe(recipe)
+    return result.with_prediction(predict_winner(search, result))
+
+
+@contextmanager
+def _resumable(again: str) -> Iterator[None]:
+    """Report how to resume when the user interrupts the block of a command."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if SHELL.get() is None:
+            raise
+        raise InterruptedRunError("the generations so far are recorded", again) from stop
+
+
+@contextmanager
+def _recorded(again: str) -> Iterator[None]:
+    """Report, when a file cannot be written, that the record is complete."""
+    try:
+        yield
+    except CannotWriteError as error:
+        problem = f"{error.problem}; the run is complete and recorded, to write its files: "
+        raise CannotWriteError(error.path, f"{problem}{again}") from error
+
+
+@verb
+def runs(
+    *folders: Annotated[PathText, Kind(metavar="DIR")],
+    rebuild: Annotated[PathText | None, FOLDER] = None,
+    best: Annotated[PathText | None, Kind(metavar="FILE", writes="file")] = None,
+    force: bool = False,
+) -> RunListing:
+    """List the records of runs in folders and below, with mean and deviation over seeds.
+
+    The exit code of the command is 1 where some runs of the best winner have not ended, or no
+    record can be read.
+
+    Parameters
+    ----------
+    *folders
+        Folders of runs, or folders above them.
+    rebuild
+        Write best.toml, page and figures of the run in the one folder here, from its record alone.
+    best
+        Write the best winner of runs that differ in their seed alone to this file.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Returns
+    -------
+    RunListing
+        ``rows`` as plain values, and ``summary``; `RunResult.read` reads one of them.
+
+    Raises
+    ------
+    BadInputError
+        If a folder has no run in it or below.
+
+    Examples
+    --------
+    $ vinefab runs . --json -
+
+    >>> runs("night")  # doctest: +SKIP
+    """
+    from dataclasses import replace
+
+    from vinefab.search.run_pages import list_runs, write_best
+    from vinefab.search.run_pages import rebuild as rebuilt
+
+    if not folders:
+        raise BadInputError("folders", None, "folders of runs, or folders above them")
+    paths = [path_of("folders", folder) for folder in folders]
+    if rebuild is not None and len(paths) > 1:
+        raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
+    listing = list_runs(paths)
+    if rebuild is not None:
+        from vinefab.prediction.run_page import EndedRun, write_run_page
+
+        out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
+            wrote(path)
+    if best is not None:
+        file = path_of("best", best)
+        listing = replace(listing, whole=write_best(listing, file, force=force))
+        wrote(file, "" if listing.whole else ", of the runs that have ended")
+    return listing
+
+
+@verb
+def contest(
+    run_files: RunsLike,
+    *,
+    optimizers: Annotated[Contenders, also("--optimizer")],
+    out: Annotated[PathText, FOLDER],
+    seeds: int = 10,
+    unseen: int = 25,
+    poses: int = 3,
+    workers: Annotated[int, Within(1, MOST_WORKERS), also("--jobs")] = 1,
+    progress: Progress = True,
+    force: bool = False,
+) -> StudyOutcome:
+    """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
+
+    Parameters
+    ----------
+    run_files
+        The problems: run files, or shipped names.
+    optimizers
+        NAME or NAME:KEY=VALUE,...; several; the first is the reference.
+    out
+        Folder for table, figure and record.
+    seeds
+        Runs of each optimizer on each problem.
+    unseen
+        Maps to test every winner on.
+    poses
+        Poses on each of these maps.
+    workers
+        Processes; no result depends on it.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Raises
+    ------
+    BadInputError
+        If a setting cannot be used.
+    UnknownNameError
+        If there is no such optimizer.
+
+    Examples
+    --------
+    $ vinefab study contest examples/contest/grid.toml --optimizer cmaes --optimizer random
+      --seeds 2 --unseen 5 --out contest
+
+    >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
+    """
+    from vinefab.search.settings import read_run
+    from vinefab.studies.optimizer_contest import (
+        Contest,
+        comparison_json,
+        comparison_svg,
+        comparison_table,
+        contest_rows,
+        heading_lines,
+        table_lines,
+    )
+
+    files = [Path(name_or_path("run_files", one, "run files")) for one in several_of(run_files)]
+    plan = Contest(
+        problems=tuple(read_run(path) for path in files),
+        contenders=tuple(_contender(text) for text in several_of(optimizers)),
+        seeds=seeds,
+        unseen=unseen,
+        poses=poses,
+        sources=tuple(files),
+    )
+    folder = path_of("out", out)
+    with told("comparing", progress) as tell:
+        rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
+    document = comparison_json(plan, rows)
+    write_page(folder / "comparison.json", document, force=force)
+    write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
+    lines = (*heading_lines(plan), *table_lines(comparison_table(plan, rows)))
+    return StudyOutcome(found=rows, summary=lines, text=lambda: document)
+
+
+def _contender(text: str) -> Contender:
+    from vinefab.model.inputs import PAIRS
+    from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+    from vinefab.search.settings import PartSettings
+    from vinefab.studies.optimizer_contest import Contender
+
+    name, _, rest = text.partition(":")
+    assert PAIRS.read is not None  # noqa: S101  for the type checker
+    parameters: Mapping[str, Any] = dict(map(PAIRS.read, rest.split(",") if rest else []))
+    make_optimizer_config(name, parameters)
+    return Contender(label=text, part=PartSettings(name=name, parameters=parameters))
+
+
+@verb
+def reproduce(
+    *names: Annotated[
+        str, Kind(metavar="NAME", known=names_of("vinefab.studies.experiments:EXPERIMENTS"))
+    ],
+    out: Annotated[PathText, FOLDER],
+    quick: bool = False,
+    workers: Annotated[int, Within(1, 256)] = 2,
+    progress: Progress = True,
+) -> StudyOutcome:
+    """Do the paper's experiments again and put our numbers beside the paper's.
+
+    Finished parts are kept in the folder and not done again; no number depends on how many
+    processes work or on how often the run was stopped. The exit code is 0 whether the paper's
+    claims hold or not.
+
+    Parameters
+    ----------
+    *names
+        Experiments, or all.
+    out
+        The folder; a stopped run goes on in it.
+    quick
+        A smoke run within a minute.
+    workers
+        Processes; no number depends on it.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+
+    Raises
+    ------
+    BadInputError
+        If no experiment is named.
+    UnknownNameError
+        If there is no such experiment.
+
+    Examples
+    --------
+    $ vinefab study reproduce all --quick --out reproduction
+
+    >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
+    """
+    from vinefab.studies.experiments import EXPERIMENTS
+    from vinefab.studies.reproduction import NUMBERS, PAGE, numbers_text
+    from vinefab.studies.reproduction import reproduce as reproduced
+    from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
+
+    if not names:
+        raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
+    folder, size = path_of("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    with told("reproduce", progress) as tell:
+        done = reproduced(
+            names, folder, size, workers=workers, tell=tell,
+            announce=lambda name: note(name, only_in_shell=True),
+        )  # fmt: skip
+    rows: list[tuple[str, ...]] = [
+        ("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")
+    ]
+    rows += [(one.name, *claim.cells()[:5]) for one in done.findings for claim in one.claims]
+    held, claims = done.held
+    spent = f"{done.spent_s:.0f} s of work in this session"
+    lines = [
+        *aligned(rows),
+        f"{held} of {claims} claims of the paper hold; {spent}",
+        f"read this first: {folder / PAGE}",
+        f"        numbers: {folder / NUMBERS}",
+    ]
+    return StudyOutcome(found=done, summary=tuple(lines), text=lambda: numbers_text(done))
+
+
+def aligned(rows: Any) -> list[str]:
+    """Return rows of texts as lines with their columns one below the other."""
+    widths = [max(len(str(row[column])) for row in rows) for column in range(len(rows[0]))]
+    return [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+@verb
+def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
+    """Measure growth against other ways to compute the same and its floor, and a search's time.
+
+    Parameters
+    ----------
+    million
+        Grow on a map of a million walls too.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+
+    Examples
+    --------
+    $ vinefab study bench --json bench.json
+
+    >>> bench()  # doctest: +SKIP
+    """
+    from vinefab.studies.benchmark import bench_lines, run_benchmark
+
+    with told("measuring", progress) as tell:
+        result = run_benchmark(tell, million=million)
+    return StudyOutcome(found=result, summary=tuple(bench_lines(result)), text=result.text)
+
+
+@verb
+def demo(
+    *,
+    out: Annotated[PathText, FOLDER] = "demo",
+    seed: Seed = 1,
+    generations: Annotated[int, Within(1, 1_000_000)] = 40,
+    population: Annotated[int, Within(2, 1_000_000)] = 32,
+    progress: Progress = True,
+    force: bool = False,
+) -> StudyOutcome:
+    """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
+
+    The exit code of the command is 1 where a rule forbids the robot.
+
+    Parameters
+    ----------
+    out
+        The folder to write.
+    seed
+        Another seed, another demonstration.
+    generations
+        Generations of the search.
+    population
+        Designs per generation.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite what vinefab did not write.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    ForeignFileError
+        If ``out`` holds something else.
+
+    Examples
+    --------
+    $ vinefab demo --out demo
+
+    >>> demo(out="demo")  # doctest: +SKIP
+    """
+    from vinefab.core.atomic import new_folder
+    from vinefab.demonstration import DemoSettings, run_demo
+
+    mark = "results.json"  # by which a folder of this verb is known again
+    folder = path_of("out", out)
+    ensure_own_folder(folder, mark, force=force)
+
+    def say(words: str) -> None:
+        note(words, only_in_shell=True)
+
+    say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
+    settings = DemoSettings(seed=seed, generations=generations, population=population)
+    with told("demo", progress) as tell, new_folder(folder, mark, force=force) as place:
+        found = run_demo(place, settings, tell, say)
+    lines = [f"{found.result.best.name}, run {found.result.run_id}", *aligned(found.table())]
+    where = {
+        "read this first": "report.html",
+        "for the laser": "package/README.txt",
+        "for the printer": "rig/rig.json",
+        "the design": "run/best.toml",
+        "numbers": mark,
+    }
+    lines += [f"{words:>16}: {folder / name}" for words, name in where.items()]
+    return StudyOutcome(
+        found=found,
+        summary=tuple(lines),
+        text=lambda: (folder / mark).read_text(encoding="utf-8"),
+        exit_code=0 if found.is_manufacturable else 1,
+    )
+
+
+_STUDIO_PACKAGES = ("starlette", "tomlkit", "uvicorn", "watchfiles", "websockets")
+
+
+@verb
+def studio(
+    design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
+    map: MapLike | None = None,
+    *,
+    environment: Environment = "grid",
+    recipe: RecipeLike | None = None,
+    port: int = 0,
+    browser: bool = True,
+    snapshot: Annotated[PathText | None, written(".html")] = None,
+    family: bool = False,
+    progress: Progress = True,
+    force: bool = False,
+) -> WrittenFile | None:
+    """Design with the robot under your hands: a page where every change is seen at once.
+
+    Parameters
+    ----------
+    design
+        A design file, or the name of a shipped design; a snapshot is opened again.
+    map
+        A map file.
+    environment
+        The environment of the maps, where no map is given.
+    recipe
+        A recipe file, or a shipped one's name.
+    port
+        Where to listen; 0: any port that is free.
+    browser
+        Open the page in the browser.
+    snapshot
+        Serve nothing: write the page as it begins, with all that it shows, as one HTML file that
+        needs no server. `vinefab studio FILE.html` opens it again.
+    family
+        With a snapshot: the robot on many maps too.
+    progress
+        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
+        called with the share of the work that is done and a few words.
+    force
+        Overwrite files that vinefab did not write, or that were changed since.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or the packages of the studio are missing.
+
+    Examples
+    --------
+    $ vinefab studio grid_explorer --environment cave
+    $ vinefab studio mine.toml --map table.geojson --snapshot state.html
+
+    >>> studio("mine.toml", snapshot="state.html")  # doctest: +SKIP
+    """
+    from importlib.util import find_spec
+
+    missing = [name for name in _STUDIO_PACKAGES if find_spec(name) is None]
+    if missing:
+        allowed = "together with the packages of the studio: pip install 'vinefab[studio]'"
+        raise BadInputError("vinefab studio", f"without {', '.join(missing)}", allowed)
+    from vinefab.studio.serve import serve
+    from vinefab.studio.workplace import Opened
+
+    page = page_path("snapshot", snapshot, force=force)
+    opened = Opened(
+        design=str(name_or_path("design", design, "a design file, or a shipped name")),
+        map_file=None if map is None else path_of("map", map, "the path of a map file"),
+        environment=environment,
+        recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
+    )
+    if page is None:
+        if family:
+            raise BadInputError("family", family, "to be given together with --snapshot")
+        serve(opened, port=port, browser=browser, say=lambda words: note(words, only_in_shell=True))
+        return None
+    from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
+    from vinefab.studio.workplace import Workplace
+
+    options = SnapshotOptions(family=family, file=opened.design)
+    with told("snapshot", progress) as tell:
+        write_snapshot(Workplace(opened).state, page, options, tell, force=force)
+    wrote(page)
+    return WrittenFile(path=page)

@@ -1,0 +1,412 @@
+"""Commands from verbs: which one is meant, what was typed for it, and what it gives."""
+
+import difflib
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextvars import copy_context
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import Annotated, Any
+
+from vinefab.app.verbs import GROUPS, OLDER, PER_NAME, VERBS
+from vinefab.cli.terminal import Terminal
+from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
+from vinefab.core.verbs import (
+    SHELL,
+    Kind,
+    Option,
+    Shell,
+    described,
+    field_options,
+    options_of,
+    shell_examples,
+)
+
+HELP = ("-h", "--help")
+MAP_OPTIONS = ("--maps", "--map")
+MAP_SUFFIXES = (".geojson", ".json")
+_ALIKE = 0.75
+"""So alike are two names at least of which one may be meant for the other, 0 to 1."""
+
+
+class UsageError(VinefabError):
+    """A command line that cannot be understood."""
+
+
+_FORCE = "Overwrite files that vinefab did not write, or that were changed since."
+COMMON = (
+    Option(
+        name="json",
+        base=str,
+        kind=Kind(metavar="FILE", hyphen=True),
+        default=None,
+        flags=("--json",),
+        help="Machine-readable result: a file, or - for the output.",
+    ),
+    Option(
+        name="quiet",
+        base=bool,
+        kind=Kind(),
+        default=False,
+        flags=("--quiet", "-q"),
+        help="Print nothing but errors.",
+    ),
+    Option(
+        name="verbose",
+        base=bool,
+        kind=Kind(),
+        default=False,
+        flags=("--verbose", "-v"),
+        help="Print more, where there is more.",
+    ),
+)
+"""What every command has; `--force` too, for the file of ``--json``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One command: a verb with the words that call it."""
+
+    name: str
+    function: Callable[..., Any]
+    options: tuple[Option, ...]
+    fixed: Mapping[str, Any] = field(default_factory=dict)  # parameters that its name says
+    about: str = ""  # in place of what the function's docstring says first
+
+    @classmethod
+    def named(cls, name: str) -> "Command":
+        """Return the command of some words, ``map grid``."""
+        if name in VERBS:
+            function = _loaded(VERBS[name].where)
+            return cls(name=name, function=function, options=_shell_options(options_of(function)))
+        group, _, last = name.partition(" ")
+        where, registry = PER_NAME[group]
+        function, part = _loaded(where), _loaded(registry)[last]
+        first, *rest = options_of(function)
+        own = [one for one in rest if not one.named]
+        return cls(
+            name=name,
+            function=function,
+            options=_shell_options((*own, *field_options(part.options))),
+            fixed={first.name: last},
+            about=f"Generate a map: {part.description}.",
+        )
+
+    def examples(self) -> list[str]:
+        """Return command lines that work."""
+        if self.fixed:
+            return [f"vinefab {self.name} --seed 3 --out {self.name.split()[-1]}.geojson"]
+        return shell_examples(self.function)
+
+    def description(self) -> tuple[str, str]:
+        """Return what it does in one sentence, and the rest."""
+        return (self.about, "") if self.about else described(self.function)
+
+    def run(self, typed: Sequence[str]) -> int:
+        """Run the command as it was typed, and return the exit code."""
+        given = self.understood(typed)
+        json_out, quiet = given.pop("json", None), given.pop("quiet", False)
+        verbose = given.pop("verbose", False)
+        force = given["force"] if self._forces else given.pop("force", False)
+        terminal = Terminal(quiet=quiet, json_out=json_out, force=bool(force))
+        terminal.ensure_json()
+        context = copy_context()
+        return context.run(self._called, given, terminal, verbose=verbose)
+
+    @property
+    def _forces(self) -> bool:
+        return any(one.name == "force" for one in self.options)
+
+    def _called(self, given: dict[str, Any], terminal: Terminal, *, verbose: bool) -> int:
+        SHELL.set(Shell(command=self.name, say=terminal.say, progress=terminal.progress))
+        placed = [given.pop(one.name) for one in self.options if one.starred and one.name in given]
+        try:
+            result = self.function(*(placed[0] if placed else ()), **self.fixed, **given)
+        except ExportRefusedError as error:
+            terminal.say_all(error.summary)
+            raise
+        if result is None:
+            return 0
+        terminal.give_json(result.json_text())
+        details = getattr(result, "details", None) if verbose else None
+        terminal.say_all(details if isinstance(details, tuple) else result.summary)
+        return int(getattr(result, "exit_code", 0))
+
+    def understood(self, typed: Sequence[str]) -> dict[str, Any]:
+        """Return the values that were typed, by parameter."""
+        texts = self._parsed(each_map_named(typed))
+        given = dict[str, Any]()
+        for option in (*self.options, *_common(self.options)):
+            if option.name not in texts:
+                continue
+            found = texts[option.name]
+            value: Any = found if isinstance(found, bool) else option.value(found)
+            if option.named:
+                given |= value
+            else:
+                given[option.name] = value
+        if self._forces:
+            given.setdefault("force", False)
+        return given
+
+    def _parsed(self, typed: Sequence[str]) -> dict[str, Any]:
+        """Return the texts that were typed for each option, as cyclopts binds them."""
+        import cyclopts
+
+        app = cyclopts.App(
+            name="vinefab",
+            help_flags=(),
+            version_flags=(),
+            result_action="return_value",
+            suppress_keyboard_interrupt=False,
+        )
+        app.default(_texts_function(self.options))
+        try:
+            _, bound, _ = app.parse_args(
+                list(typed), exit_on_error=False, print_error=False, verbose=False
+            )
+        except cyclopts.CycloptsError as error:
+            raise UsageError(self._usage_line(error, typed)) from error
+        texts = {name: value for name, value in bound.arguments.items() if value is not None}
+        missing = [one for one in self.options if one.required and one.name not in texts]
+        if missing:
+            shown = missing[0].metavar if missing[0].positional else missing[0].flag
+            raise UsageError(self._with_example(f"{shown} is missing"))
+        return {
+            name: value if isinstance(value, bool) else [value] if isinstance(value, str)
+            else list(value)
+            for name, value in texts.items()
+        }  # fmt: skip
+
+    def _with_example(self, line: str) -> str:
+        examples = self.examples()
+        return f"{line}; for example: {examples[0]}" if examples else line
+
+    def _usage_line(self, error: Any, typed: Sequence[str]) -> str:  # noqa: ANN401  of cyclopts
+        """Return what is wrong with a command line, and one that works."""
+        import cyclopts
+
+        unknown = next((word for word in typed if self._is_unknown(word)), "")
+        match error:
+            case cyclopts.UnknownOptionError() | cyclopts.UnusedCliTokensError() if unknown:
+                return self._unknown_option(unknown)
+            case cyclopts.RepeatArgumentError(token=token) if token is not None:
+                return f"{token.keyword} is given twice; allowed: once"
+            case cyclopts.UnusedCliTokensError():
+                words = " ".join(error.unused_tokens or [])
+                line = f"one argument too many: {shortened(words)}"
+            case cyclopts.MissingArgumentError(argument=argument) if argument is not None:
+                shown = next((word for word in typed if word in argument.names), argument.name)
+                line = f"{shown} is without a value"
+            case _:
+                line = " ".join(str(error).split()).rstrip(".")
+        return self._with_example(line)
+
+    def _is_unknown(self, word: str) -> bool:
+        name = word.partition("=")[0]
+        return bool(re.match(r"--?[a-zA-Z]", word)) and name not in self._flags()
+
+    def _flags(self) -> list[str]:
+        """Return every option that may be typed."""
+        return [flag for option in (*self.options, *_common(self.options))
+                for flag in flags_of(option)] + list(HELP)  # fmt: skip
+
+    def _unknown_option(self, word: str) -> str:
+        word = word.partition("=")[0]
+        known = [flag for flag in self._flags() if flag.startswith("--")]
+        begun = [flag for flag in known if len(word) > 3 and flag.startswith(word)]
+        alike = begun or difflib.get_close_matches(word, known, cutoff=_ALIKE)
+        if alike:
+            return f"there is no option {word}; did you mean {' or '.join(alike)}?"
+        return f"there is no option {shortened(word, 80)}; vinefab {self.name} --help lists them"
+
+
+def _common(options: Sequence[Option]) -> tuple[Option, ...]:
+    if any(one.name == "force" for one in options):
+        return COMMON
+    more = Option(
+        name="force", base=bool, kind=Kind(), default=False, flags=("--force",), help=_FORCE
+    )
+    return (*COMMON, more)
+
+
+def all_options(command: Command) -> tuple[Option, ...]:
+    """Return the options of a command, with those that every command has."""
+    return (*command.options, *_common(command.options))
+
+
+def flags_of(option: Option) -> tuple[str, ...]:
+    """Return every way to type an option's name."""
+    if option.base is bool and option.default is True:
+        return (*option.flags, *(f"--no-{flag[2:]}" for flag in option.flags))
+    many = option.starred or (option.positional and option.kind.several)
+    return () if many else option.flags
+
+
+def _shell_options(options: Sequence[Option]) -> tuple[Option, ...]:
+    """Return the options that can be typed; no two share a name."""
+    taken = {option.flag for option in options}
+    found = list[Option]()
+    for option in options:
+        if option.kind.in_python:
+            continue
+        flags = [option.flag]
+        if option.named:
+            flags = list(option.flags[1:]) or flags
+        else:
+            flags += [flag for flag in option.flags[1:] if flag not in taken]
+        taken |= set(flags)
+        found.append(replace(option, flags=tuple(flags)))
+    return tuple(found)
+
+
+def _texts_function(options: Sequence[Option]) -> Callable[..., None]:
+    """Return a function of texts: cyclopts binds words to names, and `Option` reads them."""
+    from cyclopts import Parameter
+
+    def texts(*_: object, **__: object) -> None: ...
+
+    parameters = list[inspect.Parameter]()
+    star = False
+    for option in (*options, *_common(options)):
+        kind: Any = inspect.Parameter.KEYWORD_ONLY
+        hint: Any = str | None
+        default: Any = None
+        more: dict[str, Any] = {"negative": (), "allow_leading_hyphen": option.hyphen}
+        many = option.kind.several
+        if option.base is bool:
+            hint = bool | None
+            no = [flag for flag in flags_of(option) if flag.startswith("--no-")]
+            more = {"negative": tuple(no)}
+        elif option.positional and (option.starred or many):
+            kind, hint, default, star = inspect.Parameter.VAR_POSITIONAL, str, ..., True
+        elif many:
+            hint = list[str] | None
+        elif option.positional and not star:
+            kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        if kind is not inspect.Parameter.VAR_POSITIONAL:
+            more["name"] = option.flags
+        parameters.append(
+            inspect.Parameter(
+                option.name,
+                kind,
+                annotation=Annotated[hint, Parameter(show=False, **more)],
+                **({} if default is ... else {"default": default}),
+            )
+        )
+    parameters.sort(key=lambda one: one.kind)
+    texts.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    texts.__annotations__ = {one.name: one.annotation for one in parameters}
+    return texts
+
+
+def _loaded(where: str) -> Any:  # noqa: ANN401  whatever stands there
+    module, _, name = where.partition(":")
+    return getattr(import_module(module), name)
+
+
+def names_in(group: str) -> Iterator[str]:
+    """Yield the names of the commands in a group, those of registered parts first."""
+    if group in PER_NAME:
+        registry = _loaded(PER_NAME[group][1])
+        registry.load_plugins()
+        yield from registry
+    for name in VERBS:
+        before, _, last = name.rpartition(" ")
+        if before == group:
+            yield last
+
+
+def summaries(group: str) -> dict[str, str]:
+    """Return the commands of a group with a line on each."""
+    found = dict[str, str]()
+    if group in PER_NAME:
+        registry = _loaded(PER_NAME[group][1])
+        registry.load_plugins()
+        found |= {name: f"Generate a map: {part.description}." for name, part in registry.items()}
+        found |= {name: f"does not load ({why})" for name, why in registry.broken.items()}
+    for name, verb in VERBS.items():
+        before, _, last = name.rpartition(" ")
+        if before == group:
+            found[last] = verb.summary
+    return found
+
+
+def command_for(words: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the name of the command that is meant, and the words for it.
+
+    A group alone, or one that asks for help, is returned with no words or ``--help``.
+
+    Raises
+    ------
+    UsageError
+        If there is no such command.
+    """
+    first, *rest = words
+    if first.startswith("-"):
+        raise UsageError(
+            f"there is no option {first} before a command; vinefab COMMAND {first} ..."
+        )
+    if first in OLDER:
+        name, renamed = OLDER[first]
+        typed = {word.partition("=")[0] for word in rest}
+        if not renamed:
+            first, rest = (name.split()[0], [*name.split()[1:], *rest])
+        elif typed & set(renamed):
+            first = name
+            rest = [renamed.get(word, word) if "=" not in word else _renamed(word, renamed)
+                    for word in rest]  # fmt: skip
+    if first in GROUPS:
+        if not rest or rest[0] in HELP:
+            return first, rest[:1]
+        last, *rest = rest
+        if f"{first} {last}" not in VERBS and last not in (known := list(names_in(first))):
+            raise UsageError(_unknown_command(last, known))
+        return f"{first} {last}", rest
+    if first not in VERBS or " " in first:
+        listed = [name for name in top_commands() if name not in OLDER or name in VERBS]
+        raise UsageError(_unknown_command(first, listed))
+    return first, rest
+
+
+def _renamed(word: str, renamed: Mapping[str, str]) -> str:
+    name, equals, value = word.partition("=")
+    return f"{renamed.get(name, name)}{equals}{value}"
+
+
+def top_commands() -> list[str]:
+    """Return the words that may stand first, in the order of the help."""
+    names = [name.split()[0] for name in VERBS]
+    return list(dict.fromkeys(names))
+
+
+def _unknown_command(typed: str, known: Sequence[str]) -> str:
+    meant = difflib.get_close_matches(typed.lower(), known, cutoff=_ALIKE)
+    if meant:
+        hint = f"did you mean {' or '.join(repr(name) for name in meant)}?"
+    else:
+        hint = f"there are: {', '.join(known)}"
+    return f"there is no command {shortened(typed, 80)!r}; {hint}"
+
+
+def each_map_named(arguments: Sequence[str]) -> list[str]:
+    """Return arguments with the option before each of several map files.
+
+    A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``. A library's list option
+    would swallow a design behind them.
+
+    >>> each_map_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
+    ['score', 'vine', '--maps', 'a.geojson', '--maps', 'b.geojson', '-q']
+    """
+    named: list[str] = []
+    option = ""
+    for argument in arguments:
+        if argument.startswith("-"):
+            option = argument if argument in MAP_OPTIONS else ""
+        elif option and not named[-1].startswith("-") and argument.endswith(MAP_SUFFIXES):
+            named.append(option)
+        elif named and not named[-1].startswith("-"):
+            option = ""
+        named.append(argument)
+    return named

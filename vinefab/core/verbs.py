@@ -1,0 +1,595 @@
+"""A verb: one public function that is a command too.
+
+Its signature, its annotations and its docstring say all that the command line, its help and its
+completion need. `verb` checks plain values for both doors, notes the call, from which "how to
+reproduce" is written, and names values in errors as the caller names them. `Kind` says how a value
+is typed in a shell; this module knows no library of command lines.
+"""
+
+import inspect
+import re
+import shlex
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cache, wraps
+from importlib import import_module
+from os import PathLike, fspath
+from pathlib import Path
+from types import MappingProxyType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
+
+from vinefab.core.errors import (
+    BadInputError,
+    ExportRefusedError,
+    UnknownNameError,
+    VinefabError,
+)
+from vinefab.core.limits import number, whole
+from vinefab.core.progress_lines import progress_shown
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Tell = Callable[[float, str], None]
+
+REQUIRED = inspect.Parameter.empty
+MOST_SEED = 2**63 - 1
+_UNIT_AT_THE_END = re.compile(r"-(mm|deg|px)$")
+
+
+# --- How a value is written ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """How a value is typed in a shell, and what is allowed on both doors."""
+
+    metavar: str = ""
+    read: Callable[[str], Any] | None = None  # one text as a value
+    words: Callable[[Any], list[str]] | None = None  # a value as texts, the inverse of `read`
+    gather: Callable[[list[Any]], Any] | None = None  # what was read of several texts as one value
+    several: bool = False  # may be repeated
+    known: Callable[[], Iterable[str]] | None = None  # names of registered parts, for the help too
+    files: Callable[[], Iterable[str]] | None = None  # names of files that ship, or are the user's
+    hyphen: bool = False  # a text may begin with a hyphen
+    writes: Literal["", "file", "folder"] = ""
+    ends: tuple[str, ...] = ()  # endings of a file that is written
+    in_python: bool = False  # nothing that a shell could say
+
+
+class Also(NamedTuple):
+    """Older or shorter names of an option, which go on working."""
+
+    flags: tuple[str, ...]
+
+
+class InPlace(NamedTuple):
+    """Marks a parameter that may be left out and is typed without its name all the same."""
+
+
+IN_PLACE = InPlace()
+
+
+def also(*flags: str) -> Also:
+    """Return further names of an option, with their hyphens."""
+    return Also(flags)
+
+
+class Within(NamedTuple):
+    """The limits of a number, both allowed."""
+
+    low: float
+    high: float
+    unit: str = ""
+
+
+class FieldsOf(NamedTuple):
+    """Options of ``**options``: the fields of a class, ``module:Class``, except some."""
+
+    where: tuple[str, ...]
+    without: tuple[str, ...] = ()
+    also: Mapping[str, tuple[str, ...]] = MappingProxyType({})  # further flags by field
+    kinds: Mapping[str, Kind] = MappingProxyType({})  # how some fields are typed
+
+
+Seed = Annotated[int, Within(0, MOST_SEED)]
+Progress = Annotated[Callable[[float, str], None] | bool, Kind(in_python=True)]
+
+
+# --- One option ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """One parameter of a verb, or one field of its ``**options``, as both doors know it."""
+
+    name: str
+    base: Any  # bool, int, float, str, or anything else that `kind` reads
+    kind: Kind
+    default: Any = REQUIRED
+    optional: bool = False  # None is allowed
+    within: Within | None = None
+    choices: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+    positional: bool = False
+    starred: bool = False  # ``*names``
+    named: bool = False  # ``**parameters``, typed as NAME=VALUE
+    help: str = ""
+
+    @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is REQUIRED and not self.starred and not self.named
+
+    @property
+    def flag(self) -> str:
+        """Its name in a shell."""
+        return self.flags[-1 if self.named else 0]
+
+    @property
+    def shown(self) -> str:
+        """Its name in messages of a shell: a word that stands by itself has no flag."""
+        return self.name if self.positional else self.flag
+
+    @property
+    def metavar(self) -> str:
+        """What stands for its value in a help."""
+        plain = {int: "N", float: "NUMBER", str: "|".join(self.choices) or "TEXT"}
+        return self.kind.metavar or plain.get(self.base, "VALUE")
+
+    @property
+    def hyphen(self) -> bool:
+        """Whether its text may begin with a hyphen."""
+        return self.kind.hyphen or self.base in (int, float)
+
+    def read(self, text: str) -> Any:  # noqa: ANN401  of the option's own type
+        """Return a text of a shell as a value."""
+        if self.kind.read is not None:
+            return self.kind.read(text)
+        if self.base is int and not re.fullmatch(r"[+-]?\d{1,19}", text):
+            raise BadInputError(self.name, text, f"a whole number{_without_unit(text)}")
+        if self.base is float and not _NUMBER.fullmatch(text):
+            raise BadInputError(self.name, text, f"a number{_without_unit(text)}")
+        return self.base(text) if self.base in (int, float) else text
+
+    def value(self, texts: list[str]) -> Any:  # noqa: ANN401  of the option's own type
+        """Return what was typed, once or several times, as the parameter's value."""
+        try:
+            values = [self.read(text) for text in texts]
+            if self.kind.gather is not None:
+                return self.kind.gather(values)
+        except BadInputError as error:
+            raise BadInputError(self.shown, error.value, error.allowed) from error
+        return tuple(values) if self.kind.several or self.starred else values[-1]
+
+    def words(self, value: Any) -> list[str]:  # noqa: ANN401  of the option's own type
+        """Return what to type for a value."""
+        if self.base is bool:
+            return [self.flag if value else f"--no-{self.flag[2:]}"]
+        if self.kind.words is not None:
+            texts = self.kind.words(value)
+        elif self.kind.several or self.starred:
+            alone = not isinstance(value, list | tuple | set)
+            texts = [text_of(one) for one in ([value] if alone else value)]
+        else:
+            texts = [text_of(value)]
+        if self.positional:
+            return texts
+        apart = [[f"{self.flag}={text}"] if text.startswith("-") else [self.flag, text]
+                 for text in texts]  # fmt: skip
+        return [word for pair in apart for word in pair]
+
+    def checked(self, value: Any) -> Any:  # noqa: ANN401  of the option's own type
+        """Return a plain value of the allowed kind and range, or raise BadInputError."""
+        if value is None and self.optional:
+            return None
+        if self.kind.ends:
+            return self._file(value)
+        if self.base is bool and not isinstance(value, bool):
+            raise BadInputError(self.name, value, "True or False")
+        if self.choices and value not in self.choices:
+            raise BadInputError(self.name, value, f"one of {', '.join(self.choices)}")
+        if self.within is not None and self.base is int:
+            most = int(self.within.high)
+            try:
+                return whole(self.name, value, int(self.within.low), most)
+            except BadInputError as error:
+                if most < MOST_SEED:
+                    raise
+                raise BadInputError(self.name, value, "a whole number, 0 or more") from error
+        if self.within is not None and self.base is float:
+            return number(self.name, value, self.within.low, self.within.high, self.within.unit)
+        if self.base is str and not self.choices and not isinstance(value, str):
+            raise BadInputError(self.name, value, "a name")
+        return value
+
+    def _file(self, value: Any) -> Any:  # noqa: ANN401  a path, or several
+        several = self.kind.several and not isinstance(value, str | PathLike)
+        for one in value if several else [value]:
+            path = Path(one) if isinstance(one, str | PathLike) and fspath(one) else None
+            if path is None or path.suffix.lower() not in self.kind.ends:
+                allowed = f"a file name ending in {' or '.join(self.kind.ends)}"
+                raise BadInputError(self.name, str(one) if path else one, allowed)
+        return value
+
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|inf|nan)")
+_WITH_UNIT = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?\s*[a-zA-Z%]+")
+
+
+def _without_unit(text: str) -> str:
+    return ", without a unit" if _WITH_UNIT.fullmatch(text) else ""
+
+
+def text_of(value: object) -> str:
+    """Return a plain value as a shell takes it: numbers without needless digits."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
+
+
+def names_of(where: str) -> Callable[[], Iterable[str]]:
+    """Return what lists the parts of a registry, ``module:NAME``, with those of plug-ins."""
+
+    def listed() -> Iterable[str]:
+        module, _, name = where.partition(":")
+        registry: Any = getattr(import_module(module), name)
+        if hasattr(registry, "load_plugins"):
+            registry.load_plugins()
+        return list(registry)
+
+    return listed
+
+
+def registered(option: Option) -> list[str]:
+    """Return the names that are known for an option: registered parts, or files that ship."""
+    listed = (one() for one in (option.kind.known, option.kind.files) if one is not None)
+    return [*option.choices, *(name for names in listed for name in names)]
+
+
+@cache
+def options_of(function: Callable[..., Any]) -> tuple[Option, ...]:
+    """Return the parameters of a verb as options, in the order of its signature."""
+    function = inspect.unwrap(function)
+    said = parameter_words(function)
+    found = list[Option]()
+    for parameter in inspect.signature(function).parameters.values():
+        hint = parameter.annotation
+        if isinstance(hint, str):  # the other names in a signature are for type checkers alone
+            hint = eval(hint, function.__globals__)  # noqa: S307  our own source
+        marks = _marks(hint)
+        listed = next((mark for mark in marks if isinstance(mark, FieldsOf)), None)
+        if listed is not None:
+            found += _field_options(listed)
+            continue
+        option = _option(parameter.name, hint, parameter.default, said.get(parameter.name, ""))
+        starred = parameter.kind is parameter.VAR_POSITIONAL
+        found.append(
+            replace(
+                option,
+                starred=starred,
+                named=parameter.kind is parameter.VAR_KEYWORD,
+                positional=starred
+                or IN_PLACE in marks
+                or (parameter.default is REQUIRED
+                    and parameter.kind is parameter.POSITIONAL_OR_KEYWORD),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _field_options(listed: FieldsOf) -> Iterator[Option]:
+    """Yield an option for each field of some classes."""
+    for where in listed.where:
+        module, _, name = where.partition(":")
+        for option in field_options(getattr(import_module(module), name), listed.without):
+            flags = (*option.flags, *listed.also.get(option.name, ()))
+            yield replace(option, flags=flags, kind=listed.kinds.get(option.name, option.kind))
+
+
+def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:  # noqa: ANN401
+    """Yield an option for each field of a dataclass or a declared table, except some."""
+    said = parameter_words(kind)
+    if is_dataclass(kind):
+        defaults = {one.name: one.default for one in fields(kind)}
+    else:
+        defaults = {name: one.default for name, one in kind.model_fields.items()}
+    for name, default in defaults.items():
+        if name not in without:
+            given = None if default is MISSING else default
+            yield _option(name, _field_hint(kind, name), given, said.get(name, ""))
+
+
+def _field_hint(kind: type, name: str) -> Any:  # noqa: ANN401  an annotation
+    """Return the annotation of one field: others may name what only type checkers load."""
+    home = next(one for one in kind.__mro__ if name in inspect.get_annotations(one))
+    hint = inspect.get_annotations(home)[name]
+    if not isinstance(hint, str):
+        return hint
+    return eval(hint, vars(import_module(home.__module__)))  # noqa: S307  our own source
+
+
+def _option(name: str, hint: Any, default: Any, words: str) -> Option:  # noqa: ANN401
+    marks, inner, optional = _marks(hint), hint, default is None
+    while get_origin(inner) is Annotated or get_origin(inner) in (Union, UnionType):
+        parts = [one for one in get_args(inner) if one is not type(None)]
+        optional = optional or type(None) in get_args(inner)
+        if get_origin(inner) is not Annotated and len(parts) > 1:
+            break
+        inner = parts[0]
+    choices: tuple[str, ...] = ()
+    if get_origin(inner) is Literal:
+        choices, inner = get_args(inner), str
+    kind = next((mark for mark in marks if isinstance(mark, Kind)), None)
+    if kind is None:
+        kind = numbers_kind(hint) if get_origin(inner) is tuple else Kind()
+    words = words or next((mark.documentation for mark in marks if hasattr(mark, "documentation")),
+                          "")  # fmt: skip
+    plain = f"--{name.replace('_', '-')}"
+    older = [flag for mark in marks if isinstance(mark, Also) for flag in mark.flags]
+    return Option(
+        name=name,
+        base=inner if inner in (bool, int, float, str) else object,
+        kind=kind,
+        default=default,
+        optional=optional,
+        within=next((mark for mark in marks if isinstance(mark, Within)), None),
+        choices=choices,
+        flags=tuple(dict.fromkeys([plain, *older, _UNIT_AT_THE_END.sub("", plain)])),
+        help=words,
+    )
+
+
+def _marks(hint: Any) -> list[Any]:  # noqa: ANN401  whatever is annotated
+    """Return the marks of an annotation, the outermost first, those inside a union too."""
+    if get_origin(hint) is Annotated:
+        base, *marks = get_args(hint)
+        return [*reversed(marks), *_marks(base)]
+    if get_origin(hint) in (Union, UnionType):
+        return [mark for one in get_args(hint) for mark in _marks(one)]
+    return []
+
+
+def numbers_from(text: str, count: int = 0) -> tuple[float, ...]:
+    """Return numbers from a text like ``400,300``; count 0: any number of them."""
+    parts = text.split(",")
+    plain = all(_NUMBER.fullmatch(part.strip()) for part in parts)
+    if not plain or (count and len(parts) != count):
+        how_many = f"{count} " if count else ""
+        raise BadInputError("", text, f"{how_many}finite numbers with commas between them")
+    return tuple(float(part) for part in parts)
+
+
+def numbers_kind(hint: Any) -> Kind:  # noqa: ANN401  an annotation
+    """Return how a tuple of numbers is typed: ``400,300``."""
+    tuples = [one for one in (hint, *get_args(hint)) if get_origin(one) is tuple]
+    parts = get_args(tuples[0]) if tuples else ()
+    if parts and all(one in (int, float) for one in parts):
+        count = len(parts)
+        return Kind(
+            metavar=",".join("N" * count),
+            read=lambda text: numbers_from(text, count),
+            words=lambda value: [",".join(map(text_of, value))],
+            hyphen=True,
+        )
+    return Kind(metavar="TEXT", several=bool(parts) and parts[-1] is Ellipsis)
+
+
+# --- Docstrings ---------------------------------------------------------------------------------
+
+
+def parameter_words(thing: Any) -> dict[str, str]:  # noqa: ANN401  a class or a function
+    """Return what docstrings say of each parameter, of a class those of its bases too."""
+    found: dict[str, str] = {}
+    for one in reversed(getattr(thing, "__mro__", (thing,))):
+        block = _section(inspect.getdoc(one) or "", "Parameters")
+        for names, words in re.findall(
+            r"^(\*{0,2}\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block, re.MULTILINE
+        ):
+            said = " ".join(words.split())
+            found |= dict.fromkeys((name.strip("* ") for name in names.split(",")), said)
+    return found
+
+
+def described(function: Callable[..., Any]) -> tuple[str, str]:
+    """Return what the docstring of a function says above its sections: first line, and the rest."""
+    text = re.split(r"\n\w+\n-{3,}\n", inspect.getdoc(function) or "", maxsplit=1)[0]
+    first, _, rest = text.partition("\n\n")
+    return " ".join(first.split()), rest.strip()
+
+
+def shell_examples(function: Callable[..., Any]) -> list[str]:
+    """Return the command lines among the examples of a function: ``$ vinefab ...``."""
+    block = _section(inspect.getdoc(function) or "", "Examples")
+    return [" ".join(one.split()) for one in re.findall(r"^\$ (.+(?:\n  +.+)*)", block, re.M)]
+
+
+def _section(text: str, title: str) -> str:
+    found = re.search(rf"(?:^|\n){title}\n-+\n(.*?)(?=\n\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
+    return found[1] if found else ""
+
+
+# --- One call -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shell:
+    """The command line that calls a verb: how it shows what goes on."""
+
+    command: str  # the words of the command: ``map info``
+    say: Callable[[str], None]
+    progress: Callable[[str], AbstractContextManager[Tell]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """A call of a verb, in the words of the one who made it."""
+
+    function: Callable[..., Any]
+    given: Mapping[str, Any]  # by parameter, fields of ``**options`` among them
+    shell: Shell | None = None
+
+    def text(self, **changes: object) -> str:
+        """Return what to type for the same again: a command line, or a line of Python.
+
+        Parameters
+        ----------
+        **changes
+            Other values of some parameters.
+        """
+        given = {**self.given, **changes}
+        return self._typed(given) if self.shell else self._written(given)
+
+    def _typed(self, given: Mapping[str, Any]) -> str:
+        assert self.shell is not None  # noqa: S101  for the type checker
+        words, after = ["vinefab", *self.shell.command.split()], list[str]()
+        for option in options_of(self.function):
+            if option.named:
+                known = {one.name for one in options_of(self.function)}
+                rest = {name: value for name, value in given.items() if name not in known}
+                after += option.words(rest) if rest else []
+            elif option.name in given and not _same(given[option.name], option.default):
+                (words if option.positional else after).extend(option.words(given[option.name]))
+        return shlex.join([*words, *after])
+
+    def _written(self, given: Mapping[str, Any]) -> str:
+        room = "maps." if self.function.__module__.endswith(".maps") else ""
+        parts = list[str]()
+        defaults = {one.name: one for one in options_of(self.function)}
+        for name, value in given.items():
+            option = defaults.get(name)
+            if option is None or not _same(value, option.default):
+                stands = option is not None and option.positional
+                parts.append(_shown(value) if stands else f"{name}={_shown(value)}")
+        return f"vf.{room}{self.function.__name__}({', '.join(parts)})"
+
+
+def _same(value: object, default: object) -> bool:
+    if value is default:
+        return True
+    plain = isinstance(value, bool | int | float | str | tuple | PathLike | None)
+    return plain and type(value) is type(default) and value == default
+
+
+def _shown(value: Any) -> str:  # noqa: ANN401  whatever was passed
+    if isinstance(value, PathLike):
+        return repr(fspath(value))
+    if isinstance(value, str | int | float | None):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name!r}: {_shown(one)}" for name, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        shown = ", ".join(map(_shown, value))
+        return f"[{shown}]" if isinstance(value, list) else f"({shown})"
+    return f"<{type(value).__name__} {getattr(value, 'name', '')}>".replace(" >", ">")
+
+
+_CALL: ContextVar[Call] = ContextVar("call")
+SHELL: ContextVar[Shell | None] = ContextVar("shell", default=None)
+
+
+def this_call() -> Call:
+    """Return the call of the verb that is running."""
+    return _CALL.get()
+
+
+def verb(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function a verb: see the module."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound, shell = signature.bind(*args, **kwargs), SHELL.get()
+        known = {option.name: option for option in options_of(function)}
+        given = dict[str, Any]()
+        try:
+            for name, value in bound.arguments.items():
+                if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+                    for field, one in value.items():
+                        value[field] = known[field].checked(one) if field in known else one
+                    given |= value
+                    continue
+                if name in known and not known[name].starred:
+                    value = known[name].checked(value)  # noqa: PLW2901  numbers of numpy
+                    bound.arguments[name] = value
+                given[name] = value
+            token = _CALL.set(Call(function=function, given=given, shell=shell))
+            try:
+                return function(*bound.args, **bound.kwargs)
+            finally:
+                _CALL.reset(token)
+        except (BadInputError, UnknownNameError, ExportRefusedError) as error:
+            raise _renamed(error, function, in_shell=shell is not None) from error
+
+    return called
+
+
+def _renamed(
+    error: BadInputError | UnknownNameError | ExportRefusedError,
+    function: Callable[..., Any],
+    *,
+    in_shell: bool,
+) -> VinefabError:
+    """Return an error that names parameters as the caller knows them."""
+    if in_shell:
+        flags = {one.name: one.shown for one in options_of(function)}
+        if isinstance(error, BadInputError) and error.source is None and error.key in flags:
+            return BadInputError(flags[error.key], error.value, error.allowed)
+        return error
+    if isinstance(error, ExportRefusedError):
+        why = _as_parameters(error.reason)
+        return ExportRefusedError(error.name, why, error.report, summary=error.summary)
+    source = None if str(error.source).startswith("--") else error.source
+    if isinstance(error, UnknownNameError):
+        return UnknownNameError(error.kind, error.name, error.known, source, error.problem)
+    return BadInputError(_as_parameters(error.key), error.value, _as_parameters(error.allowed),
+                         source)  # fmt: skip
+
+
+def _as_parameters(words: str) -> str:
+    return re.sub(r"--([a-z][a-z0-9-]*)", lambda option: option[1].replace("-", "_"), words)
+
+
+def note(text: str, *, only_in_shell: bool = False) -> None:
+    """Tell the caller something that is no error: a line in a shell, a warning in Python."""
+    shell = SHELL.get()
+    if shell is not None:
+        shell.say(text)
+    elif not only_in_shell:
+        warnings.warn(text, stacklevel=5)
+
+
+def wrote(path: str | PathLike[str], words: str = "") -> None:
+    """Tell a shell what was written."""
+    note(f"wrote {fspath(path)}{words}", only_in_shell=True)
+
+
+@contextmanager
+def told(title: str, given: object) -> Iterator[Tell]:
+    """Return what to tell progress to: the function passed, or a line for whoever watches."""
+    shell = SHELL.get()
+    if callable(given):
+        yield given
+        return
+    if not isinstance(given, bool | None):
+        raise BadInputError("progress", given, "True, False, or a function")
+    if shell is not None:
+        with shell.progress(title) as tell:
+            yield tell
+        return
+    with progress_shown(title, shown=bool(given)) as tell:
+        yield tell

@@ -1,0 +1,351 @@
+"""What callers give, and how it becomes a noun: an object, a path or a name; in a shell a text.
+
+To type checkers each ``...Like`` is the union that Python takes, at run time the `Kind` by which a
+shell types it.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.verbs import Kind, note, numbers_from, text_of
+
+if TYPE_CHECKING:
+    from vinefab.model.design import Design
+    from vinefab.model.files.run_recipe import ChosenRecipe
+    from vinefab.model.laser import LaserProfile
+    from vinefab.model.map import Map, Pose, Start
+    from vinefab.model.start_place import StartPlace
+
+
+def all_names(kind: str) -> tuple[str, ...]:
+    """Return the names of the shipped files of a kind and of the user's own."""
+    from vinefab.model.files.shipped import names, user_names
+
+    return tuple(sorted({*names(kind), *user_names(kind)}))
+
+
+# --- Texts of a shell ---------------------------------------------------------------------------
+
+
+def _plain(text: str) -> object:
+    """Return a number, a truth value, a list (JSON) or, of anything else, the text."""
+    if text in ("true", "false"):
+        return text == "true"
+    if text.startswith("["):
+        try:
+            listed: object = json.loads(text)
+        except (ValueError, RecursionError):
+            return text
+        return listed
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _pair(text: str) -> tuple[str, object]:
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise BadInputError("", text, "NAME=VALUE")
+    return name, _plain(value)
+
+
+def _growth_pair(text: str) -> tuple[str, object]:
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise BadInputError("", text, "NAME=VALUE, such as pressure_stop=false")
+    parts = [_plain(part) for part in value.split(",")]
+    return name, parts if len(parts) > 1 else parts[0]
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    found = dict[str, object]()
+    for name, value in pairs:
+        if name in found:
+            raise BadInputError("", f"{name}={value}", f"{name} once")
+        found[name] = value
+    return found
+
+
+def _pair_words(pairs: Mapping[str, object]) -> list[str]:
+    return [f"{name}={_value_text(value)}" for name, value in pairs.items()]
+
+
+def _value_text(value: object) -> str:
+    return json.dumps(value) if isinstance(value, list | tuple) else text_of(value)
+
+
+def _growth_words(pairs: Mapping[str, object]) -> list[str]:
+    return [f"{name}={_numbers_words(value)[0]}" for name, value in pairs.items()]
+
+
+def _limit(text: str) -> tuple[str, str, float]:
+    key, equals, value = text.partition("=")
+    rule, dot, name = key.strip().partition(".")
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not (rule and dot and name and equals):
+        raise BadInputError("", text, "RULE.NAME=NUMBER, as VF-C01.warning=6")
+    return rule, name, number
+
+
+def _by_rule(limits: list[tuple[str, str, float]]) -> dict[str, dict[str, float]]:
+    values = dict[str, dict[str, float]]()
+    for rule, name, number in limits:
+        values.setdefault(rule, {})[name] = number
+    return values
+
+
+def _limit_words(limits: Mapping[str, Mapping[str, float]]) -> list[str]:
+    return [f"{rule}.{name}={text_of(value)}"
+            for rule, values in limits.items() for name, value in values.items()]  # fmt: skip
+
+
+def _pose(text: str) -> tuple[float, ...]:
+    try:
+        return numbers_from(text, 3)
+    except BadInputError as error:
+        raise BadInputError("", text, "X,Y,DEG: three numbers, mm and degrees") from error
+
+
+def _pose_words(pose: Any) -> list[str]:  # noqa: ANN401  a pose or three numbers
+    of_pose = hasattr(pose, "heading_deg")
+    numbers = (pose.x_mm, pose.y_mm, pose.heading_deg) if of_pose else pose
+    return [",".join(map(text_of, numbers))]
+
+
+def _half_angle(text: str) -> float | tuple[float, ...]:
+    numbers = numbers_from(text)
+    if len(numbers) > 2:
+        raise BadInputError("", text, "a number, or a range LOW,HIGH")
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _numbers_words(value: Any) -> list[str]:  # noqa: ANN401  a number or several
+    alone = isinstance(value, str) or not isinstance(value, Iterable)
+    return [",".join(map(text_of, [value] if alone else value))]
+
+
+def numbers(metavar: str) -> Kind:
+    """Return how several numbers are typed: ``50,84,176``."""
+    return Kind(metavar=metavar, read=numbers_from, words=_numbers_words, hyphen=True)
+
+
+def _point_words(points: Any) -> list[str]:  # noqa: ANN401  pairs of numbers
+    return [";".join(",".join(map(text_of, point)) for point in points)]
+
+
+def _points(text: str) -> tuple[tuple[float, ...], ...]:
+    try:
+        return tuple(numbers_from(part, 2) for part in text.split(";"))
+    except BadInputError as error:
+        raise BadInputError("", text, "points X,Y with semicolons between them") from error
+
+
+POINTS = Kind(metavar="X,Y;X,Y", read=_points, words=_point_words, hyphen=True)
+
+
+def written(*endings: str) -> Kind:
+    """Return what stands for a file to write, of one of some kinds."""
+    return Kind(metavar="FILE", writes="file", ends=endings)
+
+
+FOLDER = Kind(metavar="DIR", writes="folder")
+DESIGN_KIND = Kind(metavar="DESIGN", files=partial(all_names, "design"))
+DESIGNS = Kind(metavar="DESIGN", files=partial(all_names, "design"), several=True)
+MAP = Kind(metavar="MAP")
+PAIRS = Kind(metavar="NAME=VALUE", read=_pair, gather=_once, words=_pair_words, several=True)
+
+if TYPE_CHECKING:
+    PathText = str | PathLike[str]
+    DesignLike = Design | str | PathLike[str]
+    DesignsLike = DesignLike | Iterable[DesignLike]
+    MapLike = Map | str | PathLike[str]
+    MapsLike = MapLike | Iterable[MapLike]
+    StartLike = Start | StartPlace | Pose | tuple[float, float, float] | str
+    StartsLike = StartLike | Iterable[StartLike]
+    PoseLike = Pose | tuple[float, float, float]
+    RecipeLike = LaserProfile | str | PathLike[str]
+    ContactsLike = Mapping[str, object] | str | PathLike[str]
+    HalfAngle = float | tuple[float, float]
+    Pairs = Mapping[str, object]
+    LimitsLike = Mapping[str, Mapping[str, float]]
+    WordsLike = str | Iterable[str]
+else:
+    PathText = Annotated[object, Kind(metavar="FILE")]
+    DesignLike = Annotated[object, DESIGN_KIND]
+    DesignsLike = Annotated[object, DESIGNS]
+    MapLike = Annotated[object, MAP]
+    MapsLike = Annotated[object, Kind(metavar="MAP", several=True)]
+    StartLike = Annotated[object, Kind(metavar="START", hyphen=True)]
+    StartsLike = Annotated[object, Kind(metavar="START", several=True, hyphen=True)]
+    PoseLike = Annotated[
+        object, Kind(metavar="X,Y,DEG", read=_pose, words=_pose_words, hyphen=True)
+    ]
+    RecipeLike = Annotated[object, Kind(metavar="RECIPE", files=partial(all_names, "recipe"))]
+    ContactsLike = Annotated[object, Kind(metavar="FILE")]
+    HalfAngle = Annotated[
+        object, Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True)
+    ]
+    Pairs = Annotated[
+        object,
+        Kind(metavar="NAME=VALUE", read=_growth_pair, gather=_once, words=_growth_words,
+             several=True),
+    ]  # fmt: skip
+    LimitsLike = Annotated[
+        object,
+        Kind(metavar="RULE.LEVEL=VALUE", read=_limit, gather=_by_rule, words=_limit_words,
+             several=True),
+    ]  # fmt: skip
+    WordsLike = Annotated[object, Kind(metavar="WORD,...", several=True)]
+
+
+# --- Nouns --------------------------------------------------------------------------------------
+
+
+def path_of(key: str, given: object, allowed: str = "a path") -> Path:
+    """Return a path that a caller passed, or raise BadInputError if it is something else."""
+    from vinefab.model.files.shipped import path_given
+
+    return path_given(key, given, allowed)
+
+
+def name_or_path(key: str, given: object, allowed: str) -> str | Path:
+    """Return what a file is looked up by, or raise BadInputError for anything else."""
+    return given if isinstance(given, str) else path_of(key, given, allowed)
+
+
+def design_of(given: "DesignLike", key: str = "design") -> "Design":
+    """Return a design, passed as such, by its path or by its name."""
+    from vinefab.model.design import Design
+    from vinefab.model.files.design_toml import read_design
+
+    if isinstance(given, Design):
+        return given
+    allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
+    return read_design(name_or_path(key, given, allowed))
+
+
+def designs_of(given: "DesignsLike", key: str) -> "list[Design]":
+    """Return one or several designs."""
+    return [design_of(one, key) for one in several_of(given)]
+
+
+def recipe_of(given: "RecipeLike") -> "LaserProfile":
+    """Return a laser profile, passed as such, or by its recipe's path or name."""
+    from vinefab.model.files.profile_toml import read_profile
+    from vinefab.model.laser import LaserProfile
+
+    if isinstance(given, LaserProfile):
+        return given
+    allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
+    return read_profile(name_or_path("recipe", given, allowed))
+
+
+def recipe_for(design: "Design", given: "RecipeLike | None") -> "ChosenRecipe":
+    """Return the recipe to make a design with: the one given, that of its run, or the default."""
+    from vinefab.model.files.run_recipe import ChosenRecipe
+    from vinefab.model.laser import LaserProfile
+
+    if isinstance(given, LaserProfile):
+        return ChosenRecipe(recipe="", profile=given)
+    if given is not None:
+        return ChosenRecipe(recipe=str(given), profile=recipe_of(given))
+    chosen = ChosenRecipe.of(design)
+    if chosen.note:
+        note(chosen.note, only_in_shell=not chosen.is_other)
+    return chosen
+
+
+def map_of(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map":
+    """Return a map, passed as such or by the path of its file; with other starts, if there are."""
+    from vinefab.model.map import Map
+    from vinefab.model.start_place import start_given, with_starts
+
+    if isinstance(given, Map):
+        world = given
+    else:
+        path = path_of(key, given, "a Map, or the path of a map file (GeoJSON)")
+        if path.suffix == "" and path.parent == Path() and not path.exists():
+            allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
+            raise BadInputError(key, str(given), allowed)
+        world = Map.read(path)
+    starts = [start_given(one) for one in starts_of(start)]
+    return with_starts(world, starts) if starts else world
+
+
+def starts_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+    """Return one start or several as a sequence: three numbers are one pose."""
+    if given is None:
+        return ()
+    if _is_one(given):
+        return (given,)
+    found = tuple(given)
+    is_pose = len(found) == 3 and all(isinstance(one, int | float) for one in found)
+    return (found,) if is_pose else found
+
+
+def maps_of(given: "MapsLike", start: "StartsLike" = ()) -> "list[Map]":
+    """Return one or several maps, each as in `map_of`."""
+    return [map_of(one, "maps", start) for one in several_of(given)]
+
+
+def several_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+    """Return one thing, or an iterable of them, as a sequence."""
+    if isinstance(given, Mapping):
+        given = given.values()
+    return (given,) if _is_one(given) else tuple(given)
+
+
+def _is_one(given: object) -> bool:
+    """Tell whether something is one thing: a declared table gives its fields, but is no list."""
+    is_table = hasattr(type(given), "model_fields")
+    return is_table or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
+
+
+def mapping_of(key: str, given: object) -> Mapping[str, Any]:
+    """Return names with values; none for None."""
+    if given is not None and not isinstance(given, Mapping):
+        raise BadInputError(key, given, "names with their values, a dict")
+    return given or {}
+
+
+def limits_of(given: object) -> dict[str, Mapping[str, Any]]:
+    """Return limits of rules by rule and name."""
+    named = mapping_of("limits", given)
+    return {str(rule): mapping_of(f"limits.{rule}", values) for rule, values in named.items()}
+
+
+def growth_of(given: object, **shortcuts: object) -> Mapping[str, Any]:
+    """Return growth options by name: those of a mapping, and those with a parameter of their own.
+
+    A parameter that is None was not passed.
+    """
+    options = dict(mapping_of("growth", given))
+    for name, value in shortcuts.items():
+        if value is None:
+            continue
+        if name in options and options[name] != value:
+            raise BadInputError(name, value, f"not beside another one in growth, {options[name]!r}")
+        options[name] = value
+    if isinstance(options.get("contacts"), str | PathLike):
+        from vinefab.model.files.contacts_toml import read_contacts
+
+        options["contacts"] = read_contacts(options["contacts"])
+    return options
+
+
+def listed_of(key: str, given: object, allowed: str) -> tuple[Any, ...]:
+    """Return several values, or raise BadInputError for what is one thing."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise BadInputError(key, given, allowed)
+    return tuple(given)

@@ -287,6 +287,10 @@ class Origin:
         )
 
 
+_MOST_LINES = 60
+"""Of a result where Python shows it."""
+
+
 class Result:
     """What a verb returns: its `view` is shown by every medium."""
 
@@ -349,7 +353,9 @@ class Result:
         return made
 
     def __repr__(self) -> str:
-        return "\n".join([f"<{type(self).__name__}>", *self.summary])
+        shown, hidden = self.summary[:_MOST_LINES], len(self.summary[_MOST_LINES:])
+        more = [f"... {hidden} more lines: print(*result.summary, sep='\\n')"] if hidden else []
+        return "\n".join([f"<{type(self).__name__}>", *shown, *more])
 
     def _repr_html_(self) -> str:
         """Show the result in a notebook."""

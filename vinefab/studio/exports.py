@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
 from vinefab.core.view import Block, Notes
-from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_arguments
+from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -260,7 +260,7 @@ class ReportExport:
         if self.environment:
             words += ["--environment", self.environment, "--count", str(self.count)]
         words += ["--poses", str(self.poses), "--seed", str(self.seed)]
-        return [*words, *growth_arguments(source.growth), "--out", source.out]
+        return [*words, *growth_words(source.growth.content), "--out", source.out]
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the page."""
@@ -300,10 +300,14 @@ def inputs_folder(out: Path) -> Path:
 
 
 def growth_words(given: Mapping[str, object]) -> list[str]:
-    """Return the options of a command that choose some growth options."""
-    words = growth_arguments(GrowthOptions.of(given))
-    chosen = [word for word in words if word.partition("=")[0] in given]
-    return [word for pair in chosen for word in ("--growth", pair)]
+    """Return the options of a command that choose some growth options, but for contacts' file."""
+    words = []
+    for name, value in GrowthOptions.of(given).content.items():
+        if name in given and name != "contacts":
+            parts = value if isinstance(value, list) else [value]
+            shown = ",".join(str(part).lower() for part in parts)
+            words += ["--growth", f"{name}={shown}"]
+    return words
 
 
 def _pose_words(pose: Pose | None) -> list[str]:

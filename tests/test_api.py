@@ -964,7 +964,7 @@ def test_a_fix_is_that_of_the_command(tmp_path):
     assert not found.report.blocking
     assert vf.check(wide).blocking
     assert "width" in found._repr_html_()
-    assert "<svg" in found._repr_html_()
+    assert 'src="data:image/svg+xml;base64,' in found._repr_html_()
     assert any(line.startswith("fix: ") for line in found.summary)
 
 

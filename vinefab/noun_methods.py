@@ -6,16 +6,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
-from vinefab.core.plain_text import counted, visible
+from vinefab.core.plain_text import counted
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
@@ -190,19 +189,3 @@ def _deployment_document(deployment: Deployment) -> str:
     title = " ".join(filter(None, names))
     legend = [*robot_legend(deployment), START_ENTRY, *(_range_entry(world) if world else ())]
     return plan_document(parts, box_mm, title=title, legend=legend)
-
-
-def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table for notebooks: plain HTML, every cell as text."""
-    cells = "".join(f"<th>{escape(word)}</th>" for word in head)
-    lines = "".join(
-        "<tr>" + "".join(f"<td>{escape(visible(str(cell)))}</td>" for cell in row) + "</tr>"
-        for row in rows
-    )
-    above = f"<p><b>{escape(visible(title))}</b></p>"
-    return f"{above}<table><tr>{cells}</tr>{lines}</table>" if rows else above
-
-
-def lines_html(lines: Sequence[str]) -> str:
-    """Return lines for the user, the first as the title, for notebooks."""
-    return html_table(lines[0], ("",), [(line,) for line in lines[1:]])

@@ -180,9 +180,9 @@ def test_photos_give_a_file_that_predictions_read(written, tmp_path):
     assert ratio.value == pytest.approx(RATIO, abs=1e-3)
     assert found.film_breadth_ratio.value == pytest.approx(13.5 / (2.0 * RADIUS_MM), abs=1e-3)
     assert found.film_breadth_ratio.low == pytest.approx(13.0 / (2.0 * RADIUS_MM), abs=1e-3)
-    words = "\n".join(fit.lines())
+    words = "\n".join(fit.summary)
     assert "head-on half-angle" in words
-    assert f"anchoring keeps its friction of {ASSUMED_FRICTION.value:g} (assumed)" in words
+    assert f"anchoring keeps its friction of {ASSUMED_FRICTION.value:g}, assumed" in words
     assert tomllib.loads(fit.text())["head_on_half_angle_deg"]["standing"] == "measured"
     options = GrowthOptions.of({"contacts": read_contacts(path)})
     assert options.half_angle_deg == [half_angle.low, half_angle.high]
@@ -195,7 +195,7 @@ def test_all_slid_is_said_as_a_bound(written):
     fit = fit_files(written(observation("a.jpg", seen)))
     found = fit.contacts.head_on_half_angle_deg
     assert (found.side, found.value) == ("upper", None)
-    words = "\n".join(fit.lines())
+    words = "\n".join(fit.summary)
     assert f"at most {found.high:g} deg (95 %)" in words
     assert "all tips slid: contacts give an upper bound of the half-angle, no estimate" in words
     assert "value" not in tomllib.loads(fit.text())["head_on_half_angle_deg"]
@@ -209,7 +209,7 @@ def test_few_photos_and_what_was_left_out_are_said(written):
     other["branches"][0]["stop_observed"] = "corner"
     fit = fit_files(written(one, other))
     assert fit.left_out == {"unclear": 1, "stopped for another reason than the angle": 1}
-    words = "\n".join(fit.lines())
+    words = "\n".join(fit.summary)
     assert "1 photo with contacts: too few" in words
     assert "1 unclear, 1 stopped for another reason" in words
     assert "(assumed)" in next(line for line in fit.notes if "standard error" in line)
@@ -269,7 +269,7 @@ def test_two_ways_that_contradict_each_other_are_said(written, tmp_path):
         ]
     fit = fit_files(written(*photos))
     assert fit.agreement == "the intervals do not meet"
-    assert "contacts and whole shapes: the intervals do not meet" in fit.lines()
+    assert "contacts and whole shapes: the intervals do not meet" in fit.summary
 
 
 # --- what is refused

@@ -191,5 +191,4 @@ def fit_observations(
     found = fit_files(paths, angle_error_deg)
     if file is not None:
         write_page(file, found.text(), force=force)
-    numbers_found = json.loads(found.json_text())
-    return PhotoReport(path=file, summary=tuple(found.lines()), numbers=numbers_found)
+    return PhotoReport(path=file, summary=found.summary, numbers=found.numbers)

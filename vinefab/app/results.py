@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Block, Notes, Picture, Result, Table, Text, lines
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
@@ -16,10 +17,14 @@ if TYPE_CHECKING:
     from vinefab.prediction.deploy import DeployedDesign
 
 
-def _shown(title: str, lines: tuple[str, ...]) -> str:
-    from vinefab.noun_methods import html_table
+class LinesResult(Result):
+    """A result of lines, with a picture where there is one; it is shown as any other."""
 
-    return html_table(title, ("",), [(line,) for line in lines])
+    __slots__ = ()
+
+    def view(self) -> Iterator[Block]:
+        """Yield the lines."""
+        yield Notes(self.summary)
 
 
 def _document(schema: str, content: Mapping[str, object]) -> str:
@@ -28,8 +33,8 @@ def _document(schema: str, content: Mapping[str, object]) -> str:
     return json_text(schema, content)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenFile:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class WrittenFile(Result):
     """A file to begin with that `new` wrote, or a page that `studio` wrote.
 
     Parameters
@@ -47,11 +52,9 @@ class WrittenFile:
         """Return the path."""
         return str(self.path)
 
-    def __repr__(self) -> str:
-        return "\n".join([f"<WrittenFile {self.path}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        return _shown(f"written: {self.path}", self.summary)
+    def view(self) -> Iterator[Block]:
+        """Yield the file and what to know about it."""
+        yield from (Text(f"written: {self.path}"), Notes(self.summary))
 
     def json_text(self) -> str:
         """Return what was written as JSON: ``vinefab/written-1``."""
@@ -86,8 +89,8 @@ class Names(tuple[str, ...]):
         return _document("vinefab/names-1", {"names": list(self)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenFolder:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class WrittenFolder(Result):
     """A folder of files that `fabricate`, `rig` or `coupon` wrote.
 
     Parameters
@@ -111,15 +114,15 @@ class WrittenFolder:
         """Return the path: the folder can be passed where one is expected."""
         return str(self.path)
 
+    def view(self) -> Iterator[Block]:
+        """Yield the files and the findings."""
+        yield Text(f"written: {self.path}: {counted(len(self.files), 'file')}")
+        files = tuple((name,) for name in self.files)
+        yield Table(caption="files", headings=("file",), rows=files)
+        yield from self.report.view()
+
     def __repr__(self) -> str:
-        return f"<WrittenFolder {self.path}: {counted(len(self.files), 'file')}>\n{self.report!r}"
-
-    def _repr_html_(self) -> str:
-        """Show the files and the findings in a notebook."""
-        from vinefab.noun_methods import html_table
-
-        files = html_table(f"written: {self.path}", ("file",), [(name,) for name in self.files])
-        return files + self.report._repr_html_()
+        return "\n".join([f"<WrittenFolder {self.path}>", *lines(self.view())])
 
     def json_text(self) -> str:
         """Return the names of the files as JSON: ``vinefab/written-1``."""
@@ -127,8 +130,8 @@ class WrittenFolder:
         return _document("vinefab/written-1", content)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class WrittenReport(Result):
     """A page that `report` wrote, or a recipe that `calibrate` wrote.
 
     Parameters
@@ -149,11 +152,9 @@ class WrittenReport:
         """Return the path: a calibrated recipe is passed as ``recipe``."""
         return str(self.path)
 
-    def __repr__(self) -> str:
-        return "\n".join([f"<WrittenReport {self.path}>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        return _shown(f"written: {self.path}", self.summary)
+    def view(self) -> Iterator[Block]:
+        """Yield the file and the numbers to take away."""
+        yield from (Text(f"written: {self.path}"), Notes(self.summary))
 
     def json_text(self) -> str:
         """Return the numbers as JSON."""
@@ -165,8 +166,8 @@ def _numbers_text(numbers: Mapping[str, Any]) -> str:
     return _document(numbers["schema"], rest)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProposedFix:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ProposedFix(Result):
     """What `fix` found.
 
     Parameters
@@ -189,14 +190,12 @@ class ProposedFix:
     before: CheckReport | None = None
     failed: bool = False
 
-    def __repr__(self) -> str:
-        return "\n".join(["<ProposedFix>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        """Show the changes and the changed design in a notebook."""
-        from vinefab.noun_methods import svg_of
-
-        return _shown("fix", self.summary) + ((self.design and svg_of(self.design)) or "")
+    def view(self) -> Iterator[Block]:
+        """Yield the changes and the changed design."""
+        drawn = self.design and self.design._repr_svg_()
+        if drawn:
+            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
+        yield Notes(self.summary)
 
     @property
     def exit_code(self) -> int:
@@ -208,8 +207,8 @@ class ProposedFix:
         return (self.before or self.report).json_text()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PhotoReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PhotoReport(Result):
     """What `observe` read off a photo, or `fit_observations` off several.
 
     Parameters
@@ -233,20 +232,18 @@ class PhotoReport:
             raise BadInputError("path", None, "a file: observe or fit with out=")
         return str(self.path)
 
-    def __repr__(self) -> str:
-        return "\n".join(["<PhotoReport>", *self.summary])
-
-    def _repr_html_(self) -> str:
-        title = "not written" if self.path is None else f"written: {self.path}"
-        return _shown(title, self.summary)
+    def view(self) -> Iterator[Block]:
+        """Yield the file, if one was written, and the numbers to take away."""
+        yield Text("not written" if self.path is None else f"written: {self.path}")
+        yield Notes(self.summary)
 
     def json_text(self) -> str:
         """Return the numbers as JSON."""
         return _numbers_text(self.numbers)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GrownDesign:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class GrownDesign(LinesResult):
     """What `grow` found: a deployment, with its shapes on the way if they were asked for.
 
     Parameters
@@ -259,9 +256,6 @@ class GrownDesign:
 
     deployed: DeployedDesign
     fronts: int | tuple[float, ...] | None = None
-
-    def __repr__(self) -> str:
-        return "\n".join(["<GrownDesign>", *self.summary])
 
     @property
     def summary(self) -> tuple[str, ...]:
@@ -276,8 +270,8 @@ class GrownDesign:
         return self.deployed.text(shapes)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StudyOutcome:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class StudyOutcome(LinesResult):
     """What a study or the demonstration found.
 
     Parameters
@@ -296,9 +290,6 @@ class StudyOutcome:
     summary: tuple[str, ...]
     text: Callable[[], str] = field(repr=False)
     exit_code: int = 0
-
-    def __repr__(self) -> str:
-        return "\n".join([f"<StudyOutcome of {type(self.found).__name__}>", *self.summary])
 
     def json_text(self) -> str:
         """Return everything as JSON."""

@@ -329,9 +329,9 @@ class Result:
         return json_text(self.schema, {**document(self.view()), **reproduce})
 
     @property
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> Mapping[str, Any]:
         """Every number as plain values, as in JSON."""
-        plain: dict[str, Any] = json.loads(self.json_text())
+        plain: Mapping[str, Any] = json.loads(self.json_text())
         return plain
 
     def page(self, progress: Callable[[float, str], None] | None = None) -> str:

@@ -5,7 +5,7 @@ whole shapes: every robot is grown again at many half-angles and compared with i
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,10 +13,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
@@ -69,8 +69,8 @@ class ShapeFit:
         return (self.low_deg, self.high_deg) == (SHAPE_ANGLES_DEG[0], SHAPE_ANGLES_DEG[-1])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactFit:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ContactFit(Result):
     """What photos measured together, and what a user should know about it."""
 
     contacts: MeasuredContacts
@@ -95,10 +95,6 @@ class ContactFit:
         """Return the file that predictions read."""
         return contacts_text(self.contacts, self._method())
 
-    def json_text(self) -> str:
-        """Return the same as JSON."""
-        return json_text(CONTACTS_SCHEMA, {**self.contacts.content, "method": self._method()})
-
     def _method(self) -> dict[str, object]:
         method: dict[str, object] = {"photos": list(self.photos)}
         if (fit := self.threshold) is not None:
@@ -115,32 +111,40 @@ class ContactFit:
         method["agreement"] = self.agreement
         return {**method, "notes": list(self.notes)}
 
-    def lines(self) -> list[str]:
-        """Return the fit in a few lines for the user."""
-        found = self.contacts
+    schema = CONTACTS_SCHEMA
+
+    def view(self) -> Iterator[Block]:
+        """Yield what the photos measured, each with its interval, and what to know about it."""
+        found, photos = self.contacts, _count(len(self.photos), "photo")
         out = ", ".join(f"{count} {why}" for why, count in self.left_out.items() if count)
-        lines = [
-            f"{_count(len(self.photos), 'photo')}{f'; contacts left out: {out}' if out else ''}"
-        ]
+        yield Answer(f"{photos}{f'; contacts left out: {out}' if out else ''}")
+        facts = list[Fact]()
         if self.threshold is not None and found.head_on_half_angle_deg is not None:
-            lines.append(_half_angle_line(found.head_on_half_angle_deg, self.threshold))
+            half, fit = found.head_on_half_angle_deg, self.threshold
+            told = f"measured: {half.counted}, {fit.stopped} stopped, {fit.slid} slid"
+            facts.append(Fact("head-on half-angle", _shown(half, " deg"), detail=told))
         if self.shapes is not None:
-            lines.append(_shapes_line(self.shapes))
-        lines.append(f"contacts and whole shapes: {self.agreement}")
+            facts.append(_shapes_fact(self.shapes))
+        facts.append(Fact("contacts and whole shapes", self.agreement))
         if found.tip_friction is not None:
-            lines.append(
-                f"friction of a tip on a wall {_shown(found.tip_friction)} (measured: the tangent "
-                f"of the half-angle); anchoring keeps its friction of {ASSUMED_FRICTION.value:g} "
-                "(assumed): a body pulled around an obstacle is another state of the surface"
+            told = (
+                "measured: the tangent of the half-angle; anchoring keeps its friction of "
+                f"{ASSUMED_FRICTION.value:g}, assumed: a body pulled around an obstacle is another "
+                "state of the surface"
+            )
+            facts.append(
+                Fact("friction of a tip on a wall", _shown(found.tip_friction), detail=told)
             )
         for name, words in (
-            ("body_width_ratio", "centre lines keep from walls, against lay-flat width / pi:"),
-            ("film_breadth_ratio", "breadth of the film, against 2 lay-flat width / pi:"),
+            ("body_width_ratio", "centre lines keep from walls, against lay-flat width / pi"),
+            ("film_breadth_ratio", "breadth of the film, against 2 lay-flat width / pi"),
         ):
             measured: MeasuredNumber | None = getattr(found, name)
             if measured is not None:
-                lines.append(f"{words} {_shown(measured)} (measured)")
-        return [*lines, *self.notes]
+                facts.append(Fact(words, _shown(measured), detail="measured"))
+        yield Facts(tuple(facts))
+        yield Notes(self.notes)
+        yield Data({**found.content, "method": self._method()})
 
 
 def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
@@ -418,21 +422,15 @@ def _t_interval(values: Floats) -> tuple[float, float, float]:
 # --- As they are shown ----------------------------------------------------------------------------
 
 
-def _half_angle_line(found: MeasuredNumber, fit: ThresholdFit) -> str:
-    return (
-        f"head-on half-angle {_shown(found, ' deg')} (measured: {found.counted}, {fit.stopped} "
-        f"stopped, {fit.slid} slid)"
-    )
-
-
-def _shapes_line(fit: ShapeFit) -> str:
+def _shapes_fact(fit: ShapeFit) -> Fact:
     over = f"{_count(fit.branches, 'branch', 'branches')} on {_count(fit.photos, 'photo')}"
+    name = "whole shapes grown again"
     if fit.says_nothing:
-        return f"whole shapes grown again ({over}): the same at all half-angles"
-    return (
-        f"whole shapes grown again ({over}): {fit.value_deg:g} deg, 95 % interval {fit.low_deg:g} "
-        f"to {fit.high_deg:g}, {fit.error_mm:.1f} mm from the photos there (measured against "
-        "simulated)"
+        return Fact(name, "the same at all half-angles", detail=over)
+    return Fact(
+        name,
+        f"{fit.value_deg:g} deg, 95 % interval {fit.low_deg:g} to {fit.high_deg:g}",
+        detail=f"{over}, {fit.error_mm:.1f} mm from the photos there, measured against simulated",
     )
 
 

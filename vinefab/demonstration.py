@@ -8,6 +8,7 @@ from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import this_call
+from vinefab.core.view import NO_INTERVAL
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
@@ -18,7 +19,7 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
-from vinefab.prediction.measures import NO_INTERVAL, REACH, Spread
+from vinefab.prediction.measures import REACH, Spread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task

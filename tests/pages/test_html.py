@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Section, Table
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.pages.charts import fitness_curve, panels_of_strips
-from vinefab.pages.html import Picture, Report, Section, Table, page_html
+from vinefab.pages.html import page
 from vinefab.pages.page_png import page_png
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Shape
@@ -58,23 +59,23 @@ class Links(HTMLParser):
         assert self.open.pop() == tag
 
 
-def report(picture: Picture) -> Report:
-    table = Table(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", "2"),))
+def blocks(picture: Picture) -> tuple[Block, ...]:
+    table = Table(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", Number(2.0)),))
     section = Section(title="T", paragraphs=("x < y",), tables=(table,), pictures=(picture,))
-    return Report(title="R", verdict="V", tone="bad", facts=(("f", "1 mm"),), sections=(section,))
+    return Answer("V", "bad"), Facts((Fact("f", "1 mm"),)), section
 
 
 def test_page_is_whole_escapes_text_and_loads_nothing(world):
-    page = page_html(report(Picture(image=page_svg(map_plan(world)), caption='say "hi"')))
+    shown = page("R", blocks(Picture(image=page_svg(map_plan(world)), caption='say "hi"')))
     links = Links()
-    links.feed(page)
+    links.feed(shown)
     assert links.open == []
     assert links.addresses[0] == "#t"
     assert len(links.addresses) == 2
     assert links.addresses[1].startswith("data:image/svg+xml;base64,")
-    assert "<b>bold</b>" not in page
-    assert "x &lt; y" in page
-    assert "written by vinefab" in page[:8192]
+    assert "<b>bold</b>" not in shown
+    assert "x &lt; y" in shown
+    assert "written by vinefab" in shown[:8192]
 
 
 def test_pictures_are_the_same_bytes_every_time(world, deployment):

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
+from vinefab.core.view import Text
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
-from vinefab.pages.html import page_html
 from vinefab.prediction import run_page
 from vinefab.prediction.run_folder import run_in_folder
-from vinefab.prediction.run_page import EndedRun, ended_report, outcome_line, write_run_page
+from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
 from vinefab.search.record.generations import Extension, Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import result_lines, run_search
@@ -108,9 +108,10 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     )
     assert any(f"levels; {words}; manufacturable" in line for line in result_lines(result))
     # The rest of the page is tried elsewhere, and takes long.
-    monkeypatch.setattr(run_page, "_shown", lambda *_: ())
+    monkeypatch.setattr(run_page, "_shown", lambda *_: [Text("not drawn in a test")])
     monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
-    assert f"{words} (computed)" in page_html(ended_report(EndedRun.read(tmp_path)))
+    again = write_run_page(tmp_path, EndedRun.read(tmp_path))
+    assert f"{words} (computed)" in again.read_text()
 
 
 def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> None:
@@ -175,7 +176,7 @@ def test_a_run_without_prediction_or_with_extensions_has_a_page_too(tmp_path: Pa
         after={"generations": 3},
     )  # fmt: skip
     run = EndedRun.read(tmp_path, replace(result, extensions=(extension,)))
-    text = page_html(ended_report(run))
+    text = write_run_page(tmp_path, run).read_text()
     assert "How wide the score is" not in text
     assert "The search did not ask for it." in text
     assert "generations 2 -&gt; 3" in text

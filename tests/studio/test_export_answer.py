@@ -11,6 +11,7 @@ import pytest
 from vinefab.cli.main import main
 from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.view import Answer
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import design_content, design_text, read_design
 from vinefab.model.files.map_geojson import map_text
@@ -108,6 +109,9 @@ class FoundInNoTime:
 
     def json_text(self):
         return ""
+
+    def view(self):
+        return (Answer("found"),)
 
     def page(self, _progress):
         return f"{GENERATOR} {self.given} {self.origin.command} {self.origin.inputs}"

@@ -287,6 +287,10 @@ class Origin:
         )
 
 
+_MOST_LINES = 60
+"""Of a result where Python shows it."""
+
+
 class Result:
     """What a verb returns: its `view` is shown by every medium."""
 
@@ -294,7 +298,7 @@ class Result:
     schema: ClassVar[str] = ""
     origin: Origin | None = None  # a result that can be got again by a command has one
 
-    parts: ClassVar[int] = 1  # about how many sections its page has
+    section_count: ClassVar[int] = 1  # about how many sections its page has
 
     @property
     def title(self) -> str:
@@ -342,14 +346,16 @@ class Result:
         for count, block in enumerate(self.sections(), start=1):
             blocks.append(block)
             if progress is not None:
-                progress(min(1.0, count / self.parts), "drawing the page")
+                progress(min(1.0, count / self.section_count), "drawing the page")
         if self.origin is not None:
             blocks.append(self.origin.section)
         made: str = front_door("pages.html").page(self.title, blocks)
         return made
 
     def __repr__(self) -> str:
-        return "\n".join([f"<{type(self).__name__}>", *self.summary])
+        shown, hidden = self.summary[:_MOST_LINES], len(self.summary[_MOST_LINES:])
+        more = [f"... {hidden} more lines: print(*result.summary, sep='\\n')"] if hidden else []
+        return "\n".join([f"<{type(self).__name__}>", *shown, *more])
 
     def _repr_html_(self) -> str:
         """Show the result in a notebook."""

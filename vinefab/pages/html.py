@@ -12,21 +12,11 @@ from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import visible
 from vinefab.core.view import (
     PNG,
-    Answer,
     Block,
-    Fact,
-    Facts,
-    Notes,
     Picture,
     Section,
-    Table,
-    Tone,
     number_columns,
 )
-
-Headline = Fact
-
-__all__ = ["Picture", "Section", "Table", "Tone"]  # until all of the house takes them from core
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,37 +27,6 @@ class Live:
     written_ms: int  # when it was written, since 1970
     patience_s: int  # without news for so long, whoever writes it has been ended; 0: it says so
     again: str  # the command that goes on
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
-    """A page as verdict, facts and sections."""
-
-    title: str  # name of the design and what the report is about
-    verdict: str  # one sentence: whether it is manufacturable, and what to expect
-    tone: Tone  # what kind of news the verdict is
-    facts: tuple[tuple[str, str] | Fact, ...]  # short names and values shown at the top
-    sections: tuple[Section, ...]  # in order
-    # reservations to the verdict, a sentence each
-    cautions: tuple[str, ...] = ()
-    headlines: tuple[Fact, ...] = ()  # the numbers to take away
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The page as blocks."""
-        facts = tuple(one if isinstance(one, Fact) else Fact(*one) for one in self.facts)
-        return (
-            Answer(self.verdict, self.tone),
-            Notes(self.cautions),
-            Facts(self.headlines, lead=True),
-            Facts(facts),
-            *self.sections,
-        )
-
-
-def page_html(report: Report) -> str:
-    """Return a report as a complete HTML document."""
-    return page(report.title, report.blocks)
 
 
 def page(title: str, blocks: Iterable[Block], live: Live | None = None) -> str:

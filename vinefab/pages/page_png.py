@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
@@ -104,13 +105,16 @@ class _Painter:
         high = np.clip(np.ceil(every.max(axis=0)).astype(int) + 1, 0, limits)
         if (high <= low).any():
             return
-        # Even-odd: a ring within a ring takes away, one within that fills again.
+        # Even-odd: a ring within a ring takes away, one within that fills again. Rings that meet no
+        # other one, mostly thousands of obstacles, are just filled.
         mask = Image.new("1", tuple((high - low).tolist()))
-        for ring in rings:
-            one = Image.new("1", mask.size) if len(rings) > 1 else mask
+        draw = ImageDraw.Draw(mask)
+        boxes = [shapely.box(*np.min(ring, axis=0), *np.max(ring, axis=0)) for ring in rings]
+        met = np.bincount(shapely.STRtree(boxes).query(boxes)[0], minlength=len(rings)) > 1
+        for ring, has_others in zip(rings, met.tolist(), strict=True):
             shifted = [(x - float(low[0]), y - float(low[1])) for x, y in ring]
-            if one is mask:
-                ImageDraw.Draw(mask).polygon(shifted, fill=1)
+            if not has_others:
+                draw.polygon(shifted, fill=1)
                 continue
             left, top, right, lower = _limits(shifted, mask.size)
             if right <= left or lower <= top:

@@ -7,11 +7,11 @@ import numpy as np
 
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
+from vinefab.core.view import Picture, Section, Table
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread

@@ -12,6 +12,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture, Section, Table
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
@@ -19,7 +20,6 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
 from vinefab.pages.body_raster import body_cells
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.measures import STUCK_STOPS

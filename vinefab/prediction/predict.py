@@ -130,7 +130,7 @@ class Predicted(Result):
     more: tuple[Section, ...] = ()  # what else its page shows
     origin: Origin | None = None  # what it takes to get it again
     schema = "vinefab/prediction-1"
-    parts = 13
+    section_count = 13
 
     @property
     def main(self) -> FamilyDeployments:

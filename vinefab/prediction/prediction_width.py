@@ -13,12 +13,12 @@ from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture, Section, Table
 from vinefab.growth.batch import Batch, Block
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import PreparedFamily

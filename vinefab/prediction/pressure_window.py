@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture, Section, Table
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm

@@ -10,6 +10,17 @@ import numpy as np
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
 from vinefab.core.plain_text import counted
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Picture,
+    Section,
+    Table,
+    Tone,
+)
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
@@ -23,7 +34,7 @@ from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
+from vinefab.pages.html import page
 from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
@@ -113,10 +124,13 @@ class EndedRun:
 
 def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
     """Write the page of a run that has ended, and its pictures beside it."""
-    report = ended_report(run)
-    for picture in (picture for section in report.sections for picture in section.pictures):
-        write_bytes(folder / PICTURES / picture.file_name, picture.image, force=force)
-    return write_text(folder / PAGE_NAME, page_html(report), force=force)
+    blocks = list(run_blocks(run))
+    pictures = [block for block in blocks if isinstance(block, Picture)]
+    pictures += [one for block in blocks if isinstance(block, Section) for one in block.pictures]
+    for picture in pictures:
+        write_bytes(folder / PICTURES / picture.file_name, picture.drawn, force=force)
+    title = f"{run.settings.name}: the best design found"
+    return write_text(folder / PAGE_NAME, page(title, blocks), force=force)
 
 
 def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
@@ -147,47 +161,43 @@ def manufacturable_words(result: RunResult, violations: str) -> str:
     return "manufacturable"
 
 
-def ended_report(run: EndedRun) -> Report:
-    """Return the page of a run that has ended."""
+def run_blocks(run: EndedRun) -> Iterator[Block]:
+    """Yield the page of a run that has ended, the answer and a picture first."""
     result = run.result
     checked = _checked(run)
     made, tone = _made(run, checked)
     unseen = _unseen(run)
-    drifts = (f"Resumed with other package versions: {drift}." for drift in result.drift)
-    repair = (f"Repair: {result.repair}.",) if result.repair else ()
-    note = result.prediction.get("note", "")
-    return Report(
-        title=f"{run.settings.name}: the best design found",
-        verdict=f"{_verdict(run)}; {_size(run)}; {made}.",
-        tone=tone,
-        cautions=(
+    first, *shown = _shown(run, unseen)
+    yield Answer(f"{_verdict(run)}; {_size(run)}; {made}.", tone)
+    yield first
+    yield Facts(tuple(_headlines(run)), lead=True)
+    notes = (*result.notes, *filter(None, [result.prediction.get("note", "")]))
+    yield Notes(
+        (
             *(f"{extension.text}." for extension in result.extensions),
-            *(f"{text[:1].upper()}{text[1:]}." for text in (*result.notes, *filter(None, [note]))),
-            *repair,
-            *drifts,
-        ),
-        headlines=_headlines(run),
-        facts=(
-            *run_facts(run.settings),
-            ("stopped by", result.stopped),
-            (
-                "evaluated",
-                f"{counted(result.evaluations, 'design')} in "
-                f"{counted(len(result.history), 'generation')}",
-            ),
-            *([("cut in", f"{words} (computed)")] if (words := result.pieces_words) else []),
-            ("run", result.run_id),
-            ("growth model", growth_text(run.settings.growth, [run.design])),
-        ),
-        sections=(
-            *_shown(run, unseen),
-            *_width_sections(run),
-            _sheet_section(run, checked),
-            _limit_section(run, checked, unseen),
-            _found_section(run),
-            _files_section(run),
-        ),
+            *(f"{text[:1].upper()}{text[1:]}." for text in notes),
+            *([f"Repair: {result.repair}."] if result.repair else []),
+            *(f"Resumed with other package versions: {drift}." for drift in result.drift),
+        )
     )
+    designs, count = counted(result.evaluations, "design"), len(result.history)
+    words = result.pieces_words
+    yield Facts(
+        (
+            *run_facts(run.settings),
+            Fact("stopped by", result.stopped),
+            Fact("evaluated", f"{designs} in {counted(count, 'generation')}"),
+            *([Fact("cut in", f"{words} (computed)")] if words else []),
+            Fact("run", result.run_id),
+            Fact("growth model", growth_text(run.settings.growth, [run.design])),
+        )
+    )
+    yield from shown
+    yield from _width_sections(run)
+    yield _sheet_section(run, checked)
+    yield _limit_section(run, checked, unseen)
+    yield _found_section(run)
+    yield _files_section(run)
 
 
 def _verdict(run: EndedRun) -> str:
@@ -218,42 +228,36 @@ def _chosen_by(settings: RunSettings) -> str:
     return "on these poses"
 
 
-def _headlines(run: EndedRun) -> tuple[Headline, ...]:
+def _headlines(run: EndedRun) -> Iterator[Fact]:
     found, task = run.result.prediction, run.settings.task.name
     fresh = run.result.score
-    headlines = [
-        Headline(
-            name=f"{task} on the training maps",
-            value=f"{fresh.composite['mean']:.3f}",
-            detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the "
-            "winner was "
-            f"chosen among the finalists {_chosen_by(run.settings)}",
+    if found:
+        unseen = found["unseen"]
+        count = counted(unseen["deployments"], "deployment")
+        yield Fact(
+            f"{task} on {unseen['label']}",
+            interval_words(unseen["score"]),
+            detail=f"mean over {count}, in brackets its 95 % interval over maps (simulated)",
         )
-    ]
-    if not found:
-        return tuple(headlines)
-    unseen = found["unseen"]
-    contact, placed = contact_ends(found), placed_off_range(found)
-    first = Headline(
-        name=f"{task} on {unseen['label']}",
-        value=interval_words(unseen["score"]),
-        detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its 95 % "
-        "interval over "
-        "maps (simulated)",
-    )
-    ranges = (
-        ("over contacts", contact,
-         f"mean there at {contacts_over(found).removesuffix(')')}; simulated)"),
-        ("placed off", placed, f"mean there with the body placed up to {PLACED_OFF:g} mm or "
-         f"{PLACED_OFF:g} deg off (assumed; simulated)"),
-    )  # fmt: skip
-    return (
-        first,
-        *(
-            Headline(name=f"{task} {name}", value=f"{ends[0]:.3f} to {ends[1]:.3f}", detail=detail)
-            for name, ends, detail in ranges
-        ),
-        *headlines,
+        low, high = contact_ends(found)
+        over = contacts_over(found).removesuffix(")")
+        yield Fact(
+            f"{task} over contacts",
+            f"{low:.3f} to {high:.3f}",
+            detail=f"mean there at {over}; simulated)",
+        )
+        low, high = placed_off_range(found)
+        yield Fact(
+            f"{task} placed off",
+            f"{low:.3f} to {high:.3f}",
+            detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
+            "off (assumed; simulated)",
+        )
+    yield Fact(
+        f"{task} on the training maps",
+        f"{fresh.composite['mean']:.3f}",
+        detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the winner "
+        f"was chosen among the finalists {_chosen_by(run.settings)}",
     )
 
 
@@ -261,27 +265,26 @@ def _unseen(run: EndedRun) -> PreparedFamily:
     return unseen_family(run.settings, run.training())[0]
 
 
-def _shown(run: EndedRun, unseen: PreparedFamily) -> tuple[Section, ...]:
-    """Return the winner on its training maps and on unseen ones."""
+def _shown(run: EndedRun, unseen: PreparedFamily) -> Iterator[Picture | Section]:
+    """Yield the winner on a typical unseen map, on its training maps and on other unseen ones."""
     training = run.training()
     kept = min(len(training.maps), MOST_TRAINING_SHOWN)
     grown = run.grown(training)
+    elsewhere, places = run.grown(unseen), unseen.launches().terrain.tolist()
+    on_unseen = {
+        name: _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
+        for index, name, words in _typical(run, len(places))
+    }
+    yield on_unseen.pop("unseen_median" if "unseen_median" in on_unseen else next(iter(on_unseen)))
     on_training = [
         _drawn(run, f"training_{index + 1}", training.maps[index].world, grown[index], "its start")
         for index in range(kept)
     ]
-    elsewhere, places = run.grown(unseen), unseen.launches().terrain.tolist()
-    on_unseen = [
-        _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
-        for index, name, words in _typical(run, len(places))
-    ]
-    return (
-        Section(title="The winner on its training maps", pictures=tuple(on_training)),
-        Section(
-            title=f"The winner on {_where(unseen)}",
-            pictures=tuple(on_unseen),
-            tables=(stop_table(unseen.label, elsewhere),),
-        ),
+    yield Section(title="The winner on its training maps", pictures=tuple(on_training))
+    yield Section(
+        title=f"The winner on {_where(unseen)}",
+        pictures=tuple(on_unseen.values()),
+        tables=(stop_table(unseen.label, elsewhere),),
     )
 
 

@@ -13,6 +13,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
+from vinefab.core.view import Picture, Section, Table
 from vinefab.growth.batch import Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
@@ -20,7 +21,6 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import (
     PredictionPlan,

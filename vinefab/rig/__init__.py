@@ -5,7 +5,8 @@ Others use ``make`` (`make_rig`, `RigRequest`), ``page`` (`RigFiles`), ``rig_opt
 ``rig_json`` (`read_rig`). A file format for printed parts is a `part_files.PartFormat` and one
 line in `part_files.PART_FORMATS`.
 
-Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``, see `vinefab.app.making`.
+Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``, see
+`vinefab.app.making`.
 """
 
 import inspect

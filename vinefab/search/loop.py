@@ -112,9 +112,8 @@ class Search:
             For settings that do not fit together, and spaces that no search could use.
         """
         if task is not None:
-            own = (
-                {f.name: getattr(task, f.name) for f in fields(task)} if is_dataclass(task) else {}
-            )
+            names = [one.name for one in fields(task)] if is_dataclass(task) else list[str]()
+            own = {name: getattr(task, name) for name in names}
             settings = settings.changed(task=PartSettings(name=task.name, parameters=own))
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)

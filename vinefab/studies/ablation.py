@@ -9,9 +9,9 @@ import numpy as np
 
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture
 from vinefab.growth.options import GrowthOptions
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.html import Picture
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.studies.claims import (

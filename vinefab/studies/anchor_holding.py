@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture
 from vinefab.growth.simulator import grow
-from vinefab.pages.html import Picture
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, NumberRange, amplification_interval
 from vinefab.search.settings import PartSettings, RunSettings

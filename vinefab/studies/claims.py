@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats
-from vinefab.pages.html import Picture
+from vinefab.core.view import Picture
 
 _RESAMPLES = 1000
 

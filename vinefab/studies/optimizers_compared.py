@@ -3,8 +3,8 @@
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.html import Picture
 from vinefab.search.settings import PartSettings
 from vinefab.studies.claims import (
     Claim,

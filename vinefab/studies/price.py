@@ -9,11 +9,11 @@ import numpy as np
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
+from vinefab.core.view import Picture
 from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.html import Picture
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.settings import RunSettings, plain_settings
 from vinefab.search.space import BuildSettings

@@ -12,12 +12,12 @@ from scipy.sparse.csgraph import connected_components
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
+from vinefab.core.view import Picture
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.html import Picture
 from vinefab.pages.page_svg import page_svg
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.studies.claims import (

@@ -1,12 +1,13 @@
 """The paper's experiments: their registry, doing them, one page and one JSON file of results."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
-from vinefab.pages.html import Report, Section, Table, page_html
+from vinefab.core.view import Answer, Block, Fact, Facts, Section, Table
+from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
 from vinefab.studies.experiments import EXPERIMENTS
@@ -58,7 +59,8 @@ def reproduce(
                 store.finish(name)
     done = Reproduction(size=size, findings=tuple(findings), spent_s=store.spent_s)
     write_text(folder / NUMBERS, numbers_text(done))
-    write_text(folder / PAGE, page_html(study_page(done.findings, done.size)))
+    blocks = study_blocks(done.findings, done.size)
+    write_text(folder / PAGE, page("The paper's experiments, done again", blocks))
     return done
 
 
@@ -119,29 +121,26 @@ DIFFERENCES = (
 )
 
 
-def study_page(findings: Sequence[StudyResult], size: StudySize) -> Report:
-    """Return the page of some experiments of one size."""
+def study_blocks(findings: Sequence[StudyResult], size: StudySize) -> Iterator[Block]:
+    """Yield the page of some experiments of one size."""
     holding, claims = held(findings)
     verdict = f"{holding} of {claims} orderings that the paper claims hold in these simulations."
     if size == QUICK_SIZE:
         verdict = f"Smoke run: nothing is to be learned from these numbers. {verdict}"
-    return Report(
-        title="The paper's experiments, done again",
-        verdict=verdict,
-        tone="good" if holding == claims and size != QUICK_SIZE else "caution",
-        facts=(
-            ("experiments", ", ".join(finding.name for finding in findings)),
-            ("training maps", str(size.training_maps)),
-            ("unseen maps x poses", f"{size.unseen_maps} x {size.poses}"),
-            ("search", f"{size.population} designs x {size.generations} generations"),
-            ("seeds", f"{size.seeds}, repeats {size.repeats}"),
-        ),
-        sections=(
-            _summary_section(findings),
-            Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES),
-            *(_experiment_section(finding) for finding in findings),
-        ),
+    yield Answer(verdict, "good" if holding == claims and size != QUICK_SIZE else "caution")
+    yield from next((finding.pictures[:1] for finding in findings if finding.pictures), ())
+    yield Facts(
+        (
+            Fact("experiments", ", ".join(finding.name for finding in findings)),
+            Fact("training maps", size.training_maps),
+            Fact("unseen maps x poses", f"{size.unseen_maps} x {size.poses}"),
+            Fact("search", f"{size.population} designs x {size.generations} generations"),
+            Fact("seeds", f"{size.seeds}, repeats {size.repeats}"),
+        )
     )
+    yield _summary_section(findings)
+    yield Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES)
+    yield from map(_experiment_section, findings)
 
 
 def _summary_section(findings: Sequence[StudyResult]) -> Section:

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture
 from vinefab.model.files.design_toml import read_design
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.html import Picture
 from vinefab.search.settings import RunSettings
 from vinefab.studies.claims import (
     Claim,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture
 from vinefab.pages.figure import svg_bytes
-from vinefab.pages.html import Picture
 from vinefab.studies.claims import (
     Claim,
     ConfidenceInterval,

@@ -23,6 +23,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.registry import with_parameters
+from vinefab.core.view import plain_blocks
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import map_text, read_map
@@ -80,7 +81,7 @@ def _written(kind: Export, source: ExportSource, tell: Tell) -> dict[str, Any]:
         "command": shlex.join(["vinefab", *kind.words(source)]),
         "written": [],
         "inputs": [],
-        "lines": list(made.lines),
+        "view": plain_blocks(made.view),
         "refused": made.refused,
         "findings": list(made.findings),
     }
@@ -236,7 +237,7 @@ def _snapshot(ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
         ensure_writable(path)
         write_snapshot(_mapping("state", ask.get("state")), path, options, tell)
     command = _opens(path)
-    return {"command": command, "written": [str(path)], "inputs": [], "lines": [], "refused": ""}
+    return {"command": command, "written": [str(path)], "inputs": [], "view": [], "refused": ""}
 
 
 def _snapshot_path(ask: Mapping[str, Any], given: Mapping[str, Any]) -> Path:

@@ -13,7 +13,8 @@ from typing import Any, ClassVar, Protocol
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
-from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_arguments
+from vinefab.core.view import Block, Notes
+from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -81,7 +82,7 @@ class MadeExport:
 
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name; of one file, by ""
     beside: Mapping[str, bytes] = field(default_factory=dict)  # files beside it, by path
-    lines: tuple[str, ...] = ()  # what the command would say
+    view: tuple[Block, ...] = ()  # what the command would say
     refused: str = ""  # why nothing may be written
     findings: tuple[Mapping[str, Any], ...] = ()  # as in ``vinefab/checks-1``
 
@@ -131,7 +132,7 @@ class PackageExport:
         sheet = SheetOptions(copies=copies)
         prepared = prepare(source.design, source.profile, sheet=sheet, r12=self.r12)
         made = MadeExport(
-            lines=prepared.report.summary,
+            view=tuple(prepared.report.view()),
             refused=prepared.refusal(allow_uncalibrated=self.allow_uncalibrated),
             findings=_findings(prepared.report),
         )
@@ -190,7 +191,7 @@ class RigExport:
         blocking = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         return MadeExport(
             files=made.files,
-            lines=made.report.summary if blocking else made.summary,
+            view=tuple((made.report if blocking else made).view()),
             refused=f"{blocking} forbid it" if blocking else "",
             findings=_findings(made.report),
         )
@@ -229,7 +230,7 @@ class PictureExport:
             data = found.animation(suffix, self.frames)
         else:
             data = found.picture(suffix, named=self.label)
-        return MadeExport(files={"": data}, lines=tuple(found.summary()))
+        return MadeExport(files={"": data}, view=(Notes(tuple(found.summary())),))
 
     def _moves(self, source: ExportSource) -> bool:
         """Whether it is a moving picture, which a GIF always is."""
@@ -259,7 +260,7 @@ class ReportExport:
         if self.environment:
             words += ["--environment", self.environment, "--count", str(self.count)]
         words += ["--poses", str(self.poses), "--seed", str(self.seed)]
-        return [*words, *growth_arguments(source.growth), "--out", source.out]
+        return [*words, *growth_words(source.growth.content), "--out", source.out]
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the page."""
@@ -281,7 +282,7 @@ class ReportExport:
         command = shlex.join(["vinefab", *self.words(source)])
         origin = origin_of(command, [source.design], source.profile, families)
         page = replace(found, origin=origin).page(part_of(tell, 0.6, 1.0))
-        return MadeExport(files={"": page.encode()}, lines=found.summary)
+        return MadeExport(files={"": page.encode()}, view=tuple(found.view()))
 
 
 EXPORTS: dict[str, type[Export]] = {
@@ -299,10 +300,14 @@ def inputs_folder(out: Path) -> Path:
 
 
 def growth_words(given: Mapping[str, object]) -> list[str]:
-    """Return the options of a command that choose some growth options."""
-    words = growth_arguments(GrowthOptions.of(given))
-    chosen = [word for word in words if word.partition("=")[0] in given]
-    return [word for pair in chosen for word in ("--growth", pair)]
+    """Return the options of a command that choose some growth options, but for contacts' file."""
+    words = []
+    for name, value in GrowthOptions.of(given).content.items():
+        if name in given and name != "contacts":
+            parts = value if isinstance(value, list) else [value]
+            shown = ",".join(str(part).lower() for part in parts)
+            words += ["--growth", f"{name}={shown}"]
+    return words
 
 
 def _pose_words(pose: Pose | None) -> list[str]:

@@ -26,7 +26,7 @@ from vinefab.fabrication.package.prepare import (
     Prepared,
     package,
     package_files,
-    page_content,
+    page_blocks,
     prepare,
     zip_bytes,
 )
@@ -42,7 +42,6 @@ from vinefab.model.laser import (
     RecipeStatus,
     Standing,
 )
-from vinefab.pages.html import page_html
 
 NAMES = [
     "README.txt",
@@ -323,14 +322,14 @@ def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
         design=design.name, recipe=profile.recipe.name, run=(), skipped=(), findings=()
     )
     prepared = Prepared(design=design, profile=profile, job=laser_job(design, profile), report=calm)
-    page = page_content(prepared)
-    assert page.tone == "caution"
-    assert page.verdict.endswith("; laser recipe unverified")
-    assert "No coupon has confirmed the laser recipe" in page_html(page)
+    answer, notes, *_ = page_blocks(prepared)
+    assert answer.tone == "caution"
+    assert answer.text.endswith("; laser recipe unverified")
+    assert notes.notes == ("No coupon has confirmed the laser recipe: cut and burst one first.",)
     tried = replace(profile, recipe=profile.recipe.changed(status=RecipeStatus.COUPON_OK))
-    page = page_content(replace(prepared, profile=tried))
-    assert (page.tone, page.cautions) == ("good", ())
-    assert "unverified" not in page.verdict
+    answer, notes, *_ = page_blocks(replace(prepared, profile=tried))
+    assert (answer.tone, notes.notes) == ("good", ())
+    assert "unverified" not in answer.text
 
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:

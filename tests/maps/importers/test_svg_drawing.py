@@ -11,8 +11,8 @@ from vinefab.maps.cleanup import assemble
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import svg_document
 from vinefab.maps.importers import svg_drawing as svg_map
-from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import run_flat
 from vinefab.maps.importers.svg_drawing import path_outlines
 from vinefab.model.files.map_geojson import map_text

@@ -7,6 +7,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.core.view import Picture, Section, Table
 from vinefab.fabrication.package.assembly_drawing import exploded_picture
 from vinefab.fabrication.package.bom import BomLine
 from vinefab.fabrication.package.piece_joining import (
@@ -32,7 +33,6 @@ from vinefab.model.laser import (
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.html import Picture, Section, Table
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm

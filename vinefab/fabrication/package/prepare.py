@@ -2,13 +2,13 @@
 
 import io
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Fact, Section, Tone
+from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Tone
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
@@ -54,7 +54,7 @@ from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
-from vinefab.pages.html import Report, page_html
+from vinefab.pages.html import page
 from vinefab.pages.page_png import page_png
 
 ANIMATION_NAME = "animation.svg"
@@ -227,7 +227,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         job=prepared.job,
         checks=checks_text(prepared.report, prepared.beside),
         preview=page_png(job_plan(prepared.job, prepared.report.findings)),
-        report=page_html(page_content(prepared)).encode(),
+        report=page(f"{prepared.design.name}: fabrication", page_blocks(prepared)).encode(),
         animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],
         laser=prepared.laser or None,
@@ -293,22 +293,19 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
     return stream.getvalue()
 
 
-def page_content(prepared: Prepared) -> Report:
-    """Return the report of a design without predictions."""
+def page_blocks(prepared: Prepared) -> Iterator[Block]:
+    """Yield the page of a design without predictions."""
     design, profile = prepared.design, prepared.profile
-    return Report(
-        title=f"{design.name}: fabrication",
-        verdict=_verdict(prepared),
-        tone=_tone(prepared),
-        cautions=recipe_cautions(profile),
-        facts=design_facts(prepared),
-        sections=(
-            *making_sections(prepared),
-            pressure_section(design, profile),
-            assumption_section(profile),
-            _no_predictions(),
-        ),
-    )
+    yield Answer(_verdict(prepared), _tone(prepared))
+    yield Notes(recipe_cautions(profile))
+    sections = making_sections(prepared)
+    (sheet,) = (section for section in sections if section.title.startswith("The sheet"))
+    yield from sheet.pictures
+    yield Facts(design_facts(prepared))
+    yield from (replace(one, pictures=()) if one is sheet else one for one in sections)
+    yield pressure_section(design, profile)
+    yield assumption_section(profile)
+    yield _no_predictions()
 
 
 def _verdict(prepared: Prepared) -> str:

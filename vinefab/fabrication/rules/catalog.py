@@ -130,7 +130,6 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
     return values
 
 
-
 def _checked(source: str, changes: Mapping[str, Mapping[str, float]]) -> Iterable[ChangedLimit]:
     for rule_id, named in changes.items():
         rule = RULES[rule_id]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 import shapely
@@ -33,23 +33,30 @@ _AT_ONCE = 32
 _FAR = 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
-    """A drawn line, outline or filled area."""
+R = TypeVar("R")
 
-    # points in the units of the source, each (n, 2). A line or outline has one; the rings of a
-    # filled area count by even-odd among themselves.
-    rings: tuple[Floats, ...]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn(Generic[R]):
+    """A drawn line, outline or filled area of rings in the units of the source."""
+
+    # A line or outline has one; the rings of a filled area count by even-odd among themselves.
+    rings: tuple[R, ...]
     where: str  # its name in messages: ``LINE (handle 2F)``, ``path in line 12``
     # whether the source says that it is closed; the last point need not repeat the first
     closed: bool = True
     # whether the inside is solid wherever it lies; an outline in an outline is a hole
     filled: bool = False
-    holes: tuple[Floats, ...] = ()  # rings that are surely not part of a filled area
+    holes: tuple[R, ...] = ()  # rings that are surely not part of a filled area
     role: Role | None = None  # as the source names it
     # number of the painted element of an SVG drawing that an outline belongs to, None for others
     paint: int | None = None
     even_odd: bool = False  # whether what a ring encloses twice is outside, as the source says
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape(Drawn[Floats]):
+    """A drawn line, outline or filled area whose rings are points, each of shape (n, 2)."""
 
 
 def as_areas(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:

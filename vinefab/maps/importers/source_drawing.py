@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Drawn, Shape, SourceFrame, framed
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.map import Map
 
@@ -180,18 +180,8 @@ class Ring:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DrawingItem:
+class DrawingItem(Drawn[Ring]):
     """A `Shape` whose curves are still curves."""
-
-    # the fields of `Shape`
-    rings: tuple[Ring, ...]
-    where: str
-    closed: bool = True
-    filled: bool = False
-    holes: tuple[Ring, ...] = ()
-    role: Role | None = None
-    paint: int | None = None
-    even_odd: bool = False
 
     def flat(self, tolerance: float) -> Shape:
         """Return it with chords for curves, within a tolerance in units of the source."""
@@ -204,16 +194,8 @@ class DrawingItem:
             raise BadInputError(self.where, error.value, error.allowed) from error
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
-        return Shape(
-            rings=rings,
-            where=self.where,
-            closed=self.closed,
-            filled=self.filled,
-            holes=holes,
-            role=self.role,
-            paint=self.paint,
-            even_odd=self.even_odd,
-        )
+        same = {one.name: getattr(self, one.name) for one in fields(self)}
+        return Shape(**same | {"rings": rings, "holes": holes})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

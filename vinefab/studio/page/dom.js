@@ -19,6 +19,23 @@ export function el(tag, attributes, ...children) {
   return filled(document.createElement(tag), attributes, children);
 }
 
+const BLOCKS = {
+  answer: (one) => el("p", { class: `answer ${one.tone}` }, one.text),
+  text: (one) => el("p", {}, one.text),
+  remark: (one) => el("p", { class: one.weight }, `${one.weight} ${one.text}`, el("ul", {}, ...one.more.map((line) => el("li", {}, line)))),
+  facts: (one) => el("dl", {}, ...one.rows.flatMap(([name, value, detail]) => [
+    el("dt", {}, name), el("dd", { title: detail }, value),
+  ])),
+  table: (one) => el("table", {}, el("caption", {}, one.caption),
+    el("tr", {}, ...one.headings.map((word) => el("th", {}, word))),
+    ...one.rows.map((row) => el("tr", {}, ...row.map((cell) => el("td", {}, cell))))),
+};
+
+/** Return the blocks of a result as elements: a kind each, whatever they are about. */
+export function shownBlocks(blocks) {
+  return blocks.map((one) => BLOCKS[one.kind](one));
+}
+
 /** Return an element of an SVG. */
 export function svgEl(tag, attributes, ...children) {
   return filled(document.createElementNS(SVG, tag), attributes, children);

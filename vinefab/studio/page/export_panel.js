@@ -1,6 +1,6 @@
 // Exports: each with its choices, and the command line that writes the same bytes.
 
-import { el, paused } from "studio/dom.js";
+import { el, paused, shownBlocks } from "studio/dom.js";
 
 const WAIT_MS = 150;
 
@@ -145,7 +145,7 @@ function showWritten(place, answer) {
   place.replaceChildren(el("details", {},
     el("summary", {}, written.length === 1 ? `Written: ${written[0]}` : `Written: ${written.length} files${where}`),
     el("ul", {}, ...[...written, ...(answer.inputs ?? [])].map((name) => el("li", {}, name))),
-    ...(answer.lines?.length ? [el("pre", {}, answer.lines.join("\n"))] : []),
+    ...shownBlocks(answer.view ?? []),
   ));
 }
 

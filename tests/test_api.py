@@ -827,7 +827,7 @@ WRONG = {
     "an unknown design to fix": (lambda _: vf.fix("plain_vin"), "did you mean 'plain_vine'"),
     "no such level": (lambda _: VINE.with_level(2, width_mm=3.0), "level is 2"),
     "a trunk with branches": (lambda _: VINE.with_level(1, branches=3), "branches is 3"),
-    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "width_mm is '3'"),
+    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "widths_mm[1] is '3'"),
     "a negative length": (lambda _: VINE.with_level(1, length_mm=-3), "length_mm is -3"),
     "a number as a name": (lambda _: VINE.with_level(1, name=3), "name is 3"),
     "a number as layers": (lambda _: vf.maps.import_("a.svg", layers=3), "layers is 3"),
@@ -861,12 +861,12 @@ WRONG = {
     "one level": (
         lambda _: vf.Design(name="a", trunk_length_mm=9, levels=vf.Level.of(2, 9),
                             build=vf.Build.standard(2)),
-        "levels is Level",
+        "allowed: a valid dictionary or instance of Level",
     ),
     "a width as a build": (lambda _: vf.Design(name="a", trunk_length_mm=9, build=3), "build is 3"),
-    "one width": (lambda _: vf.Build(widths_mm=3.0, fillet_mm=()), "build.widths_mm is 3.0"),
-    "a map among settings": (lambda _: vf.RunSettings(maps=[ROOM]), "allowed: MapSettings"),
-    "a map among map files": (lambda _: vf.MapSettings(files=(ROOM,)), "maps.files is <Map"),
+    "one width": (lambda _: vf.Build(widths_mm=3.0, fillet_mm=()), "widths_mm is 3.0"),
+    "a map among settings": (lambda _: vf.RunSettings(maps=[ROOM]), "instance of MapSettings"),
+    "a map among map files": (lambda _: vf.MapSettings(files=(ROOM,)), "files is <Map"),
     "a scale that is missing": (
         lambda out: vf.maps.import_(_photo(out.parent)), "allowed: points 'X,Y;X,Y'"
     ),

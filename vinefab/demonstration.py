@@ -7,6 +7,7 @@ from pathlib import Path
 from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
+from vinefab.core.verbs import this_call
 from vinefab.core.view import NO_INTERVAL
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
@@ -213,8 +214,7 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts["run/best.toml"] = design_text(demo.result.best)
     more = (unseen_section(demo.table()), search_section(demo.result, training), demo.rig.section)
     family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
-    command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
-    command += f" --population {run.search.population}"
+    command = this_call().text(out="demo")  # the files are the same in any folder
     origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
     texts["report.html"] = replace(demo.predicted, origin=origin, more=more).page()
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})

@@ -9,7 +9,11 @@ import pytest
 import vinefab as vf
 from vinefab.app.verbs import OLDER, VERBS
 from vinefab.cli.commands import Command, all_options, flags_of
+from vinefab.cli.completion import completions
 from vinefab.core.verbs import REQUIRED, Call, Shell, options_of
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.tasks.shipped_tasks import TASKS
 
 MAPS = {"map import": "import_", "map start": "start", "map info": "info"}
 NO_VERB = {"profile"}  # another name of `profiles`
@@ -161,3 +165,19 @@ def test_a_malformed_limit_is_refused(vinefab, text):
     code, _, complaint = vinefab("check", "plain_vine", "--limit", text)
     assert (code, complaint.count("\n")) == (2, 1)
     assert f"--limits is {text!r}; allowed: RULE.NAME=NUMBER" in complaint
+
+
+def test_a_registered_part_is_everywhere_by_its_registration(vinefab, monkeypatch, tmp_path):
+    monkeypatch.setitem(TASKS._parts, "farthest", TASKS["reach"])
+    monkeypatch.setitem(OPTIMIZERS._parts, "walk", OPTIMIZERS["random"])
+    monkeypatch.setitem(ENVIRONMENTS._parts, "yard", ENVIRONMENTS["pegs"])
+    assert "farthest" in vinefab("score", "-h")[1]
+    assert "walk" in vinefab("study", "contest", "-h")[1]
+    assert "  yard " in vinefab("map", "-h")[1]
+    assert completions(["score", "vine", "--task", "far"]) == ["farthest"]
+    assert completions(["map", "ya"]) == ["yard"]
+    assert "yard" in dir(vf.maps)
+    assert vf.maps.yard(seed=1).name == vf.maps.pegs(seed=1).name
+    out = tmp_path / "yard.geojson"
+    assert vinefab("map", "yard", "--columns", 5, "--out", out, "-q") == (0, "", "")
+    assert vinefab("score", "plain_vine", "--task", "farthest", "--map", out, "-q")[0] == 0

@@ -452,6 +452,8 @@ class Call:
             Other values of some parameters.
         """
         given = {**self.given, **changes}
+        for name in ("force", "progress"):  # nothing of the result depends on them
+            given.pop(name, None)
         return self._typed(given) if self.shell else self._written(given)
 
     def _typed(self, given: Mapping[str, Any]) -> str:

@@ -117,19 +117,21 @@ class RigOptions(Table):
     border; one further away gets a round hole through the plate.
     """
 
-    style: Annotated[Literal["auto", "plate", "board"], Doc("what obstacles stand on")] = "auto"
+    style: Annotated[
+        Literal["auto", "plate", "board"], Doc("plate, board, or the quicker to print")
+    ] = "auto"
     plate_mm: Annotated[Mm, _within(0.2, 100), Doc("thickness of base plate or board")] = 3.0
-    height_mm: Annotated[Mm, _within(0.2, 1e4), Doc("of obstacles and border above it")] = 30.0
+    height_mm: Annotated[Mm, _within(0.2, 1e4), Doc("height of obstacles and border")] = 30.0
     border_mm: Annotated[
         Mm, _within(0.2, 1000), Doc("thickness of the wall around the bounds, outside of them")
     ] = 4.0
     entry_width_mm: Annotated[
         Mm,
         _within(0, 1e4),
-        Doc("of the opening; the start's sideways spread comes on top; 0: none"),
+        Doc("width of the entry; the start's sideways spread comes on top; 0: none"),
     ] = 40.0
     entry_reach_mm: Annotated[
-        Mm, _within(0, 1e4), Doc("farthest from the bounds that a start has an opening")
+        Mm, _within(0, 1e4), Doc("farthest from the bounds that a start has an entry")
     ] = 60.0
     wall_mm: Annotated[
         MmIfGiven,
@@ -139,21 +141,23 @@ class RigOptions(Table):
     top_mm: Annotated[Mm, Ge(0), Doc("closed top of loose obstacles; 0: open")] = 0.0
     scale: Annotated[float, _within(SMALLEST, 1e3), Doc("rig mm per map mm")] = 1.0
     clearance_mm: Annotated[
-        MmIfGiven, _within(0, 5), Doc("gap around what is pushed into each other, else printer's")
+        MmIfGiven,
+        _within(0, 5),
+        Doc("gap around what is pushed into each other, else the printer's"),
     ] = None
-    joint: Annotated[Literal["dovetail", "none"], Doc("between neighbouring tiles")] = "dovetail"
+    joint: Annotated[Literal["dovetail", "none"], Doc("what holds tiles together")] = "dovetail"
     mark_depth_mm: Annotated[
-        Mm, _within(0, 5), Doc("of number and north arrow in the underside of tiles; 0: none")
+        Mm, _within(0, 5), Doc("depth of number and north arrow in the underside of tiles; 0: none")
     ] = 0.4
     peg_mm: Annotated[Mm, _within(1, 50), Doc("diameter of the pegs of loose obstacles")] = 5.0
     kerf_mm: Annotated[Mm, _within(0, 2), Doc("width that the laser removes")] = 0.2
-    sheet_width_mm: Annotated[Mm, _within(100, 1e4), Doc("of the laser's sheets")] = 1000.0
-    sheet_depth_mm: Annotated[Mm, _within(100, 1e4), Doc("of the laser's sheets")] = 600.0
+    sheet_width_mm: Annotated[Mm, _within(100, 1e4), Doc("width of the laser's sheets")] = 1000.0
+    sheet_depth_mm: Annotated[Mm, _within(100, 1e4), Doc("depth of the laser's sheets")] = 600.0
     bed_margin_mm: Annotated[Mm, _within(0, 1000), Doc("rim of the bed that stays free")] = 5.0
     sliver_mm: Annotated[
         Mm, _within(0, 1), Doc("loose pieces and gaps thinner than this are left out, and counted")
     ] = 0.05
-    most_parts: Annotated[int, _within(1, MOST_PARTS), Doc("a larger rig is refused")] = 100
+    most_parts: Annotated[int, _within(1, MOST_PARTS), Doc("more parts are refused")] = 100
     markers: Annotated[
         Literal["print", "paper", "engrave", "none"] | None,
         Doc(

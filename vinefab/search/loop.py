@@ -281,7 +281,16 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
         raise BadInputError("space", "too many levels or branches", allowed)
     space.refuse_limits_without_designs()
     radius_mm = evaluator.radii_mm[0]
-    _check_start(evaluator, radius_mm)
+    # Where the run gives its maps a start, the trunk must have room on each of them.
+    given = evaluator.spec.settings.maps.start is not None and radius_mm > 0.0
+    for prepared in evaluator.maps if given else ():
+        pose = prepared.world.starts[0].pose
+        base_mm = prepared.terrain.starts_mm([pose])
+        if not prepared.terrain.have_room(base_mm, radius_mm).all():
+            where = f"({pose.x_mm:g}, {pose.y_mm:g}) mm"
+            wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
+            allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
+            raise BadInputError("maps.start", where, allowed)
     rooms = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
         for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
@@ -290,20 +299,6 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     if radius_mm > 0.0 and not any(rooms):
         allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
         raise BadInputError(space.build.widths_key, space.build.widths_value, allowed)
-
-
-def _check_start(evaluator: Evaluator, radius_mm: float) -> None:
-    """Refuse a start that the run gives its maps where the trunk has no room on one of them."""
-    if evaluator.spec.settings.maps.start is None or radius_mm == 0.0:
-        return
-    for prepared in evaluator.maps:
-        pose = prepared.world.starts[0].pose
-        base_mm = prepared.terrain.starts_mm([pose])
-        if not prepared.terrain.have_room(base_mm, radius_mm).all():
-            where = f"({pose.x_mm:g}, {pose.y_mm:g}) mm"
-            wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
-            allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
-            raise BadInputError("maps.start", where, allowed)
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

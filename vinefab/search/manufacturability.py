@@ -27,7 +27,7 @@ from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
-from vinefab.model.design import MOST_BRANCHES, Build, Design
+from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import RunSettings
@@ -202,14 +202,16 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
     pouch, most = query.settings.build.pouch, int(query.settings.space.levels.high)
     if pouch is None:
         return
-    leaf_mm = query.settings.build.build(most).widths_mm[-1]
+    build = query.settings.build
+    leaf_mm = build.build(most).widths_mm[-1]
     least_mm = max(leaf_mm, query.limit(LEAST_WIDTH))
     if pouch.length_mm is not None and pouch.length_mm < least_mm * (1.0 - ROUNDING):
         yield _no(POUCH, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm")
     if pouch.flat_width_mm <= leaf_mm:
         words = f"{pouch.flat_width_mm:g} mm wide"
         yield _no(POUCH, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm")
-    vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=_leaf_alone(query, most))
+    alone = build.changed(widths_mm=(leaf_mm,)).build(1)
+    vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=alone)
     full = 100.0 * max(
         occupancies(vine, query.film_mm, query.limit(PACKING, "packing")), default=0.0
     )
@@ -217,12 +219,6 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
         words = f"{pouch.flat_width_mm:g} mm wide"
         allowed = f"narrower, or wider leaves: its film would fill {full:.0f} % of the narrowest"
         yield _no(PACKING, "build.pouch", words, allowed)
-
-
-def _leaf_alone(query: SpaceQuery, depth: int) -> Build:
-    """Return the build of a vine as wide as the leaves of designs with so many levels."""
-    build = query.settings.build
-    return build.changed(widths_mm=build.build(depth).widths_mm[-1:]).build(1)
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, Ints, number, whole
+from vinefab.core.validation import Floats, number, whole
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 if TYPE_CHECKING:
@@ -165,14 +165,8 @@ def _topology(config: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - py
         return topology.Star()
     ring = topology.Ring(static=True)
     # pyswarms would connect particles that start close to each other; a ring connects all.
-    ring.neighbor_idx = _ring_by_number(population, config.neighbours)
-    return ring
-
-
-def _ring_by_number(population: int, neighbours: int) -> Ints:
-    """Return the neighbourhood of each particle, itself included, shape (m, neighbours)."""
-    offsets = np.arange(neighbours) - neighbours // 2
-    ring: Ints = (np.arange(population)[:, None] + offsets) % population
+    offsets = np.arange(config.neighbours) - config.neighbours // 2
+    ring.neighbor_idx = (np.arange(population)[:, None] + offsets) % population
     return ring
 
 

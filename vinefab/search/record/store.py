@@ -225,11 +225,7 @@ class RunStore:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Close the file; delete it if it was created for a run that is refused."""
         refused = kind is not None and issubclass(kind, BadInputError | UnknownNameError)
-        self._close(remove=refused and self._is_new and not self._has_generations())
-
-    def _has_generations(self) -> bool:
-        with system_errors(self.path):
-            return self._connection.execute("SELECT 1 FROM generation").fetchone() is not None
+        self._close(remove=refused and self._is_new and not self.recorded)
 
     def _close(self, *, remove: bool) -> None:
         try:

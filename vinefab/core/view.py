@@ -353,7 +353,8 @@ class Result:
         return made
 
     def __repr__(self) -> str:
-        shown, hidden = self.summary[:_MOST_LINES], len(self.summary[_MOST_LINES:])
+        every = tuple(lines(self.view()))
+        shown, hidden = every[:_MOST_LINES], len(every[_MOST_LINES:])
         more = [f"... {hidden} more lines: print(*result.summary, sep='\\n')"] if hidden else []
         return "\n".join([f"<{type(self).__name__}>", *shown, *more])
 

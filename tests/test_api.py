@@ -559,7 +559,7 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     again = vf.RunResult.read(tmp_path / "one")
     assert (again.best, again.run_id) == (result.best, result.run_id)
     assert repr(again) == repr(result)
-    assert "on fresh poses of the training maps (simulated)." in repr(again)
+    assert "on fresh poses of the training maps (simulated)>" in repr(again)
     assert f">{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
@@ -576,10 +576,8 @@ def test_a_shipped_run_is_found_by_its_name(monkeypatch):
         "vinefab.app.searching._searched", lambda settings, *_: seen.append(settings)
     )
     vf.optimize("grid_coverage", seed=9)
-    assert seen[0] == dataclasses.replace(
-        vf.RunSettings.read("grid_coverage"),
-        search=dataclasses.replace(vf.RunSettings.read("grid_coverage").search, seed=9),
-    )
+    shipped = vf.RunSettings.read("grid_coverage")
+    assert seen[0] == shipped.changed(search=shipped.search.changed(seed=9))
 
 
 def test_findings_are_drawn_in_place_as_by_the_command(tmp_path):

@@ -128,6 +128,9 @@ class RunResult(Result):
         """The result, a line each: what `vinefab.optimize` told, or else the view."""
         return self.told or tuple(lines(self.view()))
 
+    def __repr__(self) -> str:
+        return f"<RunResult {self.headline}>"
+
     @property
     def details(self) -> tuple[str, ...]:
         """The summary, and where the time went."""

@@ -538,7 +538,7 @@ def test_the_notebook_runs_and_every_cell_shows_something(tmp_path, monkeypatch)
     assert "(simulated)" in texts["Score"]
     assert "VF-W01" in texts["CheckReport"], "the narrow level is found"
     assert "outline.dxf" in texts["WrittenFolder"]
-    assert all(text.startswith(("<svg", "<p>")) for _, text in shown)
+    assert all(text.startswith("<") for _, text in shown)
 
 
 def test_what_users_named_is_text_in_a_notebook():

@@ -5,6 +5,7 @@ import shlex
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 
@@ -101,6 +102,7 @@ class FoundInNoTime:
     given: tuple
     origin: object = None
     summary = ("found",)
+    numbers = MappingProxyType({"schema": "vinefab/prediction-1"})
 
     @classmethod
     def of(cls, design, profile, families, plan, _progress):

@@ -128,7 +128,8 @@ class Command:
             raise
         if result is None:
             return 0
-        terminal.give_json(result.json_text())
+        if terminal.json_out is not None:
+            terminal.give_json(result.json_text())
         details = getattr(result, "details", None) if verbose else None
         terminal.say_all(details if isinstance(details, tuple) else result.summary)
         return int(getattr(result, "exit_code", 0))

@@ -50,11 +50,11 @@ class Terminal:
             ensure_writable(Path(str(self.json_out)), force=self.force)
 
     def give_json(self, text: str) -> None:
-        """Write the machine-readable result if one was asked for."""
+        """Write the machine-readable result, which was asked for."""
         if self.json_out == "-":
             sys.stdout.write(text)
-        elif self.json_out is not None:
-            write_text(Path(self.json_out), text, force=self.force)
+        else:
+            write_text(Path(str(self.json_out)), text, force=self.force)
             self.say(f"wrote {self.json_out}")
 
     @contextmanager

@@ -83,7 +83,12 @@ def _value_text(value: object) -> str:
 
 
 def _growth_words(pairs: Mapping[str, object]) -> list[str]:
-    return [f"{name}={_numbers_words(value)[0]}" for name, value in pairs.items()]
+    found = list[str]()
+    for name, value in pairs.items():
+        parts = value if isinstance(value, list | tuple) else [value]
+        shown = (str(one).lower() if isinstance(one, bool) else str(one) for one in parts)
+        found.append(f"{name}={','.join(shown)}")
+    return found
 
 
 def _limit(text: str) -> tuple[str, str, float]:

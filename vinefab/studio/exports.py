@@ -255,12 +255,14 @@ class ReportExport:
 
     def words(self, source: ExportSource) -> list[str]:
         """Return the words of the command after ``vinefab``, as the page itself has them."""
-        words = ["report", source.design_name, "--recipe", source.recipe]
+        words = ["report", source.design_name, "--recipe", source.recipe, "--out", source.out]
         words += ["--maps", source.map_name] if source.world else []
-        if self.environment:
-            words += ["--environment", self.environment, "--count", str(self.count)]
-        words += ["--poses", str(self.poses), "--seed", str(self.seed)]
-        return [*words, *growth_words(source.growth.content), "--out", source.out]
+        words += ["--environment", self.environment] if self.environment else []
+        # As `core.verbs.Call` words a call: in the order of the verb, without its defaults.
+        more = {"--count": (self.count, 100 if self.environment else self.count),
+                "--poses": (self.poses, 3), "--seed": (self.seed, 0)}  # fmt: skip
+        words += [w for flag, (n, usual) in more.items() if n != usual for w in (flag, str(n))]
+        return [*words, *growth_words(source.growth.content)]
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the page."""

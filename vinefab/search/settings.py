@@ -27,6 +27,7 @@ from vinefab.model.files import toml
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
+from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start
 from vinefab.model.score import STANDARD_DEVIATION
 from vinefab.model.start_place import (
@@ -331,8 +332,13 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
         ranges = ("levels", "length_mm", "angle_deg", "branches", "growth_percent", "by_level")
         said = [name for name in ("most", "symmetric") if getattr(settings, name)]
         return {name: plain_settings(getattr(settings, name)) for name in (*ranges, *said)}
+    if isinstance(settings, Recipe):
+        # As records have it since before recipes were tables: runs are resumed by it.
+        return plain_settings({**dict(settings.__repr_args__()), "lap": settings.lap})
+    if isinstance(settings, OperationSettings):
+        return plain_settings(settings.record())
     if isinstance(settings, BaseModel):
-        declared = type(settings).model_fields
+        declared = {n: f for n, f in type(settings).model_fields.items() if n != "schema_"}
         values = {name: getattr(settings, name) for name in declared}
         later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
         return {

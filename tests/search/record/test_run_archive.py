@@ -10,6 +10,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import PieceSettings, Pouch
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.generations import Progress, RunIdentity
@@ -195,3 +196,16 @@ def test_records_are_found_below_a_folder_and_others_refused(
     old.close()
     with pytest.raises(UnreadableFileError, match="has schema vinefab/run-store-1; this vinefab"):
         RunArchive.read(found[0])
+
+
+def test_a_recipe_stands_in_records_as_before_it_was_a_table():
+    """Ids of runs are made from it: with another layout no earlier run could be resumed."""
+    profile = plain_settings(read_profile("co2_60w__stretchlon_200"))
+    assert set(profile["recipe"]) == {
+        *("name", "title", "status", "source", "operations", "growth", "limits", "coupons"),
+        *("windows", "lap"),
+    }
+    assert (profile["recipe"]["growth"], profile["recipe"]["windows"]) == ({}, [])
+    weldcut = profile["recipe"]["operations"]["weldcut"]
+    assert (weldcut["tool"], weldcut["dwell_s"]) == ("laser", None)
+    assert "schema_" not in {*profile["machine"], *profile["material"]}

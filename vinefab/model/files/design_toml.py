@@ -54,7 +54,8 @@ def design_content(design: Design) -> dict[str, Any]:
 def design_text(design: Design) -> str:
     """Return a design as the text of a design file; reading it gives the same design."""
     content = table_content(design)
-    content["build"] = {name: value for name, value in content["build"].items() if value != []}
+    if not design.build.taper:
+        del content["build"]["taper"]
     head = {key: value for key, value in content.items() if not isinstance(value, dict | list)}
     blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
     for name, value in content.items():

@@ -279,8 +279,11 @@ def _farthest(old: Iterable[np.ndarray], new: Iterable[np.ndarray]) -> float:
     """Return the largest distance from the old lines, looked at each mm, to the new ones."""
     lines = shapely.linestrings
     target = [lines(points if len(points) > 1 else points[[0, 0]]) for points in new]
-    source = [lines(points if len(points) > 1 else points[[0, 0]]) for points in old]
-    points = shapely.points(shapely.get_coordinates(shapely.segmentize(source, 1.0)))
+    source = np.array([lines(points if len(points) > 1 else points[[0, 0]]) for points in old])
+    source[shapely.length(source) > 0.0] = shapely.segmentize(
+        source[shapely.length(source) > 0.0], 1.0
+    )
+    points = shapely.points(shapely.get_coordinates(source))
     tree = shapely.STRtree(target)
     _, away = tree.query_nearest(points, return_distance=True, all_matches=False)
     return float(away.max(initial=0.0))

@@ -139,7 +139,7 @@ def test_every_public_function_says_units_errors_and_an_example():
     functions += [vf.Design.read, vf.Design.write, vf.Design.grow, vf.Map.read, vf.Map.write]
     functions += [vf.Map.info, vf.MapInfo.write, vf.RunResult.read, vf.RunSettings.read]
     for function in functions:
-        text = inspect.getdoc(making.rig if function is vf.rig else function)
+        text = inspect.getdoc(getattr(function, "__wrapped__", function))
         assert ">>>" in text, function
         if inspect.signature(function).parameters:
             assert "Parameters\n---" in text, function

@@ -23,9 +23,8 @@ __all__ = sorted(name for name in _names if name != "__version__")  # noqa: PLE0
 
 
 def __getattr__(name: str) -> object:
-    if name == "rig":  # a room that is also a function, whatever was loaded before
-        name_of_room = f"{__name__}.rig"
-        return __import__(name_of_room, fromlist=["rig"])
+    if name in ("rig", "studio"):  # rooms that are also functions, whatever was loaded before
+        return __import__(f"{__name__}.{name}", fromlist=[name])
     if name not in _names:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return _load(name)

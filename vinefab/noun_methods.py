@@ -91,7 +91,7 @@ def write_deployment(
 
 
 def map_summary(world: Map) -> tuple[str, ...]:
-    """Return the size of a map, its starts, what is odd about it and how it was made."""
+    """Return the size of a map, its starts and what is odd about it."""
     from vinefab.model.start_place import area_notes, start_words
     from vinefab.prediction.map_info import size_notes
 
@@ -103,9 +103,7 @@ def map_summary(world: Map) -> tuple[str, ...]:
     starts = world.starts if any(one.area for one in world.starts) else world.starts[:1]
     lines += [f"start: {start_words(start)}" for start in starts]
     lines += [f"note: {note}" for note in [*size_notes(world), *area_notes([world])]]
-    shown = {key: value for key, value in world.facts.items() if value is not None}
-    return (*lines, *(f"  {key}: {value:.6g}" if isinstance(value, float) else f"  {key}: {value}"
-                      for key, value in shown.items()))  # fmt: skip
+    return tuple(lines)
 
 
 def info_of(world: Map, *, width_mm: float | None, passages: int) -> MapInfo:

@@ -37,7 +37,7 @@ def test_a_reading_that_is_unknown_is_one_line(vinefab, tmp_path):
     source, out = write_passages(tmp_path / "cave.geojson", 3), tmp_path / "a.geojson"
     code, _, complaint = vinefab("map", "import", source, "--drawn", "rooms", "--out", out)
     assert code == 2
-    assert "drawn is 'rooms'; allowed: obstacles or free" in complaint
+    assert "drawn is 'rooms'; allowed: one of obstacles, free" in complaint
     assert complaint.count("\n") == 1
     assert not out.exists()
 

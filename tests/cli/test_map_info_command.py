@@ -14,9 +14,9 @@ def test_info_of_a_map(vinefab, grid, tmp_path):
     document = json.loads(numbers.read_text())
     assert (code, complaint) == (0, "")
     assert document["schema"] == "vinefab/map-info-1"
-    assert f"{document['walls']} walls" in words
-    assert f"{document['passages'][0]['width_mm']:.2f} mm at" in words
-    assert "a body of 20 mm" in words
+    assert f"walls: {document['walls']}\n" in words
+    assert f"{document['passages'][0]['width_mm']:.2f} mm " in words
+    assert "body asked about: 20 mm" in words
     assert str(picture) in words
     assert picture.read_bytes().startswith(b"<?xml")
 

@@ -69,7 +69,9 @@ def test_commands_use_the_recipe_of_the_run_and_say_so(vinefab, best, tmp_path):
         assert (complaint, line in said) == ("", True)
     job = json.loads((tmp_path / "made" / "job.json").read_text())
     assert "mine" in json.dumps(job["recipe"])
-    assert f"--recipe {best.parent / COPY}" in (tmp_path / "page.html").read_text()
+    page = (tmp_path / "page.html").read_text()
+    assert f"vinefab report {best} " in page  # the design leads to the recipe of its run
+    assert "mine: unverified" in page
     assert vf.check(best).recipe == "mine"
     assert vf.check(vf.Design.read(best)).recipe == "mine"
 

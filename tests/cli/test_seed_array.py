@@ -151,7 +151,7 @@ def test_what_cannot_be_merged_is_refused(vinefab, run_file, tmp_path):
     assert "--best is '2 kinds of runs'; allowed: with folders whose runs differ" in complaint
     code, _, complaint = vinefab("runs", one, two, "--rebuild", tmp_path / "again")
     assert code == 2
-    assert "--rebuild is '2 folders'; allowed: one DIR" in complaint
+    assert "--rebuild is '2 folders'; allowed: one folder" in complaint
     best.write_text("mine")
     code, _, complaint = vinefab("runs", one, "--best", best)
     assert code == 2

@@ -63,12 +63,15 @@ def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("map", "start", "{grid}", "--out", "x.geojson"), "--start is missing; allowed: X,Y,DEG"),
+        (("map", "start", "{grid}", "--out", "x.geojson"), "--start is missing; for example: "),
         (("map", "start", "{grid}", "--start", "leftt", "--out", "x.geojson"), "mean 'left'?"),
         (("score", "plain_vine", "--maps", "{grid}", "--start", "-5,5,0"), "outside the bounds"),
         (("score", "plain_vine", "--maps", "{grid}", "--start", "area 900,0 999,9"), "free space"),
-        (("grow", "plain_vine", "--map", "{grid}", "--start", "left", "--pose", "9,9,0"), "beside"),
-        (("check", "plain_vine", "--start", "left side"), "together with --map"),
+        (
+            ("grow", "plain_vine", "--map", "{grid}", "--start", "left", "--pose", "9,9,0"),
+            "together with start",
+        ),
+        (("check", "plain_vine", "--start", "left side"), "together with maps (--map)"),
         (
             ("map", "grid", "--start", "left, inset 20, clear 900", "--out", "x.geojson"),
             "at least 900 mm from walls",

@@ -77,7 +77,7 @@ def test_a_laser_of_ones_own_lies_beside_its_recipe(tmp_path, monkeypatch, capsy
     assert read_profile(film).machine.bed_width_mm.value == 300.0
     capsys.readouterr()
     assert main(["profiles", str(film)]) == 0
-    assert "machine small: " in capsys.readouterr().out
+    assert "machine: small: " in capsys.readouterr().out
     assert main(["profiles", str(small)]) == 0
     assert capsys.readouterr().out.startswith("machine ")
 
@@ -180,9 +180,9 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     assert main(["rules", "P03"]) == 0
     assert capsys.readouterr().out.startswith("VF-P03: ")
     assert main(["rules", "Pressure"]) == 0
-    about = capsys.readouterr().out.splitlines()
-    assert len(about) > 2
-    assert all(line.startswith("VF-") for line in about)
+    about = capsys.readouterr().out
+    assert about.count("\n  VF-") > 2
+    assert "pressure" in about
 
 
 def test_old_names_of_studies_work_and_are_not_listed(capsys):

@@ -134,7 +134,7 @@ def test_picture_is_the_same_every_time_and_shows_every_passage():
 
 @pytest.mark.parametrize("wrong", [{"width_mm": 0.0}, {"width_mm": math.nan}, {"passages": -1}])
 def test_numbers_out_of_range_are_named(wrong):
-    with pytest.raises(BadInputError, match=r"--width-mm|--passages"):
+    with pytest.raises(BadInputError, match=r"width_mm|passages"):
         map_info(two_rooms(8.0), **wrong)
 
 

@@ -42,10 +42,11 @@ class RunningStudio:
         }
         self.folder = folder
         self.complaints = folder / "complaints.txt"
+        browser = [] if "--browser" in arguments else ["--no-browser"]
         with self.complaints.open("ab") as complaints:
             # A session of its own: whatever the server leaves behind is ended with it.
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "vinefab", "studio", "--no-browser", *map(str, arguments)],
+                [sys.executable, "-m", "vinefab", "studio", *browser, *map(str, arguments)],
                 cwd=folder,
                 env=environment,
                 stdin=subprocess.PIPE,

@@ -250,7 +250,7 @@ def test_what_cannot_be_used_is_named(tmp_path):
         family_answer(state_of(), {"have": 5}, silent)
     with pytest.raises(BadInputError, match="draw"):
         family_answer(state_of(), {"draw": "grid"}, silent)
-    with pytest.raises(BadInputError, match=r"family\.poses.*1 to 5"):
+    with pytest.raises(BadInputError, match=r"family\.poses.*less than or equal to 5"):
         state_of(family={**GRID, "poses": 6})
     with pytest.raises(BadInputError, match=r"family\.files.*at most 200"):
         state_of(family={"files": ["a.geojson"] * 201})

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import ensure_apart, page_path, write_page
-from vinefab.core.verbs import FieldsOf, Kind, Seed, also, verb, wrote
+from vinefab.core.verbs import FieldsOf, Kind, Seed, also, note, verb, wrote
 from vinefab.model.inputs import POINTS, MapLike, PathText, StartsLike, map_of, path_of, starts_of
 from vinefab.model.inputs import written as file_kind
 
@@ -22,8 +22,12 @@ MAP_SUFFIXES = (".geojson", ".json")
 MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES)]
 
 
-def _kept(world: Map, out: Any, *, force: bool) -> Map:
-    """Write a map if a file is asked for, and return it."""
+def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
+    """Write a map if a file is asked for, and return it; of a new one, tell how it was made."""
+    for key, value in world.facts.items() if is_new else ():
+        if value is not None:
+            shown = f"{value:.6g}" if isinstance(value, float) else value
+            note(f"  {key}: {shown}", only_in_shell=True)
     if out is not None:
         path = path_of("out", out)
         world.write(path, force=force)
@@ -186,7 +190,7 @@ def start(
 
     if not starts_of(start):
         raise BadInputError("start", None, START_WAYS)
-    return _kept(map_of(map, start=start), out, force=force)
+    return _kept(map_of(map, start=start), out, force=force, is_new=False)
 
 
 @verb

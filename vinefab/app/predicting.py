@@ -158,6 +158,8 @@ def grow(
     film = page_path("animate", animate, force=force)
     if film is not None:
         whole("frames", frames, 1, MOST_FRAMES)
+    if history is not None and (shell := this_call().shell) and not shell.gives_json:
+        raise BadInputError("history", history, "to be given together with --json")
     if isinstance(history, int):
         whole("history", history, 1, MOST_FRAMES)
     elif history is not None:

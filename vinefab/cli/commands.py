@@ -119,7 +119,13 @@ class Command:
         return any(one.name == "force" for one in self.options)
 
     def _called(self, given: dict[str, Any], terminal: Terminal, *, verbose: bool) -> int:
-        SHELL.set(Shell(command=self.name, say=terminal.say, progress=terminal.progress))
+        shell = Shell(
+            command=self.name,
+            say=terminal.say,
+            progress=terminal.progress,
+            gives_json=terminal.json_out is not None,
+        )
+        SHELL.set(shell)
         placed = [given.pop(one.name) for one in self.options if one.starred and one.name in given]
         try:
             result = self.function(*(placed[0] if placed else ()), **self.fixed, **given)

@@ -7,10 +7,41 @@ and it is loaded when such a method is first called. ``vinefab.maps`` and ``vine
 and public names at once: they find their verbs so, too.
 """
 
+import inspect
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 
 def front_door(part: str = "noun_methods") -> Any:  # noqa: ANN401  types this room must not know
     """Return a module at the top of the package, which sees all rooms."""
     return import_module(f"vinefab.{part}")
+
+
+def callable_room(room: str, part: str) -> None:
+    """Let a room be the public function of its name as well.
+
+    Python binds a package to its name in the package above once one of its modules is loaded, so
+    ``vinefab.rig`` cannot be the function alone: it is both, whatever was loaded before.
+
+    Parameters
+    ----------
+    room
+        The package, ``vinefab.rig``.
+    part
+        The module with the function, as for `front_door`.
+    """
+    name = room.rpartition(".")[2]
+
+    class CallableRoom(ModuleType):
+        def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  as the function
+            return getattr(front_door(part), name)(*given, **named)
+
+        def __getattr__(self, wanted: str) -> Any:  # noqa: ANN401  of the function
+            if wanted in ("__signature__", "__wrapped__"):
+                function = getattr(front_door(part), name)
+                return inspect.signature(function) if wanted == "__signature__" else function
+            raise AttributeError(f"module {room!r} has no attribute {wanted!r}")
+
+    sys.modules[room].__class__ = CallableRoom

@@ -433,6 +433,7 @@ class Shell:
     command: str  # the words of the command: ``map info``
     say: Callable[[str], None]
     progress: Callable[[str], AbstractContextManager[Tell]]
+    gives_json: bool = False  # whether ``--json`` is given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -312,9 +312,9 @@ class AimResult(Result):
         )
         yield Picture(
             image=lambda: page_svg(page_of(self._pictures.landscape_panel(self, first))),
-            caption=f"{first.name}: expected score of {len(first.search.landscape.places_mm)} "
-            "places, each at the best of its headings (arrows). Ring: the best robust pose "
-            "(simulated).",
+            caption=f"{first.name}: expected score of "
+            f"{counted(len(first.search.landscape.places_mm), 'place')}, each at the best of its "
+            "headings (arrows). Ring: the best robust pose (simulated).",
         )
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")

@@ -9,28 +9,6 @@ Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``,
 `vinefab.app.making`.
 """
 
-import inspect
-import sys
-from types import ModuleType
-from typing import Any
+from vinefab.core.front_door import callable_room
 
-from vinefab.core.front_door import front_door
-
-
-class _CallableRoom(ModuleType):
-    """A room that is also the public function of its name.
-
-    Python binds a package to its name in the package above once one of its modules is loaded, so
-    ``vinefab.rig`` cannot be the function alone: it is both, whatever was loaded before.
-    """
-
-    def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  see `vinefab.app.making.rig`
-        """Call `vinefab.app.making.rig`."""
-        return front_door("app.making").rig(*given, **named)
-
-    @property
-    def __signature__(self) -> inspect.Signature:
-        return inspect.signature(front_door("app.making").rig)
-
-
-sys.modules[__name__].__class__ = _CallableRoom
+callable_room(__name__, "app.making")

@@ -253,7 +253,7 @@ class Deserted:
 
 
 def test_a_run_gives_up_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_wait", lambda _: None)
+    monkeypatch.setattr(module.distributed, "wait", lambda *_, **__: None)
     with pytest.raises(
         WorkersLostError, match=r"no worker for 0\.01 s; --resume continues the recorded run"
     ):

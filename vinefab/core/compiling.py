@@ -15,6 +15,7 @@ cache on disk notices edits to a function's own file only. After a change here, 
 
 import importlib.util
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from importlib import import_module
 from importlib.machinery import SourceFileLoader
@@ -66,13 +67,27 @@ def called(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
 class _Later(ModuleType):
     """A module that is imported when something of it is first used, by any thread."""
 
+    def __init__(self, name: str, within: Callable[[], AbstractContextManager[None]]) -> None:
+        super().__init__(name)
+        self._within = within
+
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401  of any module
-        return getattr(import_module(self.__name__), name)
+        with self._within():
+            module = import_module(self.__name__)
+        return getattr(module, name)
 
 
-def imported_later(name: str) -> Any:  # noqa: ANN401  a module
-    """Return a module that is imported when it is first used; a missing one is told then."""
-    return _Later(name)
+def imported_later(
+    name: str, within: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> Any:  # noqa: ANN401  a module
+    """Return a module that is imported when it is first used; a missing one is told then.
+
+    Parameters
+    ----------
+    within
+        What the import must happen in, whoever uses the module first.
+    """
+    return _Later(name, within)
 
 
 @cache

@@ -131,6 +131,8 @@ def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path
     program = """
 import logging, os
 handlers, level = list(logging.getLogger().handlers), logging.getLogger().level
+from vinefab.search.optimizers import pso
+assert pso.topology.Star  # whoever looks at the module first
 from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 make_optimizer_config("pso").start(SearchAxes.continuous(3), population=4, seed=1).ask()

@@ -19,15 +19,31 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, number, whole
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
+_QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep pyswarms from configuring logging, on import and whenever it creates a part."""
+    before = os.environ.get("LOG_CFG")
+    os.environ["LOG_CFG"] = str(_QUIET)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["LOG_CFG"]
+        else:
+            os.environ["LOG_CFG"] = before
+
+
 if TYPE_CHECKING:
     from pyswarms import backend
     from pyswarms.backend import topology
 else:
-    backend = imported_later("pyswarms.backend")
-    topology = imported_later("pyswarms.backend.topology")
+    backend = imported_later("pyswarms.backend", within=_quiet)
+    topology = imported_later("pyswarms.backend.topology", within=_quiet)
 
 _STREAM = 1401
-_QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
 _ARRAYS = ("position", "velocity", "pbest_pos", "pbest_cost")
 
 
@@ -168,20 +184,6 @@ def _topology(config: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - py
     offsets = np.arange(config.neighbours) - config.neighbours // 2
     ring.neighbor_idx = (np.arange(population)[:, None] + offsets) % population
     return ring
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep pyswarms from configuring logging, on import and whenever it creates a part."""
-    before = os.environ.get("LOG_CFG")
-    os.environ["LOG_CFG"] = str(_QUIET)
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["LOG_CFG"]
-        else:
-            os.environ["LOG_CFG"] = before
 
 
 @contextmanager

@@ -27,7 +27,6 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.prediction_width import (
     ContactValue,
-    contact_angles_words,
     contact_value,
 )
 from vinefab.prediction.sensitivity import (
@@ -39,6 +38,7 @@ from vinefab.prediction.sensitivity import (
 )
 from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.loop import Search
+from vinefab.search.record.elsewhere import placed_off_range
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import run_profile
 from vinefab.search.settings import RunSettings, targets_mm
@@ -48,9 +48,6 @@ from vinefab.tasks.task import Task
 UNSEEN_DEPLOYMENTS = 50
 """Deployments that a winner is tried in elsewhere, each on a map of its own where maps are
 generated: the same maps for every run of an environment, so that runs can be compared."""
-
-PLACED_OFF = 10.0
-"""A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,12 +172,6 @@ def _angles_standing(growth: GrowthOptions) -> dict[str, str]:
     return {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
 
 
-def contacts_over(content: Mapping[str, Any]) -> str:
-    """Return over which half-angles a winner was tried, in words."""
-    standing = content.get("head_on_half_angles_standing", "assumed")
-    return contact_angles_words(content["head_on_half_angles_deg"], standing)
-
-
 def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
     """Return how many pieces a winner is cut in (computed); nothing where it must be one."""
     if design.build.pieces is None:
@@ -290,47 +281,3 @@ def _origin(content: Mapping[str, Any]) -> dict[str, object]:
 
 def _rounded(values: list[float]) -> list[float]:
     return [round(value, 4) for value in values]
-
-
-def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the least and the greatest mean score of a body placed off by up to `PLACED_OFF`."""
-    score = content["unseen"]["score"]["mean"]
-    changes = [
-        row["change"]
-        for row in content["placed_off"]
-        if abs(row["step"]) <= PLACED_OFF and row["change"] is not None
-    ]
-    return score + min([0.0, *changes]), score + max([0.0, *changes])
-
-
-def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[float, float]:
-    """Return the least and the greatest mean score over contacts."""
-    means = [value["mean"] for value in content[family]["over_contacts"]]
-    return min(means), max(means)
-
-
-def prediction_lines(content: Mapping[str, Any]) -> list[str]:
-    """Return what a winner is expected to do elsewhere as lines for the user."""
-    unseen, training = content["unseen"], content["training"]
-    low, high = placed_off_range(content)
-    over = f"over {contacts_over(content)}"
-    lines = [
-        f"on {family['label']}, {counted(family['deployments'], 'deployment')} (simulated): mean "
-        f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"
-        for family, (least, most) in (
-            (unseen, contact_ends(content)),
-            (training, contact_ends(content, "training")),
-        )
-    ]
-    lines.append(
-        f"placed off by up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg (assumed): {low:.3f} to "
-        f"{high:.3f} on {unseen['label']} (simulated)"
-    )
-    return [*lines, *([content["note"]] if content["note"] else [])]
-
-
-def interval_words(score: Mapping[str, float | None]) -> str:
-    """Return a mean score with its 95 % interval."""
-    if score["low"] is None:
-        return f"{score['mean']:.3f}"
-    return f"{score['mean']:.3f} [{score['low']:.3f}, {score['high']:.3f}]"

@@ -607,8 +607,8 @@ def report(
     """
     from dataclasses import replace
 
-    from vinefab.prediction.family_deployments import PredictionPlan
-    from vinefab.prediction.predict import part_of, predict
+    from vinefab.prediction.family_deployments import PredictionPlan, part_of
+    from vinefab.prediction.predict import predict
     from vinefab.prediction.provenance import origin_of
 
     path = page_path("out", out, force=force)

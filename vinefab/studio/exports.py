@@ -269,9 +269,10 @@ class ReportExport:
         from vinefab.prediction.family_deployments import (
             PredictionPlan,
             map_families,
+            part_of,
             unseen_maps,
         )
-        from vinefab.prediction.predict import part_of, predict
+        from vinefab.prediction.predict import predict
         from vinefab.prediction.provenance import origin_of
 
         unseen = None

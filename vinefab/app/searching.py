@@ -187,8 +187,7 @@ def optimize(
         with _generations(settings, progress) as tell:
             return _searched(settings, own_task, evaluator, tell)
 
-    from vinefab.prediction.run_folder import run_in_folder
-    from vinefab.prediction.run_winner import prediction_lines
+    from vinefab.prediction.run_winner import prediction_lines, run_in_folder
 
     folder = path_of("out", out)
     pages = (PAGE_NAME,) if page else ()

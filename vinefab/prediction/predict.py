@@ -261,7 +261,8 @@ def predict(
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
-    mass_g = _mass_g(prepared)
+    bill = bill_of_materials(prepared.job, prepared.profile)
+    mass_g = next((line.value for line in bill if line.item == "robot film mass"), 0.0)
     return Predicted(
         prepared=prepared,
         results=results,
@@ -292,12 +293,6 @@ class _AllDeployments(Collection[Deployment]):
 
     def __contains__(self, deployment: object) -> bool:
         return any(deployment is one for one in self)
-
-
-def _mass_g(prepared: Prepared) -> float:
-    """Return the mass of the robot's film from its bill of materials."""
-    lines = bill_of_materials(prepared.job, prepared.profile)
-    return next((line.value for line in lines if line.item == "robot film mass"), 0.0)
 
 
 MANY_PERCENT = 10.0
@@ -348,7 +343,16 @@ def cautions(
     sentences = [*recipe_cautions(prepared.profile)]
     warnings = prepared.report.count(Severity.WARNING)
     skipped = len(prepared.report.skipped)
-    sentences += _about_pressure(window) if window else []
+    if window is not None and window.is_open and not window.is_open_tight:
+        sentences.append(
+            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
+            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
+        )
+    if window is not None and window.standing is Standing.ASSUMED:
+        sentences.append(
+            "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
+            "tube that growth was fitted to."
+        )
     for measure in (STUCK, UNDEPLOYED):
         spread = outcomes.spread(measure)
         if spread is not None and spread.mean >= MANY_PERCENT:
@@ -365,21 +369,6 @@ def cautions(
     return tuple(sentences)
 
 
-def _about_pressure(window: PressureWindow) -> list[str]:
-    sentences = []
-    if window.is_open and not window.is_open_tight:
-        sentences.append(
-            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
-            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
-        )
-    if window.standing is Standing.ASSUMED:
-        sentences.append(
-            "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
-            "tube that growth was fitted to."
-        )
-    return sentences
-
-
 def headlines(
     outcomes: MeasureTable,
     window: PressureWindow | None,
@@ -392,7 +381,16 @@ def headlines(
     holding = next(h for h in anchoring if h.label == outcomes.label)
     found.append(anchoring_headline(holding))
     if window is not None:
-        found.append(_pressed(window))
+        room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
+        pressed = Fact(
+            name="pressure window",
+            value=room if window.is_open else "none",
+            detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest "
+            f"part may take; working pressure {window.working_kpa:g} kPa (computed from assumed "
+            "numbers)",
+            tone="good" if window.is_open and window.holds_working else "bad",
+        )
+        found.append(pressed)
     return tuple(headline for headline in found if headline is not None)
 
 
@@ -419,15 +417,4 @@ def _measured(
         value=measure.text(spread.mean),
         detail=f"mean over {outcomes.label}, {interval}{width}{over} (simulated)",
         tone="caution" if most is not None and spread.mean >= most else "good",
-    )
-
-
-def _pressed(window: PressureWindow) -> Fact:
-    room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
-    return Fact(
-        name="pressure window",
-        value=room if window.is_open else "none",
-        detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest part "
-        f"may take; working pressure {window.working_kpa:g} kPa (computed from assumed numbers)",
-        tone="good" if window.is_open and window.holds_working else "bad",
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
@@ -16,7 +17,7 @@ from vinefab.app.common import (
     task_of,
     write_page,
 )
-from vinefab.app.results import GrownDesign, WrittenReport
+from vinefab.app.results import WrittenReport
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import (
     Kind,
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
+    from vinefab.prediction.deploy import DeployedDesign
 
 
 def _fronts(text: str) -> int | tuple[float, ...]:
@@ -89,7 +91,7 @@ def grow(
     animate: Annotated[PathText | None, written(".svg", ".gif")] = None,
     frames: int = 40,
     force: bool = False,
-) -> GrownDesign:
+) -> DeployedDesign:
     """Deploy a design on a map and say where every branch ended.
 
     Parameters
@@ -130,8 +132,8 @@ def grow(
 
     Returns
     -------
-    GrownDesign
-        What `Design.grow` returns is its ``deployed.deployment``.
+    DeployedDesign
+        What `Design.grow` returns is its ``deployment``.
 
     Raises
     ------
@@ -183,7 +185,7 @@ def grow(
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
         write_page(film, found.animation(film.suffix, frames), force=force)
-    return GrownDesign(deployed=found, fronts=history)
+    return replace(found, fronts=history)
 
 
 @verb
@@ -370,8 +372,6 @@ def aim(
     >>> 0.0 < found.mean <= 1.0
     True
     """
-    from dataclasses import replace
-
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
     from vinefab.prediction.provenance import origin_of
@@ -493,8 +493,6 @@ def compare(
     >>> sorted(found.means)
     ['plain_vine', 'three_level_tree']
     """
-    from dataclasses import replace
-
     from vinefab.prediction.comparison import compare_designs, measure_named
     from vinefab.prediction.family_deployments import PredictionPlan
     from vinefab.prediction.provenance import origin_of

@@ -457,6 +457,12 @@ class Call:
             given.pop(name, None)
         return self._typed(given) if self.shell else self._written(given)
 
+    def to(self, function: Callable[..., Any], **given: Any) -> "Call":  # noqa: ANN401
+        """Return a call of another verb by the same caller."""
+        command = function.__name__.replace("_", "-")
+        shell = self.shell and replace(self.shell, command=command)
+        return Call(function=function, given=given, shell=shell)
+
     def _typed(self, given: Mapping[str, Any]) -> str:
         assert self.shell is not None  # noqa: S101  for the type checker
         words, after = ["vinefab", *self.shell.command.split()], list[str]()

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
-from vinefab.core.view import Block, Notes
+from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import read_design
@@ -230,7 +230,7 @@ class PictureExport:
             data = found.animation(suffix, self.frames)
         else:
             data = found.picture(suffix, named=self.label)
-        return MadeExport(files={"": data}, view=(Notes(tuple(found.summary())),))
+        return MadeExport(files={"": data}, view=tuple(found.view()))
 
     def _moves(self, source: ExportSource) -> bool:
         """Whether it is a moving picture, which a GIF always is."""

@@ -134,16 +134,12 @@ def test_what_lies_outside_of_the_bounds_is_rock_too():
 
 def test_a_small_picture_has_one_path_for_all_that_is_solid():
     world = frame_world()
-    for options in ({"detail": False}, {"box_mm": world.bounds.bounds}):
-        ground = parsed(ground_svg(world, **options))
-        assert [path.get("class") for path in ground] == ["free", "rock merged", "bounds"]
-        # Filled where rings wind around a place: outer ones one way, holes the other.
-        turns = [shapely.LinearRing(ring).is_ccw for ring in rings(ground[1].get("d"))]
-        assert len(set(turns)) == 2
-        assert Counter(turns)[False] == 1
-    near = polygon(parsed(ground_svg(world, box_mm=(62.0, 40.0, 72.0, 50.0)))[1].get("d"))
-    assert near.covers(shapely.box(62, 40, 72, 50))
-    assert near.area < 0.6 * world.obstacles[1].area
+    ground = parsed(ground_svg(world, detail=False))
+    assert [path.get("class") for path in ground] == ["free", "rock merged", "bounds"]
+    # Filled where rings wind around a place: outer ones one way, holes the other.
+    turns = [shapely.LinearRing(ring).is_ccw for ring in rings(ground[1].get("d"))]
+    assert len(set(turns)) == 2
+    assert Counter(turns)[False] == 1
 
 
 def test_a_map_of_a_thousand_walls_stays_small_and_an_endless_one_is_simplified():
@@ -334,7 +330,6 @@ def test_the_outline_of_a_robot_keeps_its_arcs(name):
     assert length_mm - gap_mm == pytest.approx(contour.length_mm, abs=2e-3 * len(contour))
     assert area_mm2 == pytest.approx(contour.signed_area_mm2, rel=1e-5)
     assert (root.get("class"), root.get("d")) == ("outline", contour_path(contour))
-    assert 'class="outline open"' in outline_svg(contour, filled=False)
 
 
 ANGLES = st.lists(

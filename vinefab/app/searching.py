@@ -9,7 +9,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.app.common import MOST_WORKERS, Environment, TaskLike, page_path, task_of, write_page
+from vinefab.app.common import (
+    MOST_WORKERS,
+    Environment,
+    Folder,
+    TaskLike,
+    Workers,
+    page_path,
+    task_of,
+    write_page,
+)
 from vinefab.app.results import StudyOutcome, WrittenFile
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
@@ -17,6 +26,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.verbs import (
     IN_PLACE,
     SHELL,
+    Force,
     Kind,
     Progress,
     Seed,
@@ -87,7 +97,7 @@ def optimize(
     wall_time_s: float | None = None,
     page: bool = True,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> RunResult:
     """Search for the best design of a run; a page shows it, also while it is going on.
 
@@ -126,8 +136,6 @@ def optimize(
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
         called after every generation.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -331,7 +339,7 @@ def runs(
     *folders: Annotated[PathText, Kind(metavar="DIR")],
     rebuild: Annotated[PathText | None, FOLDER] = None,
     best: Annotated[PathText | None, Kind(metavar="FILE", writes="file")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> RunListing:
     """List the records of runs in folders and below, with mean and deviation over seeds.
 
@@ -346,8 +354,6 @@ def runs(
         Write best.toml, page and figures of the run in the one folder here, from its record alone.
     best
         Write the best winner of runs that differ in their seed alone to this file.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -400,9 +406,9 @@ def contest(
     seeds: int = 10,
     unseen: int = 25,
     poses: int = 3,
-    workers: Annotated[int, Within(1, MOST_WORKERS), also("--jobs")] = 1,
+    workers: Annotated[Workers, also("--jobs")] = 1,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
@@ -420,13 +426,6 @@ def contest(
         Maps to test every winner on.
     poses
         Poses on each of these maps.
-    workers
-        Processes; no result depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -492,7 +491,7 @@ def reproduce(
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
-    workers: Annotated[int, Within(1, 256)] = 2,
+    workers: Annotated[Workers, Within(1, 256)] = 2,
     progress: Progress = True,
 ) -> StudyOutcome:
     """Do the paper's experiments again and put our numbers beside the paper's.
@@ -509,11 +508,6 @@ def reproduce(
         The folder; a stopped run goes on in it.
     quick
         A smoke run within a minute.
-    workers
-        Processes; no number depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -573,9 +567,6 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
     ----------
     million
         Grow on a map of a million walls too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -598,12 +589,12 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 @verb
 def demo(
     *,
-    out: Annotated[PathText, FOLDER] = "demo",
+    out: Folder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
 
@@ -611,19 +602,10 @@ def demo(
 
     Parameters
     ----------
-    out
-        The folder to write.
-    seed
-        Another seed, another demonstration.
     generations
         Generations of the search.
     population
         Designs per generation.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite what vinefab did not write.
 
     Raises
     ------
@@ -684,7 +666,7 @@ def studio(
     snapshot: Annotated[PathText | None, written(".html")] = None,
     family: bool = False,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFile | None:
     """Design with the robot under your hands: a page where every change is seen at once.
 
@@ -707,11 +689,6 @@ def studio(
         needs no server. `vinefab studio FILE.html` opens it again.
     family
         With a snapshot: the robot on many maps too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------

@@ -18,11 +18,11 @@ from vinefab.model.inputs import (
     Pairs,
     PathText,
     StartsLike,
-    growth_of,
-    map_of,
-    mapping_of,
-    maps_of,
-    path_of,
+    as_growth,
+    as_map,
+    as_mapping,
+    as_maps,
+    as_path,
     written,
 )
 
@@ -82,7 +82,7 @@ def page_path(key: str, out: str | PathLike[str] | None, *, force: bool) -> Path
     """Return the file to write, if one is asked for, once it may be written."""
     if out is None:
         return None
-    path = path_of(key, out)
+    path = as_path(key, out)
     ensure_writable(path, force=force)
     return path
 
@@ -115,7 +115,7 @@ def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: boo
     """Return the folder to fill, once it may be; name what lies beside it from a killed run."""
     from vinefab.core.replacement import moved_aside
 
-    folder = path_of(key, out)
+    folder = as_path(key, out)
     ensure_own_folder(folder, mark, force=force)
     for aside in moved_aside(folder):
         note(
@@ -161,7 +161,7 @@ def growth_choice(
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
 
-    given = growth_of(
+    given = as_growth(
         growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
@@ -188,12 +188,12 @@ def families_of(
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
 
-    chosen, unseen = mapping_of("options", options), None
+    chosen, unseen = as_mapping("options", options), None
     if environment is not None:
         unseen = unseen_maps(environment, count, seed, chosen)
-        worlds = tuple(map_of(world, "maps", start) for world in unseen.worlds)
+        worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(maps_of(maps, start), unseen)
+    return map_families(as_maps(maps, start), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -46,9 +46,9 @@ from vinefab.model.inputs import (
     PathText,
     RecipeLike,
     all_names,
+    as_path,
+    as_several,
     name_or_path,
-    path_of,
-    several_of,
     written,
 )
 
@@ -198,7 +198,7 @@ def optimize(
     from vinefab.prediction.run_folder import run_in_folder
     from vinefab.prediction.run_winner import prediction_lines
 
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)
@@ -356,18 +356,18 @@ def runs(
 
     if not folders:
         raise BadInputError("folders", None, "folders of runs, or folders above them")
-    paths = [path_of("folders", folder) for folder in folders]
+    paths = [as_path("folders", folder) for folder in folders]
     if rebuild is not None and len(paths) > 1:
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
-        out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:
-        file = path_of("best", best)
+        file = as_path("best", best)
         listing = replace(listing, whole=write_best(listing, file, force=force))
         wrote(file, "" if listing.whole else ", of the runs that have ended")
     return listing
@@ -428,16 +428,16 @@ def contest(
         table_lines,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in several_of(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
-        contenders=tuple(_contender(text) for text in several_of(optimizers)),
+        contenders=tuple(_contender(text) for text in as_several(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
         sources=tuple(files),
     )
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     with told("comparing", progress) as tell:
         rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
     document = comparison_json(plan, rows)
@@ -505,7 +505,7 @@ def reproduce(
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
-    folder, size = path_of("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
         done = reproduced(
             names, folder, size, workers=workers, tell=tell,
@@ -600,7 +600,7 @@ def demo(
     from vinefab.demonstration import DemoSettings, run_demo
 
     mark = "results.json"  # by which a folder of this verb is known again
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     ensure_own_folder(folder, mark, force=force)
 
     def say(words: str) -> None:
@@ -690,7 +690,7 @@ def studio(
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
         design=str(name_or_path("design", design, "a design file, or a shipped name")),
-        map_file=None if map is None else path_of("map", map, "the path of a map file"),
+        map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
         recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.verbs import Doc, Kind, Within, also, names_of, note, this_call, wrote
+from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
 from vinefab.model.inputs import (
     FOLDER,
     PAIRS,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 else:
     TaskLike = Annotated[
         object,
-        Kind(metavar="TASK", known=names_of("vinefab.tasks.shipped_tasks:TASKS")),
+        Kind(metavar="TASK", known=registered_names("vinefab.tasks.shipped_tasks:TASKS")),
         Doc("The name of a task, in Python also a task of your own: an object with ``name``, "
             "``lowest`` and ``evaluate``."),
     ]  # fmt: skip
@@ -55,7 +55,9 @@ Workers = Annotated[
 ]
 Environment = Annotated[
     str,
-    Kind(metavar="NAME", known=names_of("vinefab.maps.generators.environments:ENVIRONMENTS")),
+    Kind(
+        metavar="NAME", known=registered_names("vinefab.maps.generators.environments:ENVIRONMENTS")
+    ),
     Doc("Unseen maps of this environment too."),
 ]
 UnseenCount = Annotated[int, Doc("How many unseen maps.")]

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.results import Names, WrittenFile
-from vinefab.core.verbs import IN_PLACE, Force, Kind, also, names_of, verb, wrote
+from vinefab.core.verbs import IN_PLACE, Force, Kind, also, registered_names, verb, wrote
 from vinefab.model.inputs import FOLDER, PathText, all_names, as_path
 
 if TYPE_CHECKING:
@@ -25,7 +25,9 @@ _NEXT_STEPS = {
 
 @verb
 def new(
-    kind: Annotated[str, Kind(metavar="KIND", known=names_of("vinefab.app.files:_NEXT_STEPS"))],
+    kind: Annotated[
+        str, Kind(metavar="KIND", known=registered_names("vinefab.app.files:_NEXT_STEPS"))
+    ],
     file: PathText,
     *,
     original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,

@@ -32,8 +32,8 @@ from vinefab.core.verbs import (
     Seed,
     Within,
     also,
-    names_of,
     note,
+    registered_names,
     this_call,
     told,
     verb,
@@ -74,7 +74,7 @@ else:
         object,
         Kind(
             metavar="NAME[:KEY=VALUE,...]",
-            known=names_of("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            known=registered_names("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
             several=True,
         ),
     ]
@@ -463,7 +463,7 @@ def _contender(text: str) -> Contender:
 @verb
 def reproduce(
     *names: Annotated[
-        str, Kind(metavar="NAME", known=names_of("vinefab.studies.experiments:EXPERIMENTS"))
+        str, Kind(metavar="NAME", known=registered_names("vinefab.studies.experiments:EXPERIMENTS"))
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,

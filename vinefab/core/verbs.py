@@ -257,7 +257,7 @@ def text_of(value: object) -> str:
     return str(value)
 
 
-def names_of(where: str) -> Callable[[], Iterable[str]]:
+def registered_names(where: str) -> Callable[[], Iterable[str]]:
     """Return what lists the parts of a registry, ``module:NAME``, with those of plug-ins."""
 
     def listed() -> Iterable[str]:

@@ -499,15 +499,14 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies.experiments import EXPERIMENTS
-    from vinefab.studies.reproduction import NUMBERS, PAGE, numbers_text
-    from vinefab.studies.reproduction import reproduce as reproduced
+    from vinefab.studies.reproduction import NUMBERS, PAGE, do_experiments, numbers_text
     from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
     folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
-        done = reproduced(
+        done = do_experiments(
             names, folder, size, workers=workers, tell=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip

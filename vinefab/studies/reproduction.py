@@ -34,7 +34,7 @@ class Reproduction:
         return held(self.findings)
 
 
-def reproduce(
+def do_experiments(
     names: Sequence[str],
     folder: Path,
     size: StudySize,

@@ -419,7 +419,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
     content = toml.read_toml(path)
     with located(path):
         _read_files_in(content, path.parent)
-    file = toml.validated(RunFile, content, path)
+    file = validated(RunFile, content, path)
     with located(path):
         return _settings(file, path)
 

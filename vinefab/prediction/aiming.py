@@ -12,12 +12,12 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.core.view import (
     Answer,
     Block,

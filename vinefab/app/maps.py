@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import PictureFile, ensure_apart, page_path, write_page
 from vinefab.core.verbs import Doc, FieldsOf, Force, Kind, Seed, also, note, verb, wrote
-from vinefab.model.inputs import POINTS, MapLike, PathText, StartsLike, as_map, as_path, as_starts
+from vinefab.model.inputs import (
+    MAP_SUFFIXES,
+    POINTS,
+    MapLike,
+    PathText,
+    StartsLike,
+    as_map,
+    as_path,
+    as_starts,
+)
 from vinefab.model.inputs import written as file_kind
 
 if TYPE_CHECKING:
@@ -18,7 +27,6 @@ if TYPE_CHECKING:
     Layers = str | Sequence[str]
 else:
     Layers = Annotated[object, Kind(metavar="NAME", several=True)]
-MAP_SUFFIXES = (".geojson", ".json")
 MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES), Doc("The map file to write.")]
 
 

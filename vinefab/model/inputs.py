@@ -164,6 +164,7 @@ def written(*endings: str) -> Kind:
     return Kind(metavar="FILE", writes="file", ends=endings)
 
 
+MAP_SUFFIXES = (".geojson", ".json")
 FOLDER = Kind(metavar="DIR", writes="folder")
 DESIGN_KIND = Kind(metavar="DESIGN", files=partial(all_names, "design"))
 DESIGNS = Kind(metavar="DESIGN", files=partial(all_names, "design"), several=True)

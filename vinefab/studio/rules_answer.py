@@ -11,7 +11,7 @@ from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_svg import (
-    SIGNS,
+    SEVERITY_SIGNS,
     PlacedFinding,
     beds_svg,
     placed_findings,
@@ -128,7 +128,7 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
     return {
         **drawing,
         "findings": [_finding_content(finding, place) for finding, place in pairs],
-        "signs": {str(severity): path for severity, path in SIGNS.items()},
+        "signs": {str(severity): path for severity, path in SEVERITY_SIGNS.items()},
         "findings_left_out": len(report.findings) - len(findings),
     }
 

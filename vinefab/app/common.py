@@ -49,11 +49,11 @@ else:
 MOST_POSES = 1_000_000
 MOST_WORKERS = 1024
 
-Poses = Annotated[int, Within(1, MOST_POSES), Doc("Poses drawn per map.")]
+PoseCount = Annotated[int, Within(1, MOST_POSES), Doc("Poses drawn per map.")]
 Workers = Annotated[
     int, Within(1, MOST_WORKERS), Doc("Threads or processes; no result depends on it.")
 ]
-Environment = Annotated[
+UnseenEnvironment = Annotated[
     str,
     Kind(
         metavar="NAME", known=registered_names("vinefab.maps.generators.environments:ENVIRONMENTS")
@@ -67,14 +67,14 @@ EnvironmentOptions = Annotated[
 TaskParameters = Annotated[
     object, PAIRS, also("--set"), Doc("Parameters of a task that is named, such as radius_mm=60.")
 ]
-Body = Annotated[
+BodyWidth = Annotated[
     Literal["inflated", "centerline"],
     Doc("How wide a body is; default: as the design was trained."),
 ]
-Folder = Annotated[
+OutFolder = Annotated[
     PathText, FOLDER, Doc("The folder to write; an earlier one of its kind is replaced.")
 ]
-Page = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
+PageFile = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
 PictureFile = Annotated[
     PathText | None, written(".svg", ".png"), also("--svg"), Doc("A picture to write.")
 ]

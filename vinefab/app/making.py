@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
-    Folder,
+    OutFolder,
     ensure_apart,
     file_of,
     folder_to_write,
@@ -254,7 +254,7 @@ def fabricate(
     design: DesignLike,
     recipe: RecipeLike | None = None,
     *,
-    out: Folder,
+    out: OutFolder,
     allow_uncalibrated: bool = False,
     copies: Annotated[int, Within(1, 200)] = 1,
     beside: Annotated[DesignsLike, DESIGNS, also("--with")] = (),
@@ -489,7 +489,7 @@ def rig(
     world: Annotated[MapLike, also("--map")],
     printer: PrinterLike = DEFAULT_PRINTER,
     *,
-    out: Folder,
+    out: OutFolder,
     start: StartsLike = (),
     design: DesignLike | None = None,
     fit_mm: float | None = None,

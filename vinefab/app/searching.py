@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
     MOST_WORKERS,
-    Environment,
-    Folder,
+    OutFolder,
     TaskLike,
+    UnseenEnvironment,
     Workers,
     page_path,
     task_of,
@@ -564,7 +564,7 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 @verb
 def demo(
     *,
-    out: Folder = "demo",
+    out: OutFolder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
@@ -634,7 +634,7 @@ def studio(
     design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
     map: MapLike | None = None,
     *,
-    environment: Environment = "grid",
+    environment: UnseenEnvironment = "grid",
     recipe: RecipeLike | None = None,
     port: int = 0,
     browser: bool = True,

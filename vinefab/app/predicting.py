@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
@@ -22,7 +23,7 @@ from vinefab.app.common import (
     with_origin,
     write_page,
 )
-from vinefab.app.results import GrownDesign, WrittenReport
+from vinefab.app.results import WrittenReport
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import (
     Force,
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
+    from vinefab.prediction.deploy import DeployedDesign
 
 
 def _fronts(text: str) -> int | tuple[float, ...]:
@@ -95,7 +97,7 @@ def grow(
     animate: Annotated[PathText | None, written(".svg", ".gif")] = None,
     frames: int = 40,
     force: Force = False,
-) -> GrownDesign:
+) -> DeployedDesign:
     """Deploy a design on a map and say where every branch ended.
 
     Parameters
@@ -114,8 +116,8 @@ def grow(
 
     Returns
     -------
-    GrownDesign
-        What `Design.grow` returns is its ``deployed.deployment``.
+    DeployedDesign
+        What `Design.grow` returns is its ``deployment``.
 
     Raises
     ------
@@ -167,7 +169,7 @@ def grow(
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
         write_page(film, found.animation(film.suffix, frames), force=force)
-    return GrownDesign(deployed=found, fronts=history)
+    return replace(found, fronts=history)
 
 
 @verb
@@ -308,8 +310,6 @@ def aim(
     >>> 0.0 < found.mean <= 1.0
     True
     """
-    from dataclasses import replace
-
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
     from vinefab.prediction.family_deployments import MapFamily
 
@@ -464,8 +464,8 @@ def report(
     >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
     >>> print(page.summary[0])  # doctest: +SKIP
     """
-    from vinefab.prediction.family_deployments import PredictionPlan
-    from vinefab.prediction.predict import part_of, predict
+    from vinefab.prediction.family_deployments import PredictionPlan, part_of
+    from vinefab.prediction.predict import predict
 
     path = page_path("out", out, force=force)
     assert path is not None  # noqa: S101  it is required

@@ -172,7 +172,7 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
-    from vinefab.search.run import make_point_evaluator, result_lines, violations_of
+    from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = _run_of(run)
@@ -195,8 +195,7 @@ def optimize(
         with _generations(settings, progress) as tell:
             return _searched(settings, own_task, evaluator, tell)
 
-    from vinefab.prediction.run_folder import run_in_folder
-    from vinefab.prediction.run_winner import prediction_lines
+    from vinefab.prediction.run_winner import run_in_folder
 
     folder = as_path("out", out)
     pages = (PAGE_NAME,) if page else ()
@@ -217,14 +216,15 @@ def optimize(
                 source=source,
                 task=own_task,
             )
-        violations = violations_of(result, settings)
+        again_scored = _score_again(result, settings, folder / "best.toml", own_task)
+        result = replace(result, violations=violations_of(result, settings), again=again_scored)
     with _resumable(again), _recorded(again):
         result.write_winner(folder, force=force)
-        lines = result_lines(result, violations)
         if settings.objectives:
-            from vinefab.search.front_files import front_lines, write_front
+            from vinefab.search.front_files import front_table, write_front
 
-            lines += front_lines(write_front(result, settings, folder, force=force), settings)
+            members = write_front(result, settings, folder, force=force)
+            result = replace(result, front=front_table(members, settings))
             note(
                 f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
                 f"{folder / 'front'}",
@@ -233,15 +233,37 @@ def optimize(
         with told(
             f"page of {settings.name}", progress if isinstance(progress, bool) else False
         ) as (show):
-            from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
+            if page:
+                from vinefab.prediction.run_page import EndedRun, write_run_page
 
-            show(0.0, "drawing the winner")
-            ended = EndedRun.read(folder, result)
-            where = write_run_page(folder, ended, force=force) if page else folder / "best.toml"
-        lines += prediction_lines(result.prediction)
-        lines.append(outcome_line(ended, violations, where))
+                show(0.0, "drawing the winner")
+                wrote(write_run_page(folder, EndedRun.read(folder, result), force=force))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
-    return replace(result, told=tuple(lines), exit_code=int(bool(violations)))
+    return result
+
+
+def _score_again(
+    result: RunResult, settings: RunSettings, best: Path, task: Task | None = None
+) -> str:
+    """Return the call that scores a winner as its run did; empty where no call says so much."""
+    from vinefab.app.predicting import score
+    from vinefab.model.map import Start
+
+    start, evaluation = settings.maps.start, settings.evaluation
+    if isinstance(start, Start) or evaluation.pose_range != 1.0:
+        return ""
+    names = dict.fromkeys(one.map_name for one in result.score.evaluations)
+    call = this_call().to(
+        score,
+        design=best,
+        task=task or settings.task.name,
+        maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
+        **({} if start is None else {"start": start.text}),
+        poses=evaluation.final_poses_per_map,
+        seed=result.best.origin["seed_of_score"],
+        **({} if task else settings.task.parameters),
+    )
+    return call.text()
 
 
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
@@ -364,6 +386,8 @@ def runs(
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
         out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
+        again = _score_again(run.result, run.settings, out / "best.toml")
+        run = replace(run, result=replace(run.result, again=again))
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:

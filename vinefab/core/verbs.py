@@ -493,11 +493,19 @@ class Call:
         given = {**self.given, **changes}
         for name in ("force", "progress"):  # nothing of the result depends on them
             given.pop(name, None)
-        return self._typed(given) if self.shell else self._written(given)
+        if self.shell is None:
+            return self._written(given)
+        return Call(function=self.function, given=given).typed(self.shell.command)
 
-    def _typed(self, given: Mapping[str, Any]) -> str:
-        assert self.shell is not None  # noqa: S101  for the type checker
-        words, after = ["vinefab", *self.shell.command.split()], list[str]()
+    def to(self, function: Callable[..., Any], **given: Any) -> "Call":  # noqa: ANN401
+        """Return a call of another verb by the same caller."""
+        command = function.__name__.replace("_", "-")
+        shell = self.shell and replace(self.shell, command=command)
+        return Call(function=function, given=given, shell=shell)
+
+    def typed(self, command: str) -> str:
+        """Return the call as a command line; ``command`` is how a shell calls the verb."""
+        words, after, given = ["vinefab", *command.split()], list[str](), self.given
         for option in options_of(self.function):
             if option.named:
                 known = {one.name for one in options_of(self.function)}

@@ -11,7 +11,7 @@ from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Number, Table
+from vinefab.core.view import Number, Rows
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
@@ -218,7 +218,7 @@ def write_front(
     return members
 
 
-def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Table:
+def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
     """Return a front, a row per design, the cheapest first."""
     further = settings.further_objectives
     units = (COSTS[name].unit if name in COSTS else "" for name in further)
@@ -228,7 +228,7 @@ def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Table:
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
         why = "fewer than three designs" if len(members) < 3 else low
         knee = f"; no knee against {settings.front_axis}: {why}"
-    return Table(
+    return Rows(
         caption=f"front of {counted(len(members), 'design')} (simulated){knee}",
         headings=("design", settings.task.name,
                   *(f"{name}, {unit}" if unit else name

@@ -12,7 +12,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.core.view import Number, Rows
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
@@ -283,7 +283,7 @@ def _robots(
     terrain, options = Terrain.of(world), settings.growth.at_one_angle
     return {
         place: FrontRobot(
-            deployment=grow(members[place].design, terrain, world.starts[0].pose, options),
+            deployment=grow_on(members[place].design, terrain, world.starts[0].pose, options),
             widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
             title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
         )

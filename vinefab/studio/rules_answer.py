@@ -22,7 +22,7 @@ from vinefab.fabrication.rules.annotation import LayoutPlacement
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
@@ -67,7 +67,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
     options = growth_on_maps(state.design, state.growth.content).options
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
-        grown = grow(
+        grown = grow_on(
             state.design, terrain_of(state.world), state.start, options, engine="interpreted"
         )
     except BadInputError as error:

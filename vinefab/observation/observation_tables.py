@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from vinefab.core.view import Section, Table
+from vinefab.core.view import Rows, Section
 from vinefab.observation.beside_prediction import ComparedBranch
 
 
@@ -53,7 +53,7 @@ def branch_section(branches: Sequence[ComparedBranch]) -> Section:
             "ones are simulated.",
         ),
         tables=(
-            Table(
+            Rows(
                 caption="Branches: lengths in mm; distances at equal arc lengths, in mm "
                 "and in percent of the length seen",
                 headings=(
@@ -62,14 +62,14 @@ def branch_section(branches: Sequence[ComparedBranch]) -> Section:
                 ),
                 rows=rows,
             ),
-            Table(
+            Rows(
                 caption="Walls that tips met, in their order: seen (measured) and predicted "
                 "(simulated)",
                 headings=("branch", "seen", "predicted", "same"),
                 rows=orders,
                 folded=len(orders) > 12,
             ),
-            Table(
+            Rows(
                 caption="Contacts: angle between the tip's heading and the wall's normal "
                 "(measured, with an assumed standard error)",
                 headings=("branch", "wall", "x mm", "y mm", "angle deg", "error deg", "tip"),

@@ -19,8 +19,8 @@ from vinefab.core.view import (
     Number,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
@@ -245,7 +245,7 @@ class Observation(Result):
                 Fact("growth", growth_text(compared.options, [self.design])),
             )
         )
-        yield Table(
+        yield Rows(
             caption="Predictions over the contact range, against the shape seen",
             headings=("half-angle deg", "mean distance mm", "same stops", "log likelihood"),
             rows=tuple(

@@ -3,6 +3,7 @@
 All in points. Every label of a picture asks one `Labels` for its place, one after the other.
 """
 
+from collections.abc import Sequence
 
 import numpy as np
 import shapely

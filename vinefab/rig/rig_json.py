@@ -217,7 +217,7 @@ class PartForm(_Known):
     size_mm: tuple[float, float, float]
 
 
-class PrinterForm(_Known):
+class RigPrinter(_Known):
     """The printer that the rig was made for."""
 
     name: str
@@ -245,7 +245,7 @@ class RigForm(_Known):
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
     style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
     map: MapForm
-    printer: PrinterForm
+    printer: RigPrinter
     options: OptionsForm
     parts: list[PartForm]
     extras: list[PartForm]

@@ -28,8 +28,7 @@ from vinefab.photos.photo_camera import (
     plane_homography,
     projected,
 )
-from vinefab.photos.plan_view import PlanView
-from vinefab.photos.rectify import AreaMm, most_pixels_per_mm, rectified, shown_in
+from vinefab.photos.rectify import AreaMm, PlanView, most_pixels_per_mm, rectified, shown_in
 
 _ONLY_OTHERS = (
     "join_mm",

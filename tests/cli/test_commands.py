@@ -294,7 +294,7 @@ def test_commands_that_simulate_little_do_not_load_the_compiler(grid, tmp_path, 
 
 def test_a_search_does_not_load_what_draws():
     script = (
-        "import sys, vinefab.app.searching, vinefab.prediction.run_folder, vinefab.search.run; "
+        "import sys, vinefab.app.searching, vinefab.prediction.run_winner, vinefab.search.run; "
         "sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

@@ -18,8 +18,8 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.prediction import run_page
-from vinefab.prediction.run_folder import run_in_folder
 from vinefab.prediction.run_page import EndedRun, write_run_page
+from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search.record.generations import Extension, Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
 from vinefab.search.run import run_search

@@ -171,10 +171,11 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
 
     A part that is a declared table checks itself; plug-ins may have plain dataclasses.
     """
-    if isinstance(part, type) and issubclass(part, Table):
+    table = part if isinstance(part, type) and issubclass(part, Table) else None
+    if table is not None:
         plain = {name: plain_number(value) for name, value in parameters.items()}
         try:
-            return cast("T", validated(part, plain))
+            return cast("T", validated(table, plain))
         except BadInputError as error:
             raise BadInputError(f"{key}.{error.key}", error.value, error.allowed) from error
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from vinefab.core.view import (
     Block,
     Fact,
     Facts,
+    Number,
     Picture,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
@@ -177,16 +178,13 @@ def _shown(run: EndedRun, unseen: PreparedFamily) -> Iterator[Picture | Section]
         for index in range(kept)
     ]
     yield Section(title="The winner on its training maps", pictures=tuple(on_training))
+    # A run with maps of its own has no unseen ones.
+    where = unseen.label if unseen.label.startswith("other poses") else "unseen maps"
     yield Section(
-        title=f"The winner on {_where(unseen)}",
+        title=f"The winner on {where}",
         pictures=tuple(on_unseen.values()),
         tables=(stop_table(unseen.label, elsewhere),),
     )
-
-
-def _where(unseen: PreparedFamily) -> str:
-    """Return where a winner is shown: a run with maps of its own has no unseen ones."""
-    return unseen.label if unseen.label.startswith("other poses") else "unseen maps"
 
 
 def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
@@ -228,11 +226,20 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     if not found:
         return ()
     standing = angles_standing(found)
-    placed = Table(
+    signed = partial(Number, form="+.3f")
+    placed = Rows(
         caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
         "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
-        rows=tuple(_placed_row(row) for row in found["placed_off"]),
+        rows=tuple(
+            (
+                f"{row['knob']} {row['step']:+g} {row['unit']}",
+                signed(row["change"]),
+                "-" if row["low"] is None else f"{row['low']:+.3f} to {row['high']:+.3f}",
+                row["deployments"],
+            )
+            for row in found["placed_off"]
+        ),
     )
     words = (
         f"{_KNOWN[standing == 'assumed']} nor how well a "
@@ -242,18 +249,6 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     )
     section = Section(title="How wide the score is", paragraphs=(words,), tables=(placed,))
     return (section,)
-
-
-def _placed_row(row: dict[str, Any]) -> tuple[str, ...]:
-    change = "-" if row["change"] is None else f"{row['change']:+.3f}"
-    known = row["low"] is not None
-    interval = f"{row['low']:+.3f} to {row['high']:+.3f}" if known else "-"
-    return (
-        f"{row['knob']} {row['step']:+g} {row['unit']}",
-        change,
-        interval,
-        str(row["deployments"]),
-    )
 
 
 def _checked(run: EndedRun) -> CheckReport | str:
@@ -285,40 +280,36 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
 def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
     """Return what limits the winner: walls and pressure, rules, bounds of the space."""
     tables = [
-        Table(
+        Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
             "stricter (computed)",
             headings=("rule", "what", "measured", "limit", "branches"),
             rows=() if isinstance(checked, str) else _rule_rows(run, checked),
         ),
-        Table(
+        Rows(
             caption="Variables of the search in which the winner lies at an end of its range",
             headings=("variable", "winner", "end of its range"),
             rows=tuple(_bound_rows(run)),
         ),
     ]
-    empty = [table.caption for table in tables if not table.rows]
-    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
-    return Section(
-        title="What limits it",
-        paragraphs=(
-            _stop_words(run, unseen),
-            *([f"Limits of the space: {kept} (planned)."] if kept else []),
-            *_bed_words(run, checked),
-            *(f"{caption}: none." for caption in empty),
-        ),
-        tables=tuple(table for table in tables if table.rows),
-    )
-
-
-def _stop_words(run: EndedRun, unseen: PreparedFamily) -> str:
     stops = np.concatenate([deployment.stop for deployment in run.grown(unseen)])
     shares = [
         f"{100 * share:.0f} % {STOP_WORDS[stop]}"
         for stop in Stop
         if (share := float(np.mean(stops == stop))) > 0.0
     ]
-    return f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}."
+    empty = [table.caption for table in tables if not table.rows]
+    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
+    return Section(
+        title="What limits it",
+        paragraphs=(
+            f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}.",
+            *([f"Limits of the space: {kept} (planned)."] if kept else []),
+            *_bed_words(run, checked),
+            *(f"{caption}: none." for caption in empty),
+        ),
+        tables=tuple(table for table in tables if table.rows),
+    )
 
 
 def _bed_words(run: EndedRun, checked: CheckReport | str) -> tuple[str, ...]:
@@ -346,42 +337,32 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
     close: dict[str, tuple[Finding, float | None]] = {}
     if run.design.branch_count <= TOO_FINE:
         profile = run.profile()
+        changed = by_rule(changed_limits(run.design, profile))
         for factor in (1.0 - NEAR, 1.0 + NEAR):
-            stricter = check_design(
-                run.design, profile, _scaled_limits(run.design, profile, factor)
-            )
+            scaled = {
+                rule.id: {
+                    name: factor * value
+                    for name, value in {**rule.limits, **changed.get(rule.id, {})}.items()
+                    if name.endswith(("error", "warning"))
+                }
+                for rule in RULES.values()
+            }
+            stricter = check_design(run.design, profile, scaled)
             for finding in stricter.findings:
                 if finding.rule not in found and finding.limit is not None:
                     close.setdefault(finding.rule, (finding, finding.limit / factor))
     ranks = list(Severity)
     return tuple(
-        _rule_row(*one, how)
+        (
+            one.rule,
+            f"{how} ({one.severity}): {RULES[one.rule].title}",
+            Number(one.measured, one.unit).text,
+            Number(limit, one.unit).text,
+            ", ".join(one.branches[:4]),
+        )
         for how, kind in (("broken", found), ("close", close))
-        for one in sorted(kind.values(), key=lambda one: ranks.index(one[0].severity))
+        for one, limit in sorted(kind.values(), key=lambda pair: ranks.index(pair[0].severity))
     )
-
-
-def _scaled_limits(
-    design: Design, profile: LaserProfile, factor: float
-) -> dict[str, dict[str, float]]:
-    changed = by_rule(changed_limits(design, profile))
-    return {
-        rule.id: {
-            name: factor * value
-            for name, value in {**rule.limits, **changed.get(rule.id, {})}.items()
-            if name.endswith(("error", "warning"))
-        }
-        for rule in RULES.values()
-    }
-
-
-def _rule_row(finding: Finding, limit: float | None, how: str) -> tuple[str, ...]:
-    unit = f" {finding.unit}" if finding.unit else ""
-    measured = "-" if finding.measured is None else f"{finding.measured:.4g}{unit}"
-    allowed = "-" if limit is None else f"{limit:.4g}{unit}"
-    title = RULES[finding.rule].title
-    who = ", ".join(finding.branches[:4])
-    return finding.rule, f"{how} ({finding.severity}): {title}", measured, allowed, who
 
 
 def _bound_rows(run: EndedRun) -> Iterator[tuple[str, str, str]]:
@@ -426,7 +407,7 @@ def _files_section(run: EndedRun) -> Section:
         ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
         (f"{PICTURES}/", "the pictures of this page"),
     )
-    table = Table(caption="In this folder", headings=("file", "what"), rows=rows)
+    table = Rows(caption="In this folder", headings=("file", "what"), rows=rows)
     return Section(
         title="Files and time",
         paragraphs=(f"The last session: {run.result.times.summary}.",),

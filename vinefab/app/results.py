@@ -271,15 +271,15 @@ class GrownDesign(LinesResult):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StudyOutcome(LinesResult):
+class StudyOutcome(Result):
     """What a study or the demonstration found.
 
     Parameters
     ----------
     found
         The result of the room that did the work.
-    summary
-        The numbers to take away, a line each.
+    blocks
+        The numbers to take away.
     text
         The JSON document.
     exit_code
@@ -287,9 +287,13 @@ class StudyOutcome(LinesResult):
     """
 
     found: Any
-    summary: tuple[str, ...]
+    blocks: tuple[Block, ...]
     text: Callable[[], str] = field(repr=False)
     exit_code: int = 0
+
+    def view(self) -> tuple[Block, ...]:
+        """Return the numbers to take away."""
+        return self.blocks
 
     def json_text(self) -> str:
         """Return everything as JSON."""

@@ -557,8 +557,9 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     result = vf.optimize(run_settings(), out=tmp_path / "one", seed=7, page=False)
     again = vf.RunResult.read(tmp_path / "one")
     assert (again.best, again.run_id) == (result.best, result.run_id)
-    assert repr(again) == repr(result)
-    assert "on fresh poses of the training maps (simulated)>" in repr(again)
+    assert repr(dataclasses.replace(again, again=result.again)) == repr(result)
+    assert f"vf.score('{tmp_path / 'one' / 'best.toml'}', maps=('pegs_" in result.again
+    assert "on 3 unseen pegs maps (simulated); " in repr(again)
     assert f">{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)

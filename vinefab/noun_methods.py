@@ -69,7 +69,7 @@ def _deployed(deployment: Deployment) -> DeployedDesign:
 
 def deployment_summary(deployment: Deployment) -> tuple[str, ...]:
     """Return what became of the branches, a line each, as ``vinefab grow`` prints it."""
-    return tuple(_deployed(deployment).summary())
+    return _deployed(deployment).summary
 
 
 def write_deployment(
@@ -82,7 +82,7 @@ def write_deployment(
         raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
     whole_deployment = _deployed(deployment)
     if suffix == ".json":
-        return write_text(target, whole_deployment.text(), force=force)
+        return write_text(target, whole_deployment.json_text(), force=force)
     drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
     return write_bytes(target, drawn(suffix), force=force)
 

@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.validation import whole
 from vinefab.core.verbs import Call
-from vinefab.core.view import Block, Notes
+from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import read_design
@@ -238,7 +238,7 @@ class PictureExport:
             data = found.animation(suffix, self.frames)
         else:
             data = found.picture(suffix, named=self.label)
-        return MadeExport(files={"": data}, view=(Notes(tuple(found.summary())),))
+        return MadeExport(files={"": data}, view=tuple(found.view()))
 
     def _moves(self, source: ExportSource) -> bool:
         """Whether it is a moving picture, which a GIF always is."""
@@ -281,9 +281,10 @@ class ReportExport:
         from vinefab.prediction.family_deployments import (
             PredictionPlan,
             map_families,
+            part_of,
             unseen_maps,
         )
-        from vinefab.prediction.predict import part_of, predict
+        from vinefab.prediction.predict import predict
         from vinefab.prediction.provenance import origin_of
 
         unseen = None

@@ -17,7 +17,7 @@ from vinefab.model.map import Map
 from vinefab.pages.plan_svg import ground_svg, outline_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
-from vinefab.prediction.measures import worst_pressures_kpa
+from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
@@ -146,7 +146,7 @@ def _planned(design: Design) -> dict[str, Any]:
 
 
 def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
-    needed_kpa, _ = worst_pressures_kpa(deployment, design)
+    needed_kpa = float(worst_pressures_of([deployment], design)[0, 0])
     return {
         "branches": len(deployment.tree),
         "deployed": int(deployment.deployed.sum()),

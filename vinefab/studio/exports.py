@@ -219,8 +219,8 @@ class PictureExport:
             "design": source.design_name,
             "map": source.map_name,
             "pose": source.pose,
+            "growth": _without_contacts(source.growth_given),
         }
-        given["growth"] = _without_contacts(source.growth_given)
         if self._moves(source):
             return {**given, "animate": source.out, "frames": self.frames}
         return {**given, "out": source.out, "label": self.label}

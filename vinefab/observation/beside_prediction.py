@@ -306,7 +306,10 @@ def _likeness(
 ) -> tuple[float, int, float]:
     """Return the mean distance, how many branches end as seen, and the shape's log likelihood."""
     total, weight, same, log = 0.0, 0.0, 0, 0.0
-    begins = _way_to(traced)
+    begins = [0.0] * len(traced.tree)  # the planned way along the body to each branch's base
+    for index, parent in enumerate(traced.tree.parent.tolist()):
+        if parent >= 0:
+            begins[index] = begins[parent] + float(traced.tree.length_mm[parent])
     for index, branch in enumerate(branches):
         seen, chain = branch.points_mm, predicted.chain_mm(index)
         label = Stop(int(predicted.stop[index])).label
@@ -322,12 +325,3 @@ def _likeness(
         away = max(mean, abs(branch.observed_mm - float(predicted.grown_mm[index])))
         log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
     return total / weight if weight else 0.0, same, log
-
-
-def _way_to(traced: TracedTree) -> list[float]:
-    """Return the planned way along the body to each branch's base."""
-    way = [0.0] * len(traced.tree)
-    for index, parent in enumerate(traced.tree.parent.tolist()):
-        if parent >= 0:
-            way[index] = way[parent] + float(traced.tree.length_mm[parent])
-    return way

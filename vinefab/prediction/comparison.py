@@ -358,14 +358,10 @@ def paired_differences(
     """Return every pair of designs in one measure, p-values adjusted for the number of pairs."""
     found = []
     for one, two in combinations(range(len(names)), 2):
-        differences = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
+        apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
         groups = outcomes[one].maps
         # Differences on one map are alike; where there is one map, poses have to do.
-        means = (
-            group_means(differences, groups)
-            if len(set(groups)) > 1
-            else differences[np.isfinite(differences)]
-        )
+        means = group_means(apart, groups) if len(set(groups)) > 1 else apart[np.isfinite(apart)]
         if len(means):
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]

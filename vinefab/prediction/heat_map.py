@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -86,7 +87,7 @@ def heat_map_of(
     """Return where a design goes on a map from varied poses."""
     world = prepared_map.world
     # The default range of poses where the map gives none.
-    spread = {
+    spread: dict[str, Any] = {
         "spread_x_mm": LEAST_SPREAD_MM,
         "spread_y_mm": LEAST_SPREAD_MM,
         "spread_heading_rad": rad(LEAST_SPREAD_DEG),

@@ -148,7 +148,7 @@ def _planned(design: Design) -> dict[str, Any]:
 
 
 def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
-    needed_kpa = worst_pressures_of([deployment], design)[0, 0].item()
+    needed_kpa = float(worst_pressures_of([deployment], design)[0, 0])
     return {
         "branches": len(deployment.tree),
         "deployed": int(deployment.deployed.sum()),

@@ -231,7 +231,7 @@ def test_options_of_photos_are_refused_for_drawings(tmp_path):
 
 @pytest.mark.parametrize("text", ["", "1,2;", "1;2", "1,2,3", "1,nan", "a,b"])
 def test_points_that_are_none_are_refused(text):
-    with pytest.raises(BadInputError, match=r"points"):
+    with pytest.raises(BadInputError, match="points"):
         PhotoOptions(points_px=POINTS.read(text))
 
 

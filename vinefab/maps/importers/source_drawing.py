@@ -274,18 +274,15 @@ def _assembling(
     margin_mm = (
         _four_digits(_MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
     )
-    return AssembleOptions(
-        join_mm=join_mm,
-        simplify_mm=simplify_mm or 0.0,
-        sliver_mm2=_four_digits(max(join_mm, 1e-4) ** 2),
-        most_join_mm=most_join_mm,
-        drawn=options.drawn,
-        bounds=options.bounds,
-        margin_mm=margin_mm,
-        wall_mm=options.wall_mm,
-        open_lines=options.open_lines or "refuse",
-        start=options.start,
-    ), tolerance_mm
+    given = {one.name: getattr(options, one.name) for one in fields(options)}
+    sizes = {
+        "join_mm": join_mm,
+        "simplify_mm": simplify_mm or 0.0,
+        "margin_mm": margin_mm,
+        "sliver_mm2": _four_digits(max(join_mm, 1e-4) ** 2),
+        "most_join_mm": most_join_mm,
+    }
+    return AssembleOptions(**given | sizes), tolerance_mm
 
 
 def _four_digits(value: float) -> float:

@@ -10,7 +10,7 @@ from shapely import LineString
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -156,7 +156,7 @@ def compare_with_prediction(
     """
     choice = GrowthChoice.of([design], given).single
     terrain, replays = Terrain.of(world), Replays(world)
-    prediction = grow(design, terrain, pose, choice.options)
+    prediction = grow_on(design, terrain, pose, choice.options)
     branches = tuple(
         _compared(index, traced, design, prediction, choice.options, replays)
         for index in range(len(traced.tree))
@@ -287,7 +287,7 @@ def _half_angle_fits(
     rows = []
     for angle in sorted({*HALF_ANGLES_DEG, own}):
         changed = GrowthOptions.of({"head_on_half_angle_deg": angle}, options)
-        predicted = grow(design, terrain, pose, changed)
+        predicted = grow_on(design, terrain, pose, changed)
         rows.append((angle, *_likeness(traced, branches, predicted)))
     top = max((row[3] for row in rows), default=0.0)
     return tuple(

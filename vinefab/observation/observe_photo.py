@@ -21,8 +21,8 @@ from vinefab.core.view import (
     Number,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
@@ -241,7 +241,7 @@ class Observation(Result):
                 Fact("growth", growth_text(compared.options, [self.design])),
             )
         )
-        yield Table(
+        yield Rows(
             caption="Predictions over the contact range, against the shape seen",
             headings=("half-angle deg", "mean distance mm", "same stops", "log likelihood"),
             rows=tuple(
@@ -404,7 +404,7 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
             "ones are simulated.",
         ),
         tables=(
-            Table(
+            Rows(
                 caption="Branches: lengths in mm; distances at equal arc lengths, in mm "
                 "and in percent of the length seen",
                 headings=(
@@ -413,14 +413,14 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
                 ),
                 rows=rows,
             ),
-            Table(
+            Rows(
                 caption="Walls that tips met, in their order: seen (measured) and predicted "
                 "(simulated)",
                 headings=("branch", "seen", "predicted", "same"),
                 rows=orders,
                 folded=len(orders) > 12,
             ),
-            Table(
+            Rows(
                 caption="Contacts: angle between the tip's heading and the wall's normal "
                 "(measured, with an assumed standard error)",
                 headings=("branch", "wall", "x mm", "y mm", "angle deg", "error deg", "tip"),

@@ -10,14 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError, values_hidden
-from vinefab.core.table import TablePart
+from vinefab.core.table import TablePart, validated
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import read_text
-from vinefab.model.files.toml import validated
 from vinefab.model.map import Map, Pose
 from vinefab.observation.meetings import WallContact
 from vinefab.physics.tube import inflated_diameter_mm

@@ -14,13 +14,12 @@ from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
-from vinefab.core.table import TablePart
+from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, number, whole
 from vinefab.maps.importers.svg_document import Node, after, read_nodes, transform
 from vinefab.maps.importers.svg_drawing import svg_outlines
 from vinefab.model.corner_marker import CornerMarker
 from vinefab.model.files.shipped import read_text
-from vinefab.model.files.toml import validated
 from vinefab.observation.film import FilmColour
 from vinefab.observation.observed_contacts import json_object
 

@@ -9,25 +9,21 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
-from vinefab.core.plain_text import counted
 from vinefab.core.view import (
-    Answer,
     Block,
     Fact,
     Facts,
-    Notes,
     Number,
     Picture,
+    Rows,
     Section,
-    Table,
-    Tone,
 )
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
-from vinefab.growth.options import GrowthOptions, growth_text
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -41,19 +37,13 @@ from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
-from vinefab.prediction.run_winner import (
-    PLACED_OFF,
-    contact_ends,
-    contacts_over,
-    interval_words,
-    placed_off_range,
-    unseen_family,
-)
+from vinefab.prediction.run_winner import unseen_family
 from vinefab.search.evaluator import with_pose_range
-from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
+from vinefab.search.live_page import PAGE_NAME, run_facts
+from vinefab.search.record.elsewhere import angles_standing
 from vinefab.search.record.generations import curve_of
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
-from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile
+from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile, violations_of
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
@@ -91,8 +81,13 @@ class EndedRun:
             Its result, where it is known with the times and notes of this session.
         """
         archive = RunArchive.read(folder / RECORD_FILE)
-        result = result or archive.result()
-        return cls(result=result, settings=archive.settings, maps=archive.maps)
+        settings = archive.settings
+        run = cls(result=result or archive.result(), settings=settings, maps=archive.maps)
+        if result is None and not run.result.fabricable:
+            profile = run.profile() if run.result.checked else None
+            broken = violations_of(run.result, settings, profile)
+            run = replace(run, result=replace(run.result, violations=broken))
+        return run
 
     @property
     def design(self) -> Design:
@@ -134,94 +129,24 @@ def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
     return write_text(folder / PAGE_NAME, page(title, blocks), force=force)
 
 
-def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
-    """Return what a run has found, in one line."""
-    found, task = run.result.prediction, run.settings.task.name
-    score = f"{task} {run.result.score.composite['mean']:.3f} on fresh poses (simulated)"
-    if found:
-        low, high = contact_ends(found)
-        score = (
-            f"{task} {interval_words(found['unseen']['score'])} on {found['unseen']['label']}, "
-            f"{low:.3f} to {high:.3f} over contacts (simulated)"
-        )
-    made = manufacturable_words(run.result, violations)
-    return f"found {run.design.name}: {score}; {_size(run)}; {made}; open {where}"
-
-
-def _size(run: EndedRun) -> str:
-    """Return the winner's size, and its pieces where it may have several."""
-    return "; ".join(filter(None, (size_words(run.design), run.result.pieces_words)))
-
-
-def manufacturable_words(result: RunResult, violations: str) -> str:
-    """Return whether a run's winner is manufacturable."""
-    if not result.checked:
-        return "manufacturability not asked for"
-    if violations:
-        return f"not manufacturable ({violations.split(' ', 1)[0]})"
-    return "manufacturable"
-
-
 def run_blocks(run: EndedRun) -> Iterator[Block]:
     """Yield the page of a run that has ended, the answer and a picture first."""
-    result = run.result
     checked = _checked(run)
-    made, tone = _made(run, checked)
     unseen = _unseen(run)
     first, *shown = _shown(run, unseen)
-    found, task = result.prediction, run.settings.task.name
-    score, where = f"{result.score.composite['mean']:.3f}", "fresh poses on the training maps"
-    if found:
-        score, where = interval_words(found["unseen"]["score"]), found["unseen"]["label"]
-    yield Answer(f"{task} {score} on {where} (simulated); {_size(run)}; {made}.", tone)
+    # The winner is drawn on a map first, and flat with the rules below.
+    answer, *view = (one for one in run.result.view() if not isinstance(one, Picture))
+    yield answer
     yield first
-    yield Facts(tuple(_headlines(run)), lead=True)
-    notes = (*result.notes, *filter(None, [result.prediction.get("note", "")]))
-    yield Notes(
-        (
-            *(f"{extension.text}." for extension in result.extensions),
-            *(f"{text[:1].upper()}{text[1:]}." for text in notes),
-            *([f"Repair: {result.repair}."] if result.repair else []),
-            *(f"Resumed with other package versions: {drift}." for drift in result.drift),
-        )
-    )
-    designs, count = counted(result.evaluations, "design"), len(result.history)
-    words = result.pieces_words
-    yield Facts(
-        (
-            *run_facts(run.settings),
-            Fact("stopped by", result.stopped),
-            Fact("evaluated", f"{designs} in {counted(count, 'generation')}"),
-            *([Fact("cut in", f"{words} (computed)")] if words else []),
-            Fact("run", result.run_id),
-            Fact("growth model", growth_text(run.settings.growth, [run.design])),
-        )
-    )
+    yield from view
+    chosen = Fact("winner chosen", f"among the finalists by fitness {_chosen_by(run.settings)}")
+    yield Facts((*run_facts(run.settings), chosen))
     yield from shown
     yield from _width_sections(run)
     yield _sheet_section(run, checked)
     yield _limit_section(run, checked, unseen)
     yield _found_section(run)
-    rows = (
-        ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
-        ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
-        (f"{PICTURES}/", "the pictures of this page"),
-    )
-    yield Section(
-        title="Files and time",
-        paragraphs=(f"The last session: {result.times.summary}.",),
-        tables=(Table(caption="In this folder", headings=("file", "what"), rows=rows),),
-    )
-
-
-def _made(run: EndedRun, checked: CheckReport | str) -> tuple[str, Tone]:
-    asked = run.settings.evaluation.fabricable
-    if isinstance(checked, str):
-        return f"not checked: {checked}", "caution"
-    if not checked.blocking:
-        return "manufacturable by the rules", "good"
-    broken = ", ".join(sorted({finding.rule for finding in checked.blocking}))
-    return f"not manufacturable: {broken}", "bad" if asked else "caution"
+    yield _files_section(run)
 
 
 def _chosen_by(settings: RunSettings) -> str:
@@ -231,39 +156,6 @@ def _chosen_by(settings: RunSettings) -> str:
     if chooses_on_fresh_maps(settings):
         return f"on {FRESH_MAPS} other maps that the search did not see"
     return "on these poses"
-
-
-def _headlines(run: EndedRun) -> Iterator[Fact]:
-    found, task = run.result.prediction, run.settings.task.name
-    fresh = run.result.score
-    if found:
-        unseen = found["unseen"]
-        count = counted(unseen["deployments"], "deployment")
-        yield Fact(
-            f"{task} on {unseen['label']}",
-            interval_words(unseen["score"]),
-            detail=f"mean over {count}, in brackets its 95 % interval over maps (simulated)",
-        )
-        low, high = contact_ends(found)
-        over = contacts_over(found).removesuffix(")")
-        yield Fact(
-            f"{task} over contacts",
-            f"{low:.3f} to {high:.3f}",
-            detail=f"mean there at {over}; simulated)",
-        )
-        low, high = placed_off_range(found)
-        yield Fact(
-            f"{task} placed off",
-            f"{low:.3f} to {high:.3f}",
-            detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
-            "off (assumed; simulated)",
-        )
-    yield Fact(
-        f"{task} on the training maps",
-        f"{fresh.composite['mean']:.3f}",
-        detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the winner "
-        f"was chosen among the finalists {_chosen_by(run.settings)}",
-    )
 
 
 def _unseen(run: EndedRun) -> PreparedFamily:
@@ -333,19 +225,9 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     found = run.result.prediction
     if not found:
         return ()
-    angles = found["head_on_half_angles_deg"]
-    standing = found.get("head_on_half_angles_standing", "assumed")
-    contacts = Table(
-        caption=f"Mean {found['task']} score over the head-on half-angle ({standing}), with 95 % "
-        "intervals over maps, from the same poses (simulated)",
-        headings=("where", *(f"{angle:g} deg" for angle in angles)),
-        rows=tuple(
-            (found[key]["label"], *(interval_words(v) for v in found[key]["over_contacts"]))
-            for key in ("unseen", "training")
-        ),
-    )
+    standing = angles_standing(found)
     signed = partial(Number, form="+.3f")
-    placed = Table(
+    placed = Rows(
         caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
         "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
@@ -365,7 +247,7 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."
     )
-    section = Section(title="How wide the score is", paragraphs=(words,), tables=(contacts, placed))
+    section = Section(title="How wide the score is", paragraphs=(words,), tables=(placed,))
     return (section,)
 
 
@@ -398,13 +280,13 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
 def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
     """Return what limits the winner: walls and pressure, rules, bounds of the space."""
     tables = [
-        Table(
+        Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
             "stricter (computed)",
             headings=("rule", "what", "measured", "limit", "branches"),
             rows=() if isinstance(checked, str) else _rule_rows(run, checked),
         ),
-        Table(
+        Rows(
             caption="Variables of the search in which the winner lies at an end of its range",
             headings=("variable", "winner", "end of its range"),
             rows=tuple(_bound_rows(run)),
@@ -514,15 +396,20 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
-    finalists = Table(
-        caption="Finalists on the same fresh poses (simulated), the winner first: chosen by their "
-        f"fitness {_chosen_by(run.settings)}",
-        headings=("fitness", "mean score", "penalty", "branches", "levels"),
-        rows=tuple(
-            (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",
-             str(f.design.branch_count), str(f.design.depth))
-            for f in run.result.finalists
-        ),
-    )  # fmt: skip
     paragraphs = (*section.paragraphs, *words)
-    return replace(section, paragraphs=paragraphs, pictures=pictures, tables=(finalists,))
+    return replace(section, paragraphs=paragraphs, pictures=pictures)
+
+
+def _files_section(run: EndedRun) -> Section:
+    """Return what lies beside the page, and where the time went."""
+    rows = (
+        ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
+        ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
+        (f"{PICTURES}/", "the pictures of this page"),
+    )
+    table = Rows(caption="In this folder", headings=("file", "what"), rows=rows)
+    return Section(
+        title="Files and time",
+        paragraphs=(f"The last session: {run.result.times.summary}.",),
+        tables=(table,),
+    )

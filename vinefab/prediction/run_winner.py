@@ -32,7 +32,6 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.prediction_width import (
     ContactValue,
-    contact_angles_words,
     contact_value,
 )
 from vinefab.prediction.sensitivity import (
@@ -46,6 +45,7 @@ from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.live_page import LivePage
 from vinefab.search.loop import Search
 from vinefab.search.parallel.point_evaluator import PointEvaluator
+from vinefab.search.record.elsewhere import placed_off_range
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult, resumed_limits
 from vinefab.search.run import run_profile, run_search
@@ -108,9 +108,6 @@ def run_in_folder(  # noqa: PLR0913  options by keyword
 UNSEEN_DEPLOYMENTS = 50
 """Deployments that a winner is tried in elsewhere, each on a map of its own where maps are
 generated: the same maps for every run of an environment, so that runs can be compared."""
-
-PLACED_OFF = 10.0
-"""A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -230,12 +227,6 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     return {**content, "origin": _origin(content)}
 
 
-def contacts_over(content: Mapping[str, Any]) -> str:
-    """Return over which half-angles a winner was tried, in words."""
-    standing = content.get("head_on_half_angles_standing", "assumed")
-    return contact_angles_words(content["head_on_half_angles_deg"], standing)
-
-
 def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any]:
     scores = trial.scores(family)
     return {
@@ -312,47 +303,3 @@ def _origin(content: Mapping[str, Any]) -> dict[str, object]:
         "unseen_score_placed_off": rounded(placed_off_range(content), 4),
         **({"pieces": count} if (count := content.get("pieces", {}).get("count")) else {}),
     }
-
-
-def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the least and the greatest mean score of a body placed off by up to `PLACED_OFF`."""
-    score = content["unseen"]["score"]["mean"]
-    changes = [
-        row["change"]
-        for row in content["placed_off"]
-        if abs(row["step"]) <= PLACED_OFF and row["change"] is not None
-    ]
-    return score + min([0.0, *changes]), score + max([0.0, *changes])
-
-
-def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[float, float]:
-    """Return the least and the greatest mean score over contacts."""
-    means = [value["mean"] for value in content[family]["over_contacts"]]
-    return min(means), max(means)
-
-
-def prediction_lines(content: Mapping[str, Any]) -> list[str]:
-    """Return what a winner is expected to do elsewhere as lines for the user."""
-    unseen, training = content["unseen"], content["training"]
-    low, high = placed_off_range(content)
-    over = f"over {contacts_over(content)}"
-    lines = [
-        f"on {family['label']}, {counted(family['deployments'], 'deployment')} (simulated): mean "
-        f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"
-        for family, (least, most) in (
-            (unseen, contact_ends(content)),
-            (training, contact_ends(content, "training")),
-        )
-    ]
-    lines.append(
-        f"placed off by up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg (assumed): {low:.3f} to "
-        f"{high:.3f} on {unseen['label']} (simulated)"
-    )
-    return [*lines, *([content["note"]] if content["note"] else [])]
-
-
-def interval_words(score: Mapping[str, float | None]) -> str:
-    """Return a mean score with its 95 % interval."""
-    if score["low"] is None:
-        return f"{score['mean']:.3f}"
-    return f"{score['mean']:.3f} [{score['low']:.3f}, {score['high']:.3f}]"

@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.maps.cleanup.drawn_shapes import (
     Changes,
-    Shape,
+    DrawnShape,
     SourceFrame,
     as_areas,
     polygons_of,
@@ -96,7 +96,7 @@ class AssembleOptions(ImportOptions):
 
 def assemble(
     name: str,
-    shapes: tuple[Shape, ...],
+    shapes: tuple[DrawnShape, ...],
     frame: SourceFrame,
     options: AssembleOptions,
     facts: Mapping[str, object],
@@ -142,7 +142,9 @@ def assemble(
     )
 
 
-def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes) -> Enclosed:
+def _enclosed(
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
+) -> Enclosed:
     if options.drawn == "free":
         found = free_areas(_regions(as_areas(shapes), options, changes), options.join_mm, changes)
         changes.counts["drawn"] = "free (as asked for): the areas are the free space"
@@ -178,7 +180,7 @@ def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
 
 
 def _regions(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     found = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
     if not found:
@@ -189,7 +191,7 @@ def _regions(
 
 
 def _filled(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     found = []
     for shape in shapes:
@@ -229,10 +231,10 @@ def _shells(polygons: list[Polygon]) -> list[Polygon]:
 
 
 def _outlines(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     loose: list[Line] = []
-    rings: list[tuple[Line, Shape]] = []
+    rings: list[tuple[Line, DrawnShape]] = []
     for shape in shapes:
         if shape.filled:
             continue
@@ -260,12 +262,12 @@ def _outlines(
     if joined.open:
         changes.add("open_lines_left_out", len(joined.open))
         changes.counts["open_lines"] = open_places(joined.open[:_MOST_NAMED], changes)
-    rings += [(line, Shape(rings=(), where=line.where)) for line in joined.rings]
+    rings += [(line, DrawnShape(rings=(), where=line.where)) for line in joined.rings]
     return [found for line, shape in rings for found in _solid(line, shape, options, changes)]
 
 
 def _solid(
-    line: Line, shape: Shape, options: AssembleOptions, changes: Changes
+    line: Line, shape: DrawnShape, options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     polygons = _ring(line.points_mm, shape, options, changes)
     return [
@@ -275,7 +277,7 @@ def _solid(
 
 
 def _ring(
-    points_mm: Floats, shape: Shape, options: AssembleOptions, changes: Changes
+    points_mm: Floats, shape: DrawnShape, options: AssembleOptions, changes: Changes
 ) -> list[Polygon]:
     """Return what a ring encloses, simplified if the options say so."""
     polygons = ring_polygons(

@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Drawn, Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Drawn, DrawnShape, SourceFrame, framed
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.map import Map
 
@@ -181,9 +181,9 @@ class Ring:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingItem(Drawn[Ring]):
-    """A `Shape` whose curves are still curves."""
+    """A `DrawnShape` whose curves are still curves."""
 
-    def flat(self, tolerance: float) -> Shape:
+    def flat(self, tolerance: float) -> DrawnShape:
         """Return it with chords for curves, within a tolerance in units of the source."""
         try:
             rings, holes = (
@@ -195,7 +195,7 @@ class DrawingItem(Drawn[Ring]):
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
         same = {one.name: getattr(self, one.name) for one in fields(self)}
-        return Shape(**same | {"rings": rings, "holes": holes})
+        return DrawnShape(**same | {"rings": rings, "holes": holes})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,10 +11,9 @@ from tests.photos.conftest import TrueCamera
 from tests.photos.measure_walls import photo_of_bricks
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
-from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_map import read_photo_map
-from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.inputs import POINTS

@@ -31,7 +31,18 @@ def calibrated_text(calibration: Calibration, recipe: str | Path, out: Path, res
     for place, estimate in calibration.numbers.items():
         table, key = place.split(".")
         target = _table(document, table)
-        target[key] = _number(estimate, results).content
+        spread = {}
+        if estimate.uncertainty > 0.0:
+            spread["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+            spread["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
+        measured = f"{results.name}: {counted(estimate.readings, 'reading')}"
+        kept = f"published fit, scaled to this tube: {results.name} does not say"
+        target[key] = Quantity(
+            value=float(f"{estimate.value:.6g}"),
+            standing=Standing.MEASURED if estimate.readings else Standing.ASSUMED,
+            source=measured if estimate.readings else kept,
+            **spread,
+        ).content
     if calibration.windows:
         windows = [_window(window, results).content for window in calibration.windows]
         _table(document, "coupons")["windows"] = windows
@@ -61,21 +72,6 @@ def _bond(table: dict[str, Any], calibration: Calibration) -> None:
         bore = "lap.survived_n_per_mm" in calibration.numbers
         stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
     table.pop(stale, None)
-
-
-def _number(estimate: Estimate, results: Path) -> Quantity:
-    spread = {}
-    if estimate.uncertainty > 0.0:
-        spread["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
-        spread["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
-    measured = f"{results.name}: {counted(estimate.readings, 'reading')}"
-    kept = f"published fit, scaled to this tube: {results.name} does not say"
-    return Quantity(
-        value=float(f"{estimate.value:.6g}"),
-        standing=Standing.MEASURED if estimate.readings else Standing.ASSUMED,
-        source=measured if estimate.readings else kept,
-        **spread,
-    )
 
 
 def _window(window: EnergyWindow, results: Path) -> EnergyWindow:

@@ -90,19 +90,6 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
     ]
     if Operation.WELDCUT in profile.recipe.by_operation:
         lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
-    lines += [
-        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
-        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
-        ",".join(_COLUMNS),
-        *(
-            ",".join((measure, setting, "", unit, "", note))
-            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
-        ),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _rows(profile: LaserProfile) -> list[Row]:
     names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.by_operation]
     rows: list[Row] = [
         ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
@@ -138,7 +125,16 @@ def _rows(profile: LaserProfile) -> list[Row]:
         for measure, paths in GROWTH_PATHS.items()
         for path in paths
     ]
-    return rows
+    lines += [
+        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
+        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
+        ",".join(_COLUMNS),
+        *(
+            ",".join((measure, setting, "", unit, "", note))
+            for measure, setting, unit, note in (*rows, *_matrix_rows(matrix))
+        ),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _lap_rows(profile: LaserProfile) -> list[Row]:
@@ -244,7 +240,9 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         place = f"{path}, line {number}"
         cells = _cells(line, place)
         if not header:
-            header = _header(cells, place)
+            if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
+                raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
+            header = cells
             continue
         if len(cells) > len(header):
             allowed = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
@@ -259,12 +257,6 @@ def _cells(line: str, place: str) -> list[str]:
         return [cell.strip() for cell in next(csv.reader([line], strict=True))]
     except csv.Error as error:
         raise BadInputError("line", line, f"comma-separated cells ({error})", place) from error
-
-
-def _header(cells: list[str], place: str) -> list[str]:
-    if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
-        raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
-    return cells
 
 
 def _reading(row: dict[str, str], place: str) -> Reading:

@@ -215,7 +215,14 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
 
     def residuals(fitted: Floats) -> Floats:
         values = {**known, **dict(zip(names, fitted.tolist(), strict=True))}
-        away: Floats = (_pressures_kpa(paths, values) - measured) * weights
+        yield_kpa, drag_kpa_m, storage_kpa, friction = (values[name] for name in GROWTH_CONSTANTS)
+        found = []
+        for path in paths:
+            tension = 0.0 if path.is_free else storage_kpa
+            for length, turn in zip(path.lengths_mm, path.turns_rad, strict=False):
+                tension = (tension + drag_kpa_m * length / 1000.0) * math.exp(friction * abs(turn))
+            found.append(yield_kpa + tension + drag_kpa_m * path.lengths_mm[-1] / 1000.0)
+        away: Floats = (np.array(found) - measured) * weights
         return away
 
     start = dict(
@@ -248,15 +255,3 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
         )
         for name, value, u in zip(names, solved.x, deviations, strict=True)
     }
-
-
-def _pressures_kpa(paths: Sequence[GrownPath], constants: Mapping[str, float]) -> Floats:
-    """Return P = Y + tau + f l of every path; tau grows by e^(mu theta) at each turn."""
-    yield_kpa, drag_kpa_m, storage_kpa, friction = (constants[name] for name in GROWTH_CONSTANTS)
-    found = []
-    for path in paths:
-        tension = 0.0 if path.is_free else storage_kpa
-        for length, turn in zip(path.lengths_mm, path.turns_rad, strict=False):
-            tension = (tension + drag_kpa_m * length / 1000.0) * math.exp(friction * abs(turn))
-        found.append(yield_kpa + tension + drag_kpa_m * path.lengths_mm[-1] / 1000.0)
-    return np.array(found)

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
-from typing import NoReturn
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -62,17 +61,6 @@ class _Parts:
             yield name
         except BadInputError as error:
             self.refused[name] = error
-
-
-def _known_shrinkage(profile: LaserProfile) -> Estimate:
-    """Return e of the material's shrinkage."""
-    known = profile.material.shrinkage_percent
-    left = 1.0 - known.value / 100.0
-    percent = known.uncertainty or 0.0
-    if known.uncertainty_95 is not None:  # readings may have been few
-        percent = known.uncertainty_95 / 1.96
-    uncertainty = percent / 100.0 / left**2
-    return Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
 
 
 def _ladder_shrinkage(results: Results) -> Estimate:
@@ -362,7 +350,13 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     if not results.readings:
         raise BadInputError("results", "no row with a value", "at least one reading")
     parts, numbers, remarks = _Parts(), dict[str, Estimate](), list[str]()
-    regain = _known_shrinkage(profile)
+    known = profile.material.shrinkage_percent
+    left = 1.0 - known.value / 100.0
+    percent = known.uncertainty or 0.0
+    if known.uncertainty_95 is not None:  # readings may have been few
+        percent = known.uncertainty_95 / 1.96
+    uncertainty = percent / 100.0 / left**2
+    regain = Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
     with parts.group("shrinkage"):
         if results.of("length"):
             regain = _ladder_shrinkage(results)
@@ -384,7 +378,11 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         method = bond
         remarks += _lap_lines(results)
     if parts.refused and not numbers and not windows:
-        _refuse(parts.refused)
+        errors = list(parts.refused.values())
+        if len(errors) == 1:
+            raise errors[0]
+        reasons = "; ".join(f"{group}: {error}" for group, error in parts.refused.items())
+        raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
     kept = [place for place, number in numbers.items() if number.readings == 0]
     if kept:
         remarks.append(
@@ -399,15 +397,6 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         lap_method=method,
         refused={group: str(error) for group, error in parts.refused.items()},
     )
-
-
-def _refuse(refused: Mapping[str, BadInputError]) -> NoReturn:
-    """Raise the error of the only group, or one that names all."""
-    errors = list(refused.values())
-    if len(errors) == 1:
-        raise errors[0]
-    reasons = "; ".join(f"{group}: {error}" for group, error in refused.items())
-    raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
 
 
 def _burst(results: Results) -> dict[str, Estimate]:

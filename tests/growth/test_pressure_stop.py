@@ -126,7 +126,7 @@ def test_a_slide_ends_where_drag_and_turn_have_used_up_the_pressure(engine, vine
 def some_pressure_kpa(robot, terrain, pose, options, constants, rng):
     """Return a pressure that some of the branches need, where any grew."""
     free = grow(robot, terrain, pose, options)
-    (needed_kpa,) = growth_pressures_kpa(free, robot, [constants])
+    (needed_kpa,) = growth_pressures_kpa([free], robot, [constants])
     known = needed_kpa[np.isfinite(needed_kpa)]
     return float(rng.uniform(0.98 * known.min(), known.max())) if len(known) else 10.0
 
@@ -155,7 +155,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         plain = grow(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
-        (needed_kpa,) = growth_pressures_kpa(fast, robot, [constants])
+        (needed_kpa,) = growth_pressures_kpa([fast], robot, [constants])
         working_kpa = robot.build.pressure_kpa
         ended = fast.stop == Stop.PRESSURE
         inside = fast.deployed & ~ended

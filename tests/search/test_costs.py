@@ -25,7 +25,7 @@ from vinefab.search.costs import COSTS, cost_text
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.run import result_lines, violations_of
+from vinefab.search.run import violations_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
@@ -126,7 +126,7 @@ def test_winners_keep_limits_that_the_search_would_exceed(
     assert result.fabricable
     assert violations_of(result, settings_) == ""
     value = cost_text(name, cost(result.best))
-    assert f"limits: {value} of {MOST[name]:g} (planned)" in result_lines(result)
+    assert f"limits: {value} of {MOST[name]:g} (planned)" in result.summary
     space = Space(settings_.space, settings_.build)
     for generation in result.history:
         for x, penalty, fitness in zip(

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.results import Names, WrittenFile
-from vinefab.core.verbs import IN_PLACE, Kind, also, names_of, verb, wrote
+from vinefab.core.verbs import IN_PLACE, Force, Kind, also, names_of, verb, wrote
 from vinefab.model.inputs import FOLDER, PathText, all_names, path_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def new(
     file: PathText,
     *,
     original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFile:
     """Write a commented file to begin with, as a design or a map; its name is the file's.
 
@@ -79,7 +79,7 @@ def new(
 def examples(
     *names: Annotated[str, Kind(metavar="NAME")],
     out: Annotated[PathText | None, FOLDER] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Names:
     """List the examples that ship with vinefab, or copy them to try and change.
 
@@ -89,8 +89,6 @@ def examples(
         Examples, with or without folder and ending; all of them if none is named.
     out
         Copy them into this folder; what is there already and unchanged stays.
-    force
-        Overwrite files that vinefab did not write, or that were changed.
 
     Raises
     ------

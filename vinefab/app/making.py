@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
+    Folder,
     ensure_apart,
     file_of,
     folder_to_write,
@@ -19,17 +20,17 @@ from vinefab.app.results import ProposedFix, WrittenFolder, WrittenReport
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
-from vinefab.core.verbs import FieldsOf, Kind, Progress, Within, also, told, verb, wrote
+from vinefab.core.verbs import FieldsOf, Force, Kind, Progress, Within, also, told, verb, wrote
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
     DESIGNS,
     FOLDER,
     DesignLike,
     DesignsLike,
+    GrowthLike,
     LimitsLike,
     MapLike,
     MapsLike,
-    Pairs,
     PathText,
     RecipeLike,
     StartsLike,
@@ -80,10 +81,10 @@ def check(
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     rig: Annotated[PathText | None, Kind(metavar="DIR")] = None,
-    limits: Annotated[LimitsLike | None, also("--limit")] = None,
-    growth: Pairs | None = None,
+    limits: LimitsLike | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PicturesLike | None, also("--svg", "--png", "--dxf")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> CheckReport:
     """Check a design against the rules of making and deploying it.
 
@@ -93,27 +94,15 @@ def check(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
     maps
         Maps or paths of map files; the design is deployed from their starts first (simulated).
-    start
-        Where robots start, in place of the maps' starts.
     rig
         A folder that `rig` wrote.
-    limits
-        Limits in place of the rules' own: VF-C01.warning=6, in Python
-        ``{"VF-C01": {"warning": 6.0}}``.
     growth
         Growth options by name for the maps: body=centerline; there no pressure stops it.
     out
         The robot with the findings in place, to write: .svg or .png, or .dxf on layers that are not
         cut; one or several.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -178,11 +167,11 @@ def fix(
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     keep: WordsLike = (),
-    limits: Annotated[LimitsLike | None, also("--limit")] = None,
-    growth: Pairs | None = None,
+    limits: LimitsLike | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".toml"), also("--fix")] = None,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> ProposedFix:
     """Propose the smallest change of a design that clears its errors.
 
@@ -191,28 +180,14 @@ def fix(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
     maps
         As in `check`; with maps the ``summary`` says what the fix costs in score, too.
-    start
-        Where robots start, in place of the maps' starts.
     keep
         What must not change: branches, length, angle, width, one or several.
-    limits
-        As in `check`.
     growth
         As in `check`.
     out
         Write the changed design here, if one was found.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -279,7 +254,7 @@ def fabricate(
     design: DesignLike,
     recipe: RecipeLike | None = None,
     *,
-    out: Annotated[PathText, FOLDER],
+    out: Folder,
     allow_uncalibrated: bool = False,
     copies: Annotated[int, Within(1, 200)] = 1,
     beside: Annotated[DesignsLike, DESIGNS, also("--with")] = (),
@@ -287,7 +262,7 @@ def fabricate(
     pass_through: bool = False,
     r12: bool = False,
     make_zip: Annotated[bool, also("--zip")] = False,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFolder:
     """Write the fabrication package of a design: laser files, checks, report, instructions.
 
@@ -295,13 +270,6 @@ def fabricate(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
-    out
-        The folder to write; one of an earlier package is replaced.
     allow_uncalibrated
         Write files for a recipe that no coupon has confirmed.
     copies
@@ -316,8 +284,6 @@ def fabricate(
         Also write a DXF of release 12, which knows no unit.
     make_zip
         Also write the folder as ``OUT.zip``.
-    force
-        Overwrite what vinefab did not write.
 
     Returns
     -------
@@ -390,7 +356,7 @@ def coupon(
     recipe: RecipeLike = DEFAULT_RECIPE,
     *,
     out: Annotated[PathText, FOLDER],
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFolder:
     """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
 
@@ -457,7 +423,7 @@ def calibrate(
     ] = DEFAULT_RECIPE,
     *,
     out: PathText,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenReport:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
@@ -469,8 +435,6 @@ def calibrate(
         The recipe that the coupons were cut with, its name or path.
     out
         The recipe to write, ``NAME.toml``: what is returned can be passed as ``recipe``.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -525,7 +489,7 @@ def rig(
     world: Annotated[MapLike, also("--map")],
     printer: PrinterLike = DEFAULT_PRINTER,
     *,
-    out: Annotated[PathText, FOLDER],
+    out: Folder,
     start: StartsLike = (),
     design: DesignLike | None = None,
     fit_mm: float | None = None,
@@ -534,7 +498,7 @@ def rig(
     allow_empty: bool = False,
     pictures: bool = True,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
     **sizes: Annotated[
         Any,
         FieldsOf(("vinefab.rig.rig_options:RigOptions",), also={"entry_width_mm": ("--entry-mm",)}),
@@ -544,14 +508,8 @@ def rig(
 
     Parameters
     ----------
-    world
-        A map, or the path of a map file.
     printer
         A printer's name or path, in Python also a printer.
-    out
-        The folder to write; one of an earlier rig is replaced.
-    start
-        Where robots start, in place of the map's starts.
     design
         The robot that will be tried on it: its corridors and heights are checked too.
     fit_mm
@@ -564,11 +522,6 @@ def rig(
         Make a bare tray of a map without anything to steer around.
     pictures
         Draw the rig and its beds, and write a page about them.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite what vinefab did not write.
     **sizes
         Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
         `vinefab.rig.rig_options.RigOptions`.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.app.common import ensure_apart, page_path, write_page
-from vinefab.core.verbs import FieldsOf, Kind, Seed, also, note, verb, wrote
+from vinefab.app.common import PictureFile, ensure_apart, page_path, write_page
+from vinefab.core.verbs import Doc, FieldsOf, Force, Kind, Seed, also, note, verb, wrote
 from vinefab.model.inputs import POINTS, MapLike, PathText, StartsLike, map_of, path_of, starts_of
 from vinefab.model.inputs import written as file_kind
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 else:
     Layers = Annotated[object, Kind(metavar="NAME", several=True)]
 MAP_SUFFIXES = (".geojson", ".json")
-MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES)]
+MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES), Doc("The map file to write.")]
 
 
 def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
@@ -42,7 +42,7 @@ def generate(
     *,
     start: StartsLike = (),
     out: MapOut = None,
-    force: bool = False,
+    force: Force = False,
     **options: object,
 ) -> Map:
     """Make one instance of an environment; the same arguments give the same map.
@@ -51,15 +51,6 @@ def generate(
     ----------
     environment
         A registered environment, also one that a plug-in offers.
-    seed
-        The same seed gives the same map.
-    start
-        Where robots start, in place of the map's own starts: X,Y,DEG+-SPREAD, 'left side',
-        'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
-    out
-        The map file to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
     **options
         What ``vinefab map ENVIRONMENT --help`` lists, with the units in the names.
 
@@ -152,23 +143,11 @@ def start(
     *,
     start: StartsLike,
     out: MapOut = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Map:
     """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
 
     Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
-
-    Parameters
-    ----------
-    map
-        A map, or the path of a map file.
-    start
-        Where robots start, one or several: X,Y,DEG+-SPREAD, 'left side', 'line X,Y X,Y' or
-        'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
-    out
-        The map file to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -200,25 +179,17 @@ def info(
     width_mm: float | None = None,
     start: StartsLike = (),
     passages: int = 5,
-    out: Annotated[PathText | None, file_kind(".svg", ".png"), also("--svg")] = None,
-    force: bool = False,
+    out: PictureFile = None,
+    force: Force = False,
 ) -> MapInfo:
     """Describe a map: its size, its narrowest passages, and the widest robot that fits.
 
     Parameters
     ----------
-    map
-        A map, or the path of a map file.
     width_mm
         Lay-flat width of a body to check.
-    start
-        Where robots start, in place of the map's starts.
     passages
         How many of the narrowest passages to find.
-    out
-        A picture to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -255,7 +226,7 @@ def import_(
     start: StartsLike = (),
     layers: Annotated[Layers, also("--layer")] = (),
     preview: Annotated[PathText | None, file_kind(".png")] = None,
-    force: bool = False,
+    force: Force = False,
     **options: Annotated[
         Any,
         FieldsOf(
@@ -274,16 +245,12 @@ def import_(
     ----------
     path
         The file: a drawing, a GIS layer, a ROS map or a photo; its ending says what it is.
-    out
-        The map file to write.
     start
         Where robots start, in the map; default: the roomiest place.
     layers
         Read only these layers (DXF, GeoPackage) or groups (SVG: id or label); may be repeated.
     preview
         Of a photo: a picture of it, rectified, with the walls drawn over.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
     **options
         Fields of `vinefab.maps.importers.import_options.ImportOptions`; of a photo also of
         `vinefab.maps.importers.photo_options.PhotoOptions`.

@@ -9,11 +9,11 @@ from typing import Annotated
 from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
 from vinefab.app.results import PhotoReport
 from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Kind, Within, also, verb
+from vinefab.core.verbs import Force, Kind, Within, also, verb
 from vinefab.model.inputs import (
     DesignLike,
+    GrowthLike,
     MapLike,
-    Pairs,
     PathText,
     PoseLike,
     design_of,
@@ -40,9 +40,9 @@ def observe(
     obstacle_height_mm: Annotated[float | None, also("--obstacle-height")] = None,
     film_colour: Annotated[tuple[int, int, int] | None, numbers("R,G,B")] = None,
     outline: PathText | None = None,
-    growth: Pairs | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> PhotoReport:
     """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
 
@@ -52,10 +52,6 @@ def observe(
         A photo from above, JPEG or PNG.
     map
         The map that the rig was made from, or the path of its file.
-    design
-        A design, its path or its name.
-    pose
-        Where the robot was launched, X,Y,DEG in mm and degrees; default: the map's first start.
     rig
         The rig's ``rig.json``: where its markers lie and how high its obstacles are. Without it,
         markers are looked for where `rig` puts them.
@@ -72,8 +68,6 @@ def observe(
         Growth options of the prediction by name: pressure_stop=false.
     out
         A page (.html) to write, or the numbers (.json), which `fit_observations` reads.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -143,7 +137,7 @@ def fit_observations(
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
     out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> PhotoReport:
     """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
 
@@ -156,8 +150,6 @@ def fit_observations(
         Standard error of the angles of contacts where an observation does not give it (assumed).
     out
         A file to write; predictions read it as ``contacts``.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------

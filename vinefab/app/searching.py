@@ -9,7 +9,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.app.common import MOST_WORKERS, Environment, TaskLike, page_path, task_of, write_page
+from vinefab.app.common import (
+    MOST_WORKERS,
+    Environment,
+    Folder,
+    TaskLike,
+    Workers,
+    page_path,
+    task_of,
+    write_page,
+)
 from vinefab.app.results import StudyOutcome, WrittenFile
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
@@ -17,6 +26,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.verbs import (
     IN_PLACE,
     SHELL,
+    Force,
     Kind,
     Progress,
     Seed,
@@ -87,7 +97,7 @@ def optimize(
     wall_time_s: float | None = None,
     page: bool = True,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> RunResult:
     """Search for the best design of a run; a page shows it, also while it is going on.
 
@@ -126,8 +136,6 @@ def optimize(
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
         called after every generation.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -164,7 +172,7 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
-    from vinefab.search.run import make_point_evaluator, result_lines, violations_of
+    from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = _run_of(run)
@@ -187,8 +195,7 @@ def optimize(
         with _generations(settings, progress) as tell:
             return _searched(settings, own_task, evaluator, tell)
 
-    from vinefab.prediction.run_folder import run_in_folder
-    from vinefab.prediction.run_winner import prediction_lines
+    from vinefab.prediction.run_winner import run_in_folder
 
     folder = path_of("out", out)
     pages = (PAGE_NAME,) if page else ()
@@ -209,14 +216,15 @@ def optimize(
                 source=source,
                 task=own_task,
             )
-        violations = violations_of(result, settings)
+        again_scored = _score_again(result, settings, folder / "best.toml", own_task)
+        result = replace(result, violations=violations_of(result, settings), again=again_scored)
     with _resumable(again), _recorded(again):
         result.write_winner(folder, force=force)
-        lines = result_lines(result, violations)
         if settings.objectives:
-            from vinefab.search.front_files import front_lines, write_front
+            from vinefab.search.front_files import front_table, write_front
 
-            lines += front_lines(write_front(result, settings, folder, force=force), settings)
+            members = write_front(result, settings, folder, force=force)
+            result = replace(result, front=front_table(members, settings))
             note(
                 f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
                 f"{folder / 'front'}",
@@ -225,15 +233,37 @@ def optimize(
         with told(
             f"page of {settings.name}", progress if isinstance(progress, bool) else False
         ) as (show):
-            from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
+            if page:
+                from vinefab.prediction.run_page import EndedRun, write_run_page
 
-            show(0.0, "drawing the winner")
-            ended = EndedRun.read(folder, result)
-            where = write_run_page(folder, ended, force=force) if page else folder / "best.toml"
-        lines += prediction_lines(result.prediction)
-        lines.append(outcome_line(ended, violations, where))
+                show(0.0, "drawing the winner")
+                wrote(write_run_page(folder, EndedRun.read(folder, result), force=force))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
-    return replace(result, told=tuple(lines), exit_code=int(bool(violations)))
+    return result
+
+
+def _score_again(
+    result: RunResult, settings: RunSettings, best: Path, task: Task | None = None
+) -> str:
+    """Return the call that scores a winner as its run did; empty where no call says so much."""
+    from vinefab.app.predicting import score
+    from vinefab.model.map import Start
+
+    start, evaluation = settings.maps.start, settings.evaluation
+    if isinstance(start, Start) or evaluation.pose_range != 1.0:
+        return ""
+    names = dict.fromkeys(one.map_name for one in result.score.evaluations)
+    call = this_call().to(
+        score,
+        design=best,
+        task=task or settings.task.name,
+        maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
+        **({} if start is None else {"start": start.text}),
+        poses=evaluation.final_poses_per_map,
+        seed=result.best.origin["seed_of_score"],
+        **({} if task else settings.task.parameters),
+    )
+    return call.text()
 
 
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
@@ -309,7 +339,7 @@ def runs(
     *folders: Annotated[PathText, Kind(metavar="DIR")],
     rebuild: Annotated[PathText | None, FOLDER] = None,
     best: Annotated[PathText | None, Kind(metavar="FILE", writes="file")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> RunListing:
     """List the records of runs in folders and below, with mean and deviation over seeds.
 
@@ -324,8 +354,6 @@ def runs(
         Write best.toml, page and figures of the run in the one folder here, from its record alone.
     best
         Write the best winner of runs that differ in their seed alone to this file.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -358,6 +386,8 @@ def runs(
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
         out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        again = _score_again(run.result, run.settings, out / "best.toml")
+        run = replace(run, result=replace(run.result, again=again))
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:
@@ -376,9 +406,9 @@ def contest(
     seeds: int = 10,
     unseen: int = 25,
     poses: int = 3,
-    workers: Annotated[int, Within(1, MOST_WORKERS), also("--jobs")] = 1,
+    workers: Annotated[Workers, also("--jobs")] = 1,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
@@ -396,13 +426,6 @@ def contest(
         Maps to test every winner on.
     poses
         Poses on each of these maps.
-    workers
-        Processes; no result depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -468,7 +491,7 @@ def reproduce(
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
-    workers: Annotated[int, Within(1, 256)] = 2,
+    workers: Annotated[Workers, Within(1, 256)] = 2,
     progress: Progress = True,
 ) -> StudyOutcome:
     """Do the paper's experiments again and put our numbers beside the paper's.
@@ -485,11 +508,6 @@ def reproduce(
         The folder; a stopped run goes on in it.
     quick
         A smoke run within a minute.
-    workers
-        Processes; no number depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -549,9 +567,6 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
     ----------
     million
         Grow on a map of a million walls too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -574,12 +589,12 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 @verb
 def demo(
     *,
-    out: Annotated[PathText, FOLDER] = "demo",
+    out: Folder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
 
@@ -587,19 +602,10 @@ def demo(
 
     Parameters
     ----------
-    out
-        The folder to write.
-    seed
-        Another seed, another demonstration.
     generations
         Generations of the search.
     population
         Designs per generation.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite what vinefab did not write.
 
     Raises
     ------
@@ -660,7 +666,7 @@ def studio(
     snapshot: Annotated[PathText | None, written(".html")] = None,
     family: bool = False,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFile | None:
     """Design with the robot under your hands: a page where every change is seen at once.
 
@@ -683,11 +689,6 @@ def studio(
         needs no server. `vinefab studio FILE.html` opens it again.
     family
         With a snapshot: the robot on many maps too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------

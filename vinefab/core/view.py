@@ -452,6 +452,10 @@ def document(blocks: Iterable[Block]) -> dict[str, Any]:
                 _put(found, key, _objects(block))
             case Notes(notes, key) if key:
                 _put(found, key, list(notes))
+            case Section(tables=tables):
+                for table in tables:
+                    if table.key:
+                        _put(found, table.key, _objects(table))
             case Data(content):
                 for key, value in (content() if callable(content) else content).items():
                     _put(found, key, value)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Kind, note, numbers_from, text_of
+from vinefab.core.verbs import Also, Doc, Kind, note, numbers_from, text_of
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
@@ -183,33 +183,63 @@ if TYPE_CHECKING:
     ContactsLike = Mapping[str, object] | str | PathLike[str]
     HalfAngle = float | tuple[float, float]
     Pairs = Mapping[str, object]
+    GrowthLike = Pairs
     LimitsLike = Mapping[str, Mapping[str, float]]
     WordsLike = str | Iterable[str]
 else:
     PathText = Annotated[object, Kind(metavar="FILE")]
-    DesignLike = Annotated[object, DESIGN_KIND]
+    DesignLike = Annotated[object, DESIGN_KIND, Doc("A design, its path or its name.")]
     DesignsLike = Annotated[object, DESIGNS]
-    MapLike = Annotated[object, MAP]
-    MapsLike = Annotated[object, Kind(metavar="MAP", several=True)]
+    MapLike = Annotated[object, MAP, Doc("A map, or the path of a map file.")]
+    MapsLike = Annotated[
+        object,
+        Kind(metavar="MAP", several=True),
+        Doc("Maps or paths of map files: --maps *.geojson."),
+    ]
     StartLike = Annotated[object, Kind(metavar="START", hyphen=True)]
-    StartsLike = Annotated[object, Kind(metavar="START", several=True, hyphen=True)]
+    StartsLike = Annotated[
+        object,
+        Kind(metavar="START", several=True, hyphen=True),
+        Doc("Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side', "
+            "'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md)."),
+    ]  # fmt: skip
     PoseLike = Annotated[
-        object, Kind(metavar="X,Y,DEG", read=_pose, words=_pose_words, hyphen=True)
+        object,
+        Kind(metavar="X,Y,DEG", read=_pose, words=_pose_words, hyphen=True),
+        Doc("Where the robot starts, X,Y,DEG in mm and degrees; default: the map's first start."),
     ]
-    RecipeLike = Annotated[object, Kind(metavar="RECIPE", files=partial(all_names, "recipe"))]
-    ContactsLike = Annotated[object, Kind(metavar="FILE")]
+    RecipeLike = Annotated[
+        object,
+        Kind(metavar="RECIPE", files=partial(all_names, "recipe")),
+        Doc("A recipe's name or path, in Python also a laser profile; default: that of the run "
+            "that found the design, else the shipped one."),
+    ]  # fmt: skip
+    ContactsLike = Annotated[
+        object,
+        Kind(metavar="FILE"),
+        Doc("Numbers that photos measured (`fit_observations`), in place of assumed ones."),
+    ]
     HalfAngle = Annotated[
-        object, Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True)
-    ]
-    Pairs = Annotated[
+        object,
+        Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True),
+        Doc("Contacts closer to head-on than this stop a tip (assumed); a range LOW,HIGH gives "
+            "every deployment a value of its own."),
+    ]  # fmt: skip
+    Pairs = Annotated[object, PAIRS]
+    GrowthLike = Annotated[
         object,
         Kind(metavar="NAME=VALUE", read=_growth_pair, gather=_once, words=_growth_words,
              several=True),
+        Doc("Growth options by name, in place of the design's or the defaults: "
+            "pressure_stop=false, head_on_half_angle_deg=1,15 (a range)."),
     ]  # fmt: skip
     LimitsLike = Annotated[
         object,
         Kind(metavar="RULE.LEVEL=VALUE", read=_limit, gather=_by_rule, words=_limit_words,
              several=True),
+        Also(("--limit",)),
+        Doc("Limits in place of the rules' own: VF-C01.warning=6, in Python "
+            '``{"VF-C01": {"warning": 6.0}}``.'),
     ]  # fmt: skip
     WordsLike = Annotated[object, Kind(metavar="WORD,...", several=True)]
 

@@ -76,6 +76,11 @@ def no_progress(_share: float, _words: str) -> None:
     """Report nothing."""
 
 
+def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
+    """Return what tells the progress of a part of the work."""
+    return lambda share, words: progress(start + (end - start) * share, words)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PredictionPlan:
     """How often, and by which rules, a design is deployed."""

@@ -377,39 +377,31 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
     whole("passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
-    return MapInfo(
-        world=world,
-        free=free,
-        passages=_gates(world, narrow_passages(free, passages)),
-        starts=starts,
-        widest_mm=widest_bodies(free, starts),
-        body=None if width_mm is None else body_room(free, starts, width_mm),
-        outside=_outside_shares(world),
-    )
-
-
-def _outside_shares(world: Map) -> dict[int, float]:
+    walls = STRtree([world.bounds.boundary, *world.obstacles])
+    names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
+    gates = []
+    for passage in narrow_passages(free, passages):
+        # Where obstacles touch, the one that stands first in the file is named.
+        first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
+        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
     shapely.prepare(world.bounds)
     obstacles = np.array(world.obstacles, dtype=np.object_)
     over = np.flatnonzero(~shapely.covers(world.bounds, obstacles))
     beyond_mm2 = shapely.area(shapely.difference(obstacles[over], world.bounds))
     shares = beyond_mm2 / shapely.area(obstacles[over])
-    return {
-        int(index) + 1: float(share)
-        for index, share in zip(over, shares, strict=True)
-        if share > LEAST_OUTSIDE_SHARE
-    }
-
-
-def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ...]:
-    walls = STRtree([world.bounds.boundary, *world.obstacles])
-    names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
-    gates = []
-    for passage in passages:
-        # Where obstacles touch, the one that stands first in the file is named.
-        first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
-        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
-    return tuple(gates)
+    return MapInfo(
+        world=world,
+        free=free,
+        passages=tuple(gates),
+        starts=starts,
+        widest_mm=widest_bodies(free, starts),
+        body=None if width_mm is None else body_room(free, starts, width_mm),
+        outside={
+            int(index) + 1: float(share)
+            for index, share in zip(over, shares, strict=True)
+            if share > LEAST_OUTSIDE_SHARE
+        },
+    )
 
 
 PLAUSIBLE_MM = 60.0, 20_000.0

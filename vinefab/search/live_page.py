@@ -29,6 +29,7 @@ from vinefab.pages.page_svg import page_svg
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Generation, Progress, curve_of
+from vinefab.search.record.result import size_words
 from vinefab.search.run import first_map, run_profile
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
@@ -230,11 +231,6 @@ class _BestSoFar:
             )
             self._drawn = design, image
         return self._drawn[1]
-
-
-def size_words(design: Design) -> str:
-    """Return the size of a design in words."""
-    return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
 def run_facts(settings: RunSettings) -> tuple[Fact, ...]:

@@ -22,7 +22,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
-from vinefab.model.tree import BranchTree
+from vinefab.model.tree import BranchTree, child_lengths_mm, least_gap_rad, widest_turn_rad
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 PARALLEL_RAD = 1e-6
@@ -98,9 +98,8 @@ def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
     least. A single child has a gap beside its parent only.
     """
     level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
-    fan = level.fan_rad if level.branches > 1 else 0.0
-    beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
-    return (beside, fan / (level.branches - 1) + 2.0 * lean) if level.branches > 1 else (beside,)
+    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
+    return (beside, least_gap_rad(level) + 2.0 * lean) if level.branches > 1 else (beside,)
 
 
 def bare_gaps(design: Design) -> list[tuple[float, float]]:
@@ -115,7 +114,7 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        shortest_mm = level.length_mm * min(1.0, level.growth)
+        shortest_mm = float(child_lengths_mm(level).min())
         disc = max(wide, narrow)
         beside, *between = gap_angles_rad(design, number)
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
@@ -145,9 +144,8 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
-        # Between children all angles are alike, and the last one beside the parent mirrors the
-        # first: two gaps stand for all.
-        for gap in joint.gaps[:2][: len(joint.gaps) - 1]:
+        # Gaps of one angle are alike: the first of them stands for all.
+        for gap in {round(gap.angle_rad, 9): gap for gap in reversed(joint.gaps)}.values():
             if broken := limits.least(math.degrees(gap.angle_rad)):
                 predicate = "almost parallel: widen the fan or have fewer children"
                 if 0 in (gap.first.owner, gap.second.owner):

@@ -25,6 +25,14 @@ class Estimate:
     # Degrees of freedom of the uncertainty; infinite where the readings' own are stated.
     degrees: float = math.inf
 
+    @property
+    def words(self) -> str:
+        """The number with half of its 95 % interval and its standing."""
+        if self.readings == 0:
+            return f"{self.value:.4g}  assumed"
+        half = f" +- {self.half_width():.2g} (95 %)" if self.uncertainty > 0.0 else ""
+        return f"{self.value:.4g}{half}  measured, {counted(self.readings, 'reading')}"
+
     def half_width(self, level: float = 0.95) -> float:
         """Return half of the interval by Student's t that holds the truth so often."""
         return float(stdtrit(self.degrees, 0.5 * (1.0 + level))) * self.uncertainty

@@ -8,7 +8,7 @@ from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import this_call
-from vinefab.core.view import NO_INTERVAL, Section, Table
+from vinefab.core.view import NO_INTERVAL, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
@@ -123,7 +123,7 @@ class Demo:
         least = "no fewer possible" if partition.proven_least else "fewer may be possible"
         return f"{len(partition.pieces)}, {least}"
 
-    def table(self) -> Table:
+    def table(self) -> Rows:
         """Return the result as a table of names and values."""
         best, report = self.result.best, self.predicted.prepared.report
         reach = self.predicted.main.outcomes.spread(REACH)
@@ -145,7 +145,7 @@ class Demo:
             ("rig", f"{counted(len(self.rig.rig.parts), 'part')} to print"),
         )
         caption = "Means with 95 % bootstrap intervals over maps"
-        return Table(caption=caption, headings=("", ""), rows=rows)
+        return Rows(caption=caption, headings=("", ""), rows=rows)
 
 
 def run_demo(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Table, Text, lines
+from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
@@ -107,7 +107,7 @@ class WrittenFolder(Result):
         """Yield the files and the findings."""
         yield Text(f"written: {self.path}: {counted(len(self.files), 'file')}")
         files = tuple((name,) for name in self.files)
-        yield Table(caption="files", headings=("file",), rows=files)
+        yield Rows(caption="files", headings=("file",), rows=files)
         yield from self.report.view()
 
     def __repr__(self) -> str:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
     MOST_WORKERS,
-    Environment,
-    Folder,
+    OutFolder,
     TaskLike,
+    UnseenEnvironment,
     Workers,
     page_path,
     task_of,
@@ -32,8 +32,8 @@ from vinefab.core.verbs import (
     Seed,
     Within,
     also,
-    names_of,
     note,
+    registered_names,
     this_call,
     told,
     verb,
@@ -47,9 +47,9 @@ from vinefab.model.inputs import (
     PathText,
     RecipeLike,
     all_names,
+    as_path,
+    as_several,
     name_or_path,
-    path_of,
-    several_of,
     written,
 )
 
@@ -75,7 +75,7 @@ else:
         object,
         Kind(
             metavar="NAME[:KEY=VALUE,...]",
-            known=names_of("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            known=registered_names("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
             several=True,
         ),
     ]
@@ -198,7 +198,7 @@ def optimize(
 
     from vinefab.prediction.run_winner import run_in_folder
 
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)
@@ -379,20 +379,20 @@ def runs(
 
     if not folders:
         raise BadInputError("folders", None, "folders of runs, or folders above them")
-    paths = [path_of("folders", folder) for folder in folders]
+    paths = [as_path("folders", folder) for folder in folders]
     if rebuild is not None and len(paths) > 1:
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
-        out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
         again = _score_again(run.result, run.settings, out / "best.toml")
         run = replace(run, result=replace(run.result, again=again))
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:
-        file = path_of("best", best)
+        file = as_path("best", best)
         listing = replace(listing, whole=write_best(listing, file, force=force))
         wrote(file, "" if listing.whole else ", of the runs that have ended")
     return listing
@@ -451,16 +451,16 @@ def contest(
         contest_rows,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in several_of(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
-        contenders=tuple(_contender(text) for text in several_of(optimizers)),
+        contenders=tuple(_contender(text) for text in as_several(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
         sources=tuple(files),
     )
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     with told("comparing", progress) as tell:
         rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
     document = comparison_json(plan, rows)
@@ -486,7 +486,7 @@ def _contender(text: str) -> Contender:
 @verb
 def reproduce(
     *names: Annotated[
-        str, Kind(metavar="NAME", known=names_of("vinefab.studies.experiments:EXPERIMENTS"))
+        str, Kind(metavar="NAME", known=registered_names("vinefab.studies.experiments:EXPERIMENTS"))
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
@@ -522,15 +522,20 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies.experiments import EXPERIMENTS
-    from vinefab.studies.reproduction import NUMBERS, PAGE, claims_table, numbers_text
-    from vinefab.studies.reproduction import reproduce as reproduced
+    from vinefab.studies.reproduction import (
+        NUMBERS,
+        PAGE,
+        claims_table,
+        do_experiments,
+        numbers_text,
+    )
     from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
-    folder, size = path_of("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
-        done = reproduced(
+        done = do_experiments(
             names, folder, size, workers=workers, tell=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
@@ -578,7 +583,7 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 @verb
 def demo(
     *,
-    out: Folder = "demo",
+    out: OutFolder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
@@ -613,7 +618,7 @@ def demo(
     from vinefab.demonstration import DemoSettings, run_demo
 
     mark = "results.json"  # by which a folder of this verb is known again
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     ensure_own_folder(folder, mark, force=force)
 
     def say(words: str) -> None:
@@ -648,7 +653,7 @@ def studio(
     design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
     map: MapLike | None = None,
     *,
-    environment: Environment = "grid",
+    environment: UnseenEnvironment = "grid",
     recipe: RecipeLike | None = None,
     port: int = 0,
     browser: bool = True,
@@ -703,7 +708,7 @@ def studio(
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
         design=str(name_or_path("design", design, "a design file, or a shipped name")),
-        map_file=None if map is None else path_of("map", map, "the path of a map file"),
+        map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
         recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
     )

@@ -3,7 +3,6 @@
 All in points. Every label of a picture asks one `Labels` for its place, one after the other.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,7 +15,7 @@ from vinefab.core.validation import Floats
 _FAR_PT = (1.5, 4.0, 8.0, 13.0, 19.0, 26.0, 34.0, 44.0, 58.0, 76.0)
 """Gaps tried between a place and its label."""
 
-_ANGLES = np.arange(16) * (math.pi / 8.0) + math.pi / 4.0
+_ANGLES = np.radians(45.0 + 22.5 * np.arange(16))
 
 _TAKEN, _LINE, _OUTSIDE = 40.0, 0.8, 1000.0
 """Cost of each square point of what is taken, of each point of a line, of leaving the page."""

@@ -12,12 +12,12 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import rounded
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.core.view import (
     Answer,
     Block,
@@ -29,8 +29,8 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Text,
     Value,
 )
@@ -341,7 +341,7 @@ class AimResult(Result):
             ),
             lead=True,
         )
-        yield Table(
+        yield Rows(
             caption=f"Expected {self.task.name} score at the best pose of each: mean of "
             f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
             "estimate is the best of many, so biased",
@@ -483,9 +483,9 @@ class AimResult(Result):
         return self.first.best.mean
 
 
-def _team_table(name: str, team: RobotSet) -> Table:
+def _team_table(name: str, team: RobotSet) -> Rows:
     percent = partial(Number, unit="%", form=".1f", per=0.01)
-    return Table(
+    return Rows(
         caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
         f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
         headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),

@@ -21,8 +21,8 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Value,
 )
 from vinefab.growth.options import growth_text
@@ -206,7 +206,7 @@ class DesignComparison(Result):
                 Fact("growth", self.growth),
             )
         )
-        yield Table(
+        yield Rows(
             caption=f"{measure.title} (simulated)",
             headings=("design", "mean", "over what contacts may be like", "size"),
             rows=tuple(
@@ -387,7 +387,7 @@ def paired_differences(
     return tuple(differences)
 
 
-def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
+def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
     """Return every measure of every design, as numbers."""
     spreads = [(m, [found.spread(m) for found in outcomes.values()]) for m in MEASURES]
     rows = tuple(
@@ -396,7 +396,7 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
         if any(some)
     )
     some = next(iter(outcomes.values()))
-    return Table(
+    return Rows(
         caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
@@ -404,9 +404,9 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
     )
 
 
-def paired_difference_table(differences: Sequence[PairedDifference]) -> Table:
+def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
     """Return pairs in their measures, as numbers."""
-    return Table(
+    return Rows(
         caption="Paired differences (simulated)",
         headings=(
             "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "pairs",
@@ -434,7 +434,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)
     )
-    table = Table(
+    table = Rows(
         caption=f"Mean {shown.title} over the same maps and poses (simulated)",
         headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
         rows=rows,

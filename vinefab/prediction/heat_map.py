@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Number, Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
@@ -186,7 +186,7 @@ def heat_blocks(heat: HeatMap) -> Iterator[Data | Section]:
             ),
         ),
         tables=(
-            Table(
+            Rows(
                 caption="Where branches stop head-on or in a corner most often (simulated)",
                 headings=("place", "x mm", "y mm", "% of deployments"),
                 rows=tuple(

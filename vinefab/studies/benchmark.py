@@ -20,13 +20,13 @@ from vinefab.core.compiling import rebindable
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
-from vinefab.core.view import Block, Notes, Number, Table, Value
+from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
 from vinefab.growth.arrays import Growth, Launch
 from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import KERNEL, grow, rules_of
+from vinefab.growth.simulator import KERNEL, grow_on, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
@@ -525,7 +525,7 @@ class _Reference:
     def error_mm(self) -> float:
         """Return how far its tips are from the kernel's at most."""
         exact = [
-            grow(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
+            grow_on(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
         ]
         found = [tips_mm(branches) for branches in self.grow()]
         return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
@@ -535,7 +535,7 @@ def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
     """Return the branches per second of the kernel as the interpreter runs it."""
     design = tree_of_40()
     taken_s = least_s(
-        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
+        lambda: [grow_on(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
     )
     return len(poses) * len(branch_tree(design)) / taken_s
 
@@ -556,12 +556,12 @@ def _batched(terrain: Terrain, poses: tuple[Pose, ...], size: int) -> float:
 
 def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
     """Yield everything that was measured."""
-    yield Table(
+    yield Rows(
         caption="one tree of 40 branches on Grid maps, bare centreline; times of one core",
         headings=("", "", ""),
         rows=tuple(_compared(result)),
     )
-    yield Table(
+    yield Rows(
         caption="growth from anywhere on maps of one density",
         headings=("walls", "prepare", "per event", "to the first"),
         rows=tuple(
@@ -590,7 +590,7 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
         ("threads", "evaluations/s", result.threads),
         ("growths per call", "growths/s", result.batches),
     ):
-        yield Table(
+        yield Rows(
             caption=f"by number of {name}",
             headings=(name, "", "to one"),
             rows=tuple(
@@ -604,7 +604,7 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
             for count, peak in result.memory.items()
         )
     )
-    yield Table(
+    yield Rows(
         caption=f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps",
         headings=("", ""),
         rows=tuple((name, split.summary) for name, split in result.searches.items()),

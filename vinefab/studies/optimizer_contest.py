@@ -20,7 +20,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats, whole
-from vinefab.core.view import Block, Notes, Number, Table, Value
+from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
@@ -347,7 +347,7 @@ def least_seeds(comparisons: int) -> int:
 def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[Block]:
     """Yield the table of a comparison, and whether there are too few seeds."""
     maps, seeds = counted(contest.unseen, "unseen map"), counted(contest.seeds, "seed")
-    yield Table(
+    yield Rows(
         caption=f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]; "
         "differences are paired by seed, p by Wilcoxon and Holm",
         headings=(

@@ -9,7 +9,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import map_text
@@ -83,7 +83,9 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         return place | _not_grown(state.design, problem)
     prepared = prepared_map(world)
     try:
-        deployment = grow(state.design, prepared.terrain, start, state.growth, engine=engine_now())
+        deployment = grow_on(
+            state.design, prepared.terrain, start, state.growth, engine=engine_now()
+        )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
     scores, problems = _scores(deployment, prepared)

@@ -319,11 +319,6 @@ def _too_much(
     return None
 
 
-def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
-    """Return which branch takes the most pressure to grow, over all deployments."""
-    return worst_growths(subject, (constants,), fitted_mm)[0]
-
-
 def worst_growths(
     subject: Subject, several: Sequence[GrowthConstants], fitted_mm: float
 ) -> list[WorstBranch]:

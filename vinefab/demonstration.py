@@ -12,7 +12,7 @@ from vinefab.core.view import NO_INTERVAL, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
@@ -205,7 +205,7 @@ def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str
     return {
         "training": score_design_on_task(best, training_maps(run), plan, run.growth),
         "unseen": score_design_on_task(best, unseen, plan, run.growth),
-        "baseline": score_design_on_task(read_design("plain_vine"), unseen, plan, run.growth),
+        "baseline": score_design_on_task(Design.read("plain_vine"), unseen, plan, run.growth),
     }
 
 

@@ -22,7 +22,6 @@ from .app.predicting import grow as grow
 from .app.predicting import report as report
 from .app.predicting import score as score
 from .app.results import Names as Names
-from .app.results import PhotoReport as PhotoReport
 from .app.results import ProposedFix as ProposedFix
 from .app.results import StudyOutcome as StudyOutcome
 from .app.results import WrittenFile as WrittenFile
@@ -39,6 +38,7 @@ from .core.errors import BadInputError as BadInputError
 from .core.errors import ExportRefusedError as ExportRefusedError
 from .core.errors import VinefabError as VinefabError
 from .core.version import __version__ as __version__
+from .core.view import WrittenResult as WrittenResult
 from .fabrication.profile_listing import ProfileNumbers as ProfileNumbers
 from .fabrication.rules.rule import Rule as Rule
 from .model.deployment import Deployment as Deployment

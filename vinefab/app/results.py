@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
 
@@ -204,41 +203,6 @@ class ProposedFix(Result):
     def json_text(self) -> str:
         """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
         return (self.before or self.report).json_text()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class PhotoReport(Result):
-    """What `observe` read off a photo, or `fit_observations` off several.
-
-    Parameters
-    ----------
-    path
-        The page (HTML), the observation (JSON) or the fitted numbers (TOML); None if none was
-        asked for.
-    summary
-        The numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/observation-1`` or ``vinefab/contacts-1``.
-    """
-
-    path: Path | None
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
-        if self.path is None:
-            raise BadInputError("path", None, "a file: observe or fit with out=")
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file, if one was written, and the numbers to take away."""
-        yield Text("not written" if self.path is None else f"written: {self.path}")
-        yield Notes(self.summary)
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -16,7 +16,7 @@ from vinefab.app.common import (
     page_path,
     write_page,
 )
-from vinefab.app.results import ProposedFix, WrittenFolder, WrittenReport
+from vinefab.app.results import WrittenFolder, WrittenReport
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from vinefab.model.finding import CheckReport
+    from vinefab.prediction.fix_proposal import ProposedFix
     from vinefab.rig.rig_options import Printer
 
     PrinterLike = Printer | str | PathLike[str]
@@ -210,6 +211,8 @@ def fix(
     >>> fix("plain_vine").summary[-1]
     'fix: no errors, nothing to fix'
     """
+    from dataclasses import replace
+
     from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
@@ -230,23 +233,13 @@ def fix(
             robot, profile, changed, worlds, lambda share: tell(share, ""),
             growth=given, keep=parsed_keeps(words),
         )  # fmt: skip
-        lines = [line.strip() for line in found.lines()]
         if found.design is not None:
-            more = score_change_lines(robot, found.design, worlds, given)
-            lines += [line.strip() for line in more]
-    if found.design is not None and found.after is not None:
-        lines.append(found.after.verdict)
-        if file is not None:
-            write_page(file, design_text(found.design), force=force)
-    if found.before.blocking:
-        lines = [*found.before.summary, *lines]
-    return ProposedFix(
-        design=found.design,
-        report=found.after or found.before,
-        summary=tuple(lines),
-        before=found.before,
-        failed=found.design is None and found.failed,
-    )
+            found = replace(
+                found, cost=tuple(score_change_lines(robot, found.design, worlds, given))
+            )
+    if file is not None and found.design is not None:
+        write_page(file, design_text(found.design), force=force)
+    return found
 
 
 @verb

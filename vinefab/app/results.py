@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
+from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
-    from vinefab.model.design import Design
     from vinefab.model.finding import CheckReport
 
 
@@ -162,47 +161,6 @@ class WrittenReport(Result):
 def _numbers_text(numbers: Mapping[str, Any]) -> str:
     rest = {name: value for name, value in numbers.items() if name not in ("schema", "generator")}
     return _document(numbers["schema"], rest)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ProposedFix(Result):
-    """What `fix` found.
-
-    Parameters
-    ----------
-    design
-        The changed design, or None where nothing had to or could be changed.
-    report
-        Its check; without a changed design that of the nearest one found, or of the design itself.
-    summary
-        What was changed, and what it costs, a line each.
-    before
-        The check of the design as it was.
-    failed
-        Whether errors are left that no change was found for.
-    """
-
-    design: Design | None
-    report: CheckReport
-    summary: tuple[str, ...]
-    before: CheckReport | None = None
-    failed: bool = False
-
-    def view(self) -> Iterator[Block]:
-        """Yield the changes and the changed design."""
-        drawn = self.design and self.design._repr_svg_()
-        if drawn:
-            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
-        yield Notes(self.summary)
-
-    @property
-    def exit_code(self) -> int:
-        """The exit code of the command: 1 where errors are left."""
-        return int(self.failed)
-
-    def json_text(self) -> str:
-        """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
-        return (self.before or self.report).json_text()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -11,7 +11,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Start
-from vinefab.prediction.fix_proposal import FIX_TASKS, FixProposal, propose_fix
+from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content
@@ -78,7 +78,7 @@ def _maps(state: StudioState) -> tuple[Map, ...]:
     return (replace(state.world, starts=(Start(pose=state.start),)),)
 
 
-def _proposal_content(proposal: FixProposal, state: StudioState) -> dict[str, Any]:
+def _proposal_content(proposal: ProposedFix, state: StudioState) -> dict[str, Any]:
     content: dict[str, Any] = {
         "nothing_to_fix": not proposal.before.blocking,
         "failed": proposal.failed,

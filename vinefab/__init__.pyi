@@ -25,7 +25,6 @@ from .app.results import Names as Names
 from .app.results import StudyOutcome as StudyOutcome
 from .app.results import WrittenFile as WrittenFile
 from .app.results import WrittenFolder as WrittenFolder
-from .app.results import WrittenReport as WrittenReport
 from .app.searching import bench as bench
 from .app.searching import contest as contest
 from .app.searching import demo as demo

@@ -16,7 +16,7 @@ from vinefab.app.common import (
     page_path,
     write_page,
 )
-from vinefab.app.results import WrittenFolder, WrittenReport
+from vinefab.app.results import WrittenFolder
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
@@ -54,6 +54,7 @@ from vinefab.model.inputs import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from vinefab.fabrication.calibration.fit_recipe import Calibration
     from vinefab.model.finding import CheckReport
     from vinefab.prediction.fix_proposal import ProposedFix
     from vinefab.rig.rig_options import Printer
@@ -417,7 +418,7 @@ def calibrate(
     *,
     out: PathText,
     force: Force = False,
-) -> WrittenReport:
+) -> Calibration:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
     Parameters
@@ -431,7 +432,7 @@ def calibrate(
 
     Returns
     -------
-    WrittenReport
+    Calibration
         The recipe's ``path``, the fitted numbers (measured) as ``summary`` and as ``numbers``.
 
     Raises
@@ -452,6 +453,8 @@ def calibrate(
     >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
     >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
     """
+    from dataclasses import replace
+
     from vinefab.fabrication.calibration.coupon_results import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.files.profile_toml import read_profile
@@ -463,11 +466,7 @@ def calibrate(
     with located(table):
         found = fitted_recipe(read_results(table), profile)
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
-    return WrittenReport(
-        path=path,
-        summary=(*found.summary, f"use it with --recipe {path}"),
-        numbers=found.numbers,
-    )
+    return replace(found, path=path)
 
 
 @verb

@@ -117,42 +117,6 @@ class WrittenFolder(Result):
         return _document("vinefab/written-1", content)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class WrittenReport(Result):
-    """A page that `report` wrote, or a recipe that `calibrate` wrote.
-
-    Parameters
-    ----------
-    path
-        The page (HTML) or the recipe (TOML).
-    summary
-        The verdict and the numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/prediction-1`` or ``vinefab/calibration-1``.
-    """
-
-    path: Path
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: a calibrated recipe is passed as ``recipe``."""
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file and the numbers to take away."""
-        yield from (Text(f"written: {self.path}"), Notes(self.summary))
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
-
-
-def _numbers_text(numbers: Mapping[str, Any]) -> str:
-    rest = {name: value for name, value in numbers.items() if name not in ("schema", "generator")}
-    return _document(numbers["schema"], rest)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class StudyOutcome(Result):
     """What a study or the demonstration found.

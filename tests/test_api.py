@@ -818,7 +818,7 @@ WRONG = {
         lambda _: vf.score(VINE, maps=PEGS, contacts="a", growth={"contacts": "b"}), "contacts"
     ),
     "an observation that was not written": (
-        lambda _: vf.fit_observations([vf.PhotoReport(path=None, summary=(), numbers={})]), "out="
+        lambda _: vf.fit_observations([vf.WrittenResult()]), "out="
     ),
     "no observations": (lambda _: vf.fit_observations([]), "observations"),
     "a number as an observation": (lambda _: vf.fit_observations(3), "observations"),

@@ -16,7 +16,7 @@ from vinefab.app.common import (
     page_path,
     write_page,
 )
-from vinefab.app.results import ProposedFix, WrittenFolder, WrittenReport
+from vinefab.app.results import WrittenFolder
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
@@ -54,7 +54,9 @@ from vinefab.model.inputs import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from vinefab.fabrication.calibration.fit_recipe import Calibration
     from vinefab.model.finding import CheckReport
+    from vinefab.prediction.fix_proposal import ProposedFix
     from vinefab.rig.rig_options import Printer
 
     PrinterLike = Printer | str | PathLike[str]
@@ -210,6 +212,8 @@ def fix(
     >>> fix("plain_vine").summary[-1]
     'fix: no errors, nothing to fix'
     """
+    from dataclasses import replace
+
     from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
@@ -230,23 +234,13 @@ def fix(
             robot, profile, changed, worlds, lambda share: tell(share, ""),
             growth=given, keep=parsed_keeps(words),
         )  # fmt: skip
-        lines = [line.strip() for line in found.lines()]
         if found.design is not None:
-            more = score_change_lines(robot, found.design, worlds, given)
-            lines += [line.strip() for line in more]
-    if found.design is not None and found.after is not None:
-        lines.append(found.after.verdict)
-        if file is not None:
-            write_page(file, design_text(found.design), force=force)
-    if found.before.blocking:
-        lines = [*found.before.summary, *lines]
-    return ProposedFix(
-        design=found.design,
-        report=found.after or found.before,
-        summary=tuple(lines),
-        before=found.before,
-        failed=found.design is None and found.failed,
-    )
+            found = replace(
+                found, cost=tuple(score_change_lines(robot, found.design, worlds, given))
+            )
+    if file is not None and found.design is not None:
+        write_page(file, design_text(found.design), force=force)
+    return found
 
 
 @verb
@@ -424,7 +418,7 @@ def calibrate(
     *,
     out: PathText,
     force: Force = False,
-) -> WrittenReport:
+) -> Calibration:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
     Parameters
@@ -438,7 +432,7 @@ def calibrate(
 
     Returns
     -------
-    WrittenReport
+    Calibration
         The recipe's ``path``, the fitted numbers (measured) as ``summary`` and as ``numbers``.
 
     Raises
@@ -459,6 +453,8 @@ def calibrate(
     >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
     >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
     """
+    from dataclasses import replace
+
     from vinefab.fabrication.calibration.coupon_results import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.files.profile_toml import read_profile
@@ -470,11 +466,7 @@ def calibrate(
     with located(table):
         found = fitted_recipe(read_results(table), profile)
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
-    return WrittenReport(
-        path=path,
-        summary=(*found.summary, f"use it with --recipe {path}"),
-        numbers=found.numbers,
-    )
+    return replace(found, path=path)
 
 
 @verb

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
-from vinefab.app.results import PhotoReport
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import Force, Kind, Within, also, verb
 from vinefab.model.inputs import (
@@ -24,6 +23,10 @@ from vinefab.model.inputs import (
     several_numbers,
     written,
 )
+
+if TYPE_CHECKING:
+    from vinefab.observation.contact_fit import ContactFit
+    from vinefab.observation.observe_photo import Observation
 
 
 @verb
@@ -43,7 +46,7 @@ def observe(
     growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
     force: Force = False,
-) -> PhotoReport:
+) -> Observation:
     """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
 
     Parameters
@@ -71,7 +74,7 @@ def observe(
 
     Returns
     -------
-    PhotoReport
+    Observation
         A ``summary`` in lines, all ``numbers``, and the ``path`` of what was written.
 
     Raises
@@ -124,11 +127,10 @@ def observe(
         map_file=world.name if isinstance(map, Map) else str(map),
         design_file=robot.name if not isinstance(design, str | Path) else str(design),
     )
-    text = seen.json_text()
     if page is not None:
         is_json = page.suffix.lower() == ".json"
-        write_page(page, text if is_json else seen.page(), force=force)
-    return PhotoReport(path=page, summary=seen.summary, numbers=json.loads(text))
+        write_page(page, seen.json_text() if is_json else seen.page(), force=force)
+    return replace(seen, path=page)
 
 
 @verb
@@ -138,7 +140,7 @@ def fit_observations(
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
     out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
     force: Force = False,
-) -> PhotoReport:
+) -> ContactFit:
     """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
 
     Parameters
@@ -153,7 +155,7 @@ def fit_observations(
 
     Returns
     -------
-    PhotoReport
+    ContactFit
         A ``summary`` in lines, all ``numbers``, and the file's ``path``.
 
     Raises
@@ -183,4 +185,4 @@ def fit_observations(
     found = fit_files(paths, angle_error_deg)
     if file is not None:
         write_page(file, found.text(), force=force)
-    return PhotoReport(path=file, summary=found.summary, numbers=found.numbers)
+    return replace(found, path=file)

@@ -23,7 +23,6 @@ from vinefab.app.common import (
     with_origin,
     write_page,
 )
-from vinefab.app.results import WrittenReport
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import (
     Force,
@@ -62,6 +61,7 @@ if TYPE_CHECKING:
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.deploy import DeployedDesign
+    from vinefab.prediction.predict import Predicted
 
 
 def _fronts(text: str) -> int | tuple[float, ...]:
@@ -440,12 +440,12 @@ def report(
     growth: GrowthLike | None = None,
     progress: Progress = True,
     force: Force = False,
-) -> WrittenReport:
+) -> Predicted:
     """Write predictions (simulated), rules and materials of a design as one HTML page.
 
     Returns
     -------
-    WrittenReport
+    Predicted
         The page's ``path``, a ``summary`` in lines, and all ``numbers``.
 
     Raises
@@ -464,6 +464,8 @@ def report(
     >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
     >>> print(page.summary[0])  # doctest: +SKIP
     """
+    from dataclasses import replace
+
     from vinefab.prediction.family_deployments import PredictionPlan, part_of
     from vinefab.prediction.predict import predict
 
@@ -480,4 +482,4 @@ def report(
         found = with_origin(found, [robot], families, profile)
         content = found.page(part_of(tell, 0.6, 1.0))
     write_page(path, content, force=force)
-    return WrittenReport(path=path, summary=found.summary, numbers=found.numbers)
+    return replace(found, path=path)

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
+from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
-    from vinefab.model.design import Design
     from vinefab.model.finding import CheckReport
 
 
@@ -117,118 +115,6 @@ class WrittenFolder(Result):
         """Return the names of the files as JSON: ``vinefab/written-1``."""
         content = {"folder": str(self.path), "files": list(self.files)}
         return _document("vinefab/written-1", content)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class WrittenReport(Result):
-    """A page that `report` wrote, or a recipe that `calibrate` wrote.
-
-    Parameters
-    ----------
-    path
-        The page (HTML) or the recipe (TOML).
-    summary
-        The verdict and the numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/prediction-1`` or ``vinefab/calibration-1``.
-    """
-
-    path: Path
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: a calibrated recipe is passed as ``recipe``."""
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file and the numbers to take away."""
-        yield from (Text(f"written: {self.path}"), Notes(self.summary))
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
-
-
-def _numbers_text(numbers: Mapping[str, Any]) -> str:
-    rest = {name: value for name, value in numbers.items() if name not in ("schema", "generator")}
-    return _document(numbers["schema"], rest)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ProposedFix(Result):
-    """What `fix` found.
-
-    Parameters
-    ----------
-    design
-        The changed design, or None where nothing had to or could be changed.
-    report
-        Its check; without a changed design that of the nearest one found, or of the design itself.
-    summary
-        What was changed, and what it costs, a line each.
-    before
-        The check of the design as it was.
-    failed
-        Whether errors are left that no change was found for.
-    """
-
-    design: Design | None
-    report: CheckReport
-    summary: tuple[str, ...]
-    before: CheckReport | None = None
-    failed: bool = False
-
-    def view(self) -> Iterator[Block]:
-        """Yield the changes and the changed design."""
-        drawn = self.design and self.design._repr_svg_()
-        if drawn:
-            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
-        yield Notes(self.summary)
-
-    @property
-    def exit_code(self) -> int:
-        """The exit code of the command: 1 where errors are left."""
-        return int(self.failed)
-
-    def json_text(self) -> str:
-        """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
-        return (self.before or self.report).json_text()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class PhotoReport(Result):
-    """What `observe` read off a photo, or `fit_observations` off several.
-
-    Parameters
-    ----------
-    path
-        The page (HTML), the observation (JSON) or the fitted numbers (TOML); None if none was
-        asked for.
-    summary
-        The numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/observation-1`` or ``vinefab/contacts-1``.
-    """
-
-    path: Path | None
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
-        if self.path is None:
-            raise BadInputError("path", None, "a file: observe or fit with out=")
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file, if one was written, and the numbers to take away."""
-        yield Text("not written" if self.path is None else f"written: {self.path}")
-        yield Notes(self.summary)
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from vinefab.core.errors import BadInputError
@@ -350,6 +351,19 @@ class Result:
         """Show the result in a notebook."""
         shown: str = front_door("pages.html").blocks_html(self.view())
         return shown
+
+
+class WrittenResult(Result):
+    """A result that can be passed where the path of its file is expected."""
+
+    __slots__ = ()
+    path: Path | None = None  # what was written; None if nothing was asked for
+
+    def __fspath__(self) -> str:
+        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
+        if self.path is None:
+            raise BadInputError("path", None, "a file: call it with out=")
+        return str(self.path)
 
 
 # --- As lines on a terminal --------------------------------------------------------------------

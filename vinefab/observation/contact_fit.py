@@ -16,7 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
-from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, WrittenResult
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
@@ -70,7 +70,7 @@ class ShapeFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ContactFit(Result):
+class ContactFit(WrittenResult):
     """What photos measured together, and what a user should know about it."""
 
     contacts: MeasuredContacts
@@ -79,6 +79,7 @@ class ContactFit(Result):
     photos: tuple[str, ...]  # their names
     left_out: Mapping[str, int]  # contacts that were not counted, by reason
     notes: tuple[str, ...]
+    path: Path | None = None  # the file that predictions read
 
     @property
     def agreement(self) -> str:

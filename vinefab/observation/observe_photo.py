@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -22,9 +23,9 @@ from vinefab.core.view import (
     Notes,
     Number,
     Picture,
-    Result,
     Rows,
     Section,
+    WrittenResult,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
@@ -82,7 +83,7 @@ _ENDINGS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Observation(Result):
+class Observation(WrittenResult):
     """A photo's robot, traced and compared.
 
     Parameters
@@ -100,6 +101,8 @@ class Observation(Result):
         What makes it uncertain, a sentence each.
     settings
         How the photo was read.
+    path
+        The page (HTML) or the numbers (JSON); None if none was asked for.
     """
 
     photo: str
@@ -114,6 +117,7 @@ class Observation(Result):
     compared: Compared
     cautions: tuple[str, ...]
     settings: Mapping[str, object] = field(default_factory=dict)
+    path: Path | None = None
 
     @property
     def trunk_width_mm(self) -> dict[str, float] | None:

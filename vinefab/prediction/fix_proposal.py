@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.view import Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.fix import (
@@ -36,8 +37,8 @@ FIX_TASKS = ("coverage", "reach", "anchoring")
 _WINDOW_RULE = "VF-P03"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FixProposal:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ProposedFix(Result):
     """The outcome of a search for the smallest change."""
 
     before: CheckReport  # the check of the design as it was
@@ -50,18 +51,42 @@ class FixProposal:
     # not enough, without all of them.
     in_the_way: tuple[str, ...] = ()
     is_enough: bool = True  # whether any one of these is enough
+    cost: tuple[str, ...] = ()  # what it costs in score, a line each
 
     @property
     def failed(self) -> bool:
         """Whether there are errors that no proposal clears."""
         return bool(self.before.blocking) and self.design is None
 
+    @property
+    def report(self) -> CheckReport:
+        """The check of the changed design, of the nearest one found, or of the design itself."""
+        return self.after or self.before
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command: 1 where errors are left."""
+        return int(self.failed)
+
+    def view(self) -> Iterator[Block]:
+        """Yield the changed design, what was changed, and what it costs."""
+        if self.design is not None and (drawn := self.design._repr_svg_()):
+            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
+        verdict = [self.report.verdict] if self.design is not None else []
+        before = self.before.summary if self.before.blocking else ()
+        changes = (line.strip() for line in (*self.lines(), *self.cost))
+        yield Notes((*before, *changes, *verdict))
+
+    def json_text(self) -> str:
+        """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
+        return self.before.json_text()
+
     def lines(self) -> list[str]:
         """Return the outcome in words."""
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:
-            named, words = _rules(self.after or self.before), _listed(sorted(self.keep), "and")
+            named, words = _rules(self.report), _listed(sorted(self.keep), "and")
             kept = f" and keeps {words}" if words else ""
             lines = [
                 f"fix: no change of the design was found that clears {named}{kept}; nothing written"
@@ -93,7 +118,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     *,
     growth: Mapping[str, object] | None = None,
     keep: frozenset[str] = frozenset(),
-) -> FixProposal:
+) -> ProposedFix:
     """Return the smallest change found that clears a design's errors.
 
     Fillets alone are tried first, then widths, tapers, lengths and angles, and fewer branches only
@@ -119,14 +144,14 @@ def propose_fix(  # noqa: PLR0913  options by keyword
 
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
-        return FixProposal(before=before, design=None, after=None)
+        return ProposedFix(before=before, design=None, after=None)
     after: CheckReport | None = None
     for stage in fix_stages(keep):
         for found, report in _rounds(design, profile, limits, grown, progress, stage):
             after = report
             if not report.blocking:
                 proposed = _named(design, found)
-                return FixProposal(
+                return ProposedFix(
                     before=before,
                     design=proposed,
                     after=replace(report, design=proposed.name),
@@ -135,7 +160,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
                 )
     targets = FixTargets.of(design, profile, limits, margin=MARGINS[0])
     words, is_enough = _in_the_way(design, targets, keep)
-    return FixProposal(
+    return ProposedFix(
         before=before, design=None, after=after,
         keep=keep, in_the_way=words, is_enough=is_enough,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from pathlib import Path
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from vinefab.core.view import (
     Notes,
     Origin,
     Picture,
-    Result,
     Section,
     Tone,
+    WrittenResult,
     document,
 )
 from vinefab.fabrication.package.bom import bill_of_materials
@@ -105,7 +106,7 @@ _SHARES = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Predicted(Result):
+class Predicted(WrittenResult):
     """What a design is expected to do, and how it is made."""
 
     prepared: Prepared  # job and check
@@ -122,6 +123,7 @@ class Predicted(Result):
     tolerance: Tolerance
     more: tuple[Section, ...] = ()  # what else its page shows
     origin: Origin | None = None  # what it takes to get it again
+    path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
     section_count = 13
 

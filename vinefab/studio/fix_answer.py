@@ -10,7 +10,7 @@ from vinefab.fabrication.rules.fix import KEEPS, parsed_keeps
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.map import Map, Start
-from vinefab.prediction.fix_proposal import FIX_TASKS, FixProposal, propose_fix
+from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content
@@ -72,7 +72,7 @@ def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], li
 _ONE = {"branches": "number of branches", "length": "length", "angle": "angle", "width": "width"}
 
 
-def _proposal_content(proposal: FixProposal, state: StudioState) -> dict[str, Any]:
+def _proposal_content(proposal: ProposedFix, state: StudioState) -> dict[str, Any]:
     content: dict[str, Any] = {
         "nothing_to_fix": not proposal.before.blocking,
         "failed": proposal.failed,

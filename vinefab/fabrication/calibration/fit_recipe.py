@@ -21,7 +21,7 @@ import tomli_w
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Data, Notes, Result
+from vinefab.core.view import Block, Data, Notes, WrittenResult
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
 from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
@@ -319,7 +319,7 @@ _LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Calibration(Result):
+class Calibration(WrittenResult):
     """A recipe's numbers as fitted to coupon results."""
 
     # fitted numbers by their place in a recipe file (``weldcut.kerf_mm``, ``measured.burst_kpa``,
@@ -330,6 +330,7 @@ class Calibration(Result):
     remarks: tuple[str, ...]  # further results, for people
     lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
     refused: Mapping[str, str] = field(default_factory=dict)  # groups not fitted, and why
+    path: Path | None = None  # the recipe with these numbers
     schema = "vinefab/calibration-1"
 
     def view(self) -> Iterator[Block]:
@@ -337,7 +338,8 @@ class Calibration(Result):
         width = max((len(name) for name in self.fitted), default=0)
         words = [f"{name:<{width}}  {number.words}" for name, number in self.fitted.items()]
         refused = [f"not fitted: {group}: {why}" for group, why in self.refused.items()]
-        yield Notes((*words, *self.remarks, *refused, f"status: {self.status}"))
+        use = [f"use it with --recipe {self.path}"] if self.path is not None else []
+        yield Notes((*words, *self.remarks, *refused, f"status: {self.status}", *use))
         yield Data(
             {
                 "status": str(self.status),

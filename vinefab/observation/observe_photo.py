@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
+from vinefab.core.limits import DEFAULT_MARKER_MM
 from vinefab.core.view import (
     Answer,
     Block,
@@ -27,7 +28,6 @@ from vinefab.core.view import (
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
     DEFAULT_MARKER_GAP_MM,
-    DEFAULT_MARKER_MM,
     corner_markers,
 )
 from vinefab.model.deployment import Stop

@@ -76,7 +76,7 @@ def read_photo(path: Path) -> Photo:
         with warnings.catch_warnings():
             # We have a limit of our own; what else Pillow warns of does not stop it from reading.
             warnings.simplefilter("ignore")
-            image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+            image: Image.Image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
             _ensure_one_picture(path, image)
             image.load()
             focal_35mm_mm = _focal_35mm_mm(image)

@@ -163,6 +163,14 @@ MEASURES = (
 )  # fmt: skip
 
 
+def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
+    """Return the mean of each map, or the known values where there is one map.
+
+    Deployments on one map are alike; where there is one map, poses have to do.
+    """
+    return group_means(values, maps) if len(set(maps)) > 1 else values[np.isfinite(values)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """How a measure is spread over deployments."""
@@ -199,7 +207,7 @@ class Spread:
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return None
-        means = group_means(values, groups) if len(set(groups)) > 1 else known
+        means = means_by_map(values, groups)
         low, high = mean_interval(means)
         p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
         return cls(
@@ -370,7 +378,8 @@ def _path_gains(deployments: Sequence[Deployment], friction: float) -> tuple[Flo
             has = runs.count[members] > step
             at = runs.first[members[has]] + step
             # At the base net: a joint and the hinge that bends it back are one turn.
-            turn[has] = _between(before[has], runs.heading[at])
+            between = np.remainder(runs.heading[at] - before[has] + math.pi, math.tau) - math.pi
+            turn[has] = np.abs(between)
             bend = np.exp(friction * turn)
             g, m = g * bend, m * bend
             m[has] += runs.length_mm[at]
@@ -404,9 +413,3 @@ class _Runs:
         return cls(
             np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
         )
-
-
-def _between(one_rad: Floats, two_rad: Floats) -> Floats:
-    """Return the angles between directions, 0 to pi."""
-    turns: Floats = np.abs(np.remainder(two_rad - one_rad + math.pi, math.tau) - math.pi)
-    return turns

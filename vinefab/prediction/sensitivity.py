@@ -274,30 +274,29 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
 
 def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
     design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
-    for step in HEADING_STEPS_DEG:
-        moved = moved_poses(evaluator.prepared, partial(turned_pose, turn_rad=rad(step)))
-        yield PredictionVariant(
-            knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
-        )
-    for step in SIDEWAYS_STEPS_MM:
-        moved = moved_poses(evaluator.prepared, partial(shifted_pose, step_mm=step))
-        yield PredictionVariant(
-            knob="position", step=step, unit="mm", design=design, options=options, poses=moved
-        )
+    exact = PredictionVariant(
+        knob="", step=0.0, unit="", design=design, options=options, poses=poses
+    )
+    for knob, step, unit, move in placings():
+        moved = moved_poses(evaluator.prepared, move)
+        yield replace(exact, knob=knob, step=step, unit=unit, poses=moved)
     for step in LENGTH_STEPS_PERCENT:
         other = scaled_tree(design, 1.0 + step / 100.0)
-        yield PredictionVariant(
-            knob="lengths", step=step, unit="%", design=other, options=options, poses=poses
-        )
+        yield replace(exact, knob="lengths", step=step, unit="%", design=other)
     for step in HEAD_ON_STEPS_DEG:
         low_rad, high_rad = (
             min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
         )
         wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
-        yield PredictionVariant(
-            knob="head-on half-angle", step=step, unit="deg",
-            design=design, options=wider, poses=poses,
-        )  # fmt: skip
+        yield replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
+
+
+def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
+    """Yield how a base may be placed off: knob, step, unit, and what moves a pose so."""
+    for step in HEADING_STEPS_DEG:
+        yield "heading", step, "deg", partial(turned_pose, turn_rad=rad(step))
+    for step in SIDEWAYS_STEPS_MM:
+        yield "position", step, "mm", partial(shifted_pose, step_mm=step)
 
 
 def scaled_tree(design: Design, factor: float) -> Design:

@@ -116,7 +116,9 @@ class PreparedFamily:
     @property
     def distinct(self) -> "PreparedFamily":
         """The same with every pose once: all deployments have the same contacts."""
-        return replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+        once = replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+        object.__setattr__(once, "atlas", self.atlas)
+        return once
 
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""

@@ -21,7 +21,6 @@ from .app.predicting import compare as compare
 from .app.predicting import grow as grow
 from .app.predicting import report as report
 from .app.predicting import score as score
-from .app.results import GrownDesign as GrownDesign
 from .app.results import Names as Names
 from .app.results import PhotoReport as PhotoReport
 from .app.results import ProposedFix as ProposedFix
@@ -60,6 +59,7 @@ from .model.score import Evaluation as Evaluation
 from .model.score import Score as Score
 from .prediction.aiming import AimResult as AimResult
 from .prediction.comparison import DesignComparison as DesignComparison
+from .prediction.deploy import DeployedDesign as DeployedDesign
 from .prediction.map_info import MapInfo as MapInfo
 from .search.record.result import RunResult as RunResult
 from .search.run_pages import RunListing as RunListing

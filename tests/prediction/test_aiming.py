@@ -16,7 +16,7 @@ from tests.prediction.test_pose_search import OPTIONS, ROOM, TREE
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.view import Origin
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.files.contacts_toml import contacts_given
 from vinefab.model.map import Pose, Start
@@ -61,7 +61,7 @@ def test_the_reported_score_is_that_of_growths_at_fresh_draws(found):
         if not room.covers(Point(pose.x_mm, pose.y_mm)):
             continue  # beside a wall: moved, see the tests of placing
         options = OPTIONS.changed(head_on_half_angle_rad=float(draws.half_angle_rad[index]))
-        score, _ = TASK.evaluate(grow(TREE, terrain, pose, options), context)
+        score, _ = TASK.evaluate(grow_on(TREE, terrain, pose, options), context)
         assert found.first.best.scores[index] == pytest.approx(score, abs=1e-9)
         checked += 1
     assert checked > 5

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree
@@ -40,7 +40,7 @@ def test_the_reference_ends_where_the_kernel_does(children, half_angle_deg):
     course, design = ReferenceWorld(GROUND.free_space()), tree_of_40()
     for pose in (*draw_poses(WORLD, 6, 1), *free_poses(GROUND, 12)):
         branches = grow_tree(course, branch_tree(design), pose, options)
-        grown = grow(design, GROUND, pose, options)
+        grown = grow_on(design, GROUND, pose, options)
         assert [branch.stop for branch in branches] == grown.stop.tolist()
         np.testing.assert_allclose(tips_mm(branches), grown.tips_mm, atol=1e-9)
 

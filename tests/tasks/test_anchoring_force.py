@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
@@ -194,7 +194,7 @@ def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
     for world in (grid_map(1), cave_map(1)):
         site = PreparedMap.of(world)
         for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
-            end = grow(tree, site.terrain, pose, GrowthOptions.published(body=body))
+            end = grow_on(tree, site.terrain, pose, GrowthOptions.published(body=body))
             leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
             gaps = tip_gaps_mm(end, leaves, site.context)
             for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):

@@ -21,7 +21,7 @@ from vinefab.tasks import fast_areas
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.exact_areas import free_disc_areas_mm2, seen_areas
-from vinefab.tasks.fast_areas import LINES_PER_RADIUS, Raster, SightLines, WallCells
+from vinefab.tasks.fast_areas import LINES_PER_RADIUS, FreeArea, SightLines, WallCells
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import one_by_one
 
@@ -108,7 +108,7 @@ def test_sets_of_discs_do_not_depend_on_each_other(pillar_room: Map) -> None:
 
 
 def test_a_raster_that_would_be_too_large_is_not_made(room_context: MapContext) -> None:
-    assert Raster.of(room_context.edges_mm, 0.5) is None
+    assert FreeArea.of(room_context.edges_mm, 0.5) is None
     assert room_context.raster(50.0) is room_context.raster(50.0)
 
 

@@ -9,19 +9,19 @@ from typing import Annotated
 from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
 from vinefab.app.results import PhotoReport
 from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Kind, Within, also, verb
+from vinefab.core.verbs import Force, Kind, Within, also, verb
 from vinefab.model.inputs import (
     DesignLike,
+    GrowthLike,
     MapLike,
-    Pairs,
     PathText,
     PoseLike,
-    design_of,
-    listed_of,
-    map_of,
-    numbers,
-    path_of,
-    several_of,
+    as_design,
+    as_map,
+    as_path,
+    as_several,
+    as_tuple,
+    several_numbers,
     written,
 )
 
@@ -35,14 +35,14 @@ def observe(
     *,
     rig: PathText | None = None,
     corners_px: Annotated[
-        tuple[float, ...] | None, numbers("X,Y,X,Y,..."), also("--corners")
+        tuple[float, ...] | None, several_numbers("X,Y,X,Y,..."), also("--corners")
     ] = None,
     obstacle_height_mm: Annotated[float | None, also("--obstacle-height")] = None,
-    film_colour: Annotated[tuple[int, int, int] | None, numbers("R,G,B")] = None,
+    film_colour: Annotated[tuple[int, int, int] | None, several_numbers("R,G,B")] = None,
     outline: PathText | None = None,
-    growth: Pairs | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> PhotoReport:
     """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
 
@@ -52,10 +52,6 @@ def observe(
         A photo from above, JPEG or PNG.
     map
         The map that the rig was made from, or the path of its file.
-    design
-        A design, its path or its name.
-    pose
-        Where the robot was launched, X,Y,DEG in mm and degrees; default: the map's first start.
     rig
         The rig's ``rig.json``: where its markers lie and how high its obstacles are. Without it,
         markers are looked for where `rig` puts them.
@@ -72,8 +68,6 @@ def observe(
         Growth options of the prediction by name: pressure_stop=false.
     out
         A page (.html) to write, or the numbers (.json), which `fit_observations` reads.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -104,21 +98,21 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     page = page_path("out", out, force=force)
-    picture = path_of("photo", photo)
+    picture = as_path("photo", photo)
     if page is not None:
         ensure_apart("out", page, picture, "the photo")
-    world, robot = map_of(map), design_of(design)
+    world, robot = as_map(map), as_design(design)
     _, given = growth_choice([design], [robot], growth)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",
     )
     setup = PhotoSetup.of(
-        rig=None if rig is None else path_of("rig", rig),
-        corners_px=None if corners_px is None else listed_of("corners_px", corners_px, eight),
+        rig=None if rig is None else as_path("rig", rig),
+        corners_px=None if corners_px is None else as_tuple("corners_px", corners_px, eight),
         obstacle_mm=obstacle_height_mm,
-        film_colour=None if film_colour is None else listed_of("film_colour", film_colour, three),
-        outline=None if outline is None else path_of("outline", outline),
+        film_colour=None if film_colour is None else as_tuple("film_colour", film_colour, three),
+        outline=None if outline is None else as_path("outline", outline),
     )
     seen = observe_photo(
         read_photo(picture),
@@ -143,7 +137,7 @@ def fit_observations(
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
     out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> PhotoReport:
     """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
 
@@ -156,8 +150,6 @@ def fit_observations(
         Standard error of the angles of contacts where an observation does not give it (assumed).
     out
         A file to write; predictions read it as ``contacts``.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -183,7 +175,7 @@ def fit_observations(
     from vinefab.observation.contact_fit import fit_files
 
     file = page_path("out", out, force=force)
-    paths = [path_of("observations", one) for one in several_of(observations)]
+    paths = [as_path("observations", one) for one in as_several(observations)]
     if not paths:
         raise BadInputError("observations", None, "JSON files of observations")
     for path in paths if file is not None else ():

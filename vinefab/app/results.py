@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Table, Text, lines
+from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
     from vinefab.model.finding import CheckReport
-    from vinefab.prediction.deploy import DeployedDesign
 
 
 class LinesResult(Result):
@@ -118,7 +117,7 @@ class WrittenFolder(Result):
         """Yield the files and the findings."""
         yield Text(f"written: {self.path}: {counted(len(self.files), 'file')}")
         files = tuple((name,) for name in self.files)
-        yield Table(caption="files", headings=("file",), rows=files)
+        yield Rows(caption="files", headings=("file",), rows=files)
         yield from self.report.view()
 
     def __repr__(self) -> str:
@@ -240,34 +239,6 @@ class PhotoReport(Result):
     def json_text(self) -> str:
         """Return the numbers as JSON."""
         return _numbers_text(self.numbers)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class GrownDesign(LinesResult):
-    """What `grow` found: a deployment, with its shapes on the way if they were asked for.
-
-    Parameters
-    ----------
-    deployed
-        The deployment with its design, map and growth options.
-    fronts
-        At which lengths of the growing front, mm, or in how many equal steps its shape is told.
-    """
-
-    deployed: DeployedDesign
-    fronts: int | tuple[float, ...] | None = None
-
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """What became of the branches and why, a line each."""
-        return tuple(self.deployed.summary())
-
-    def json_text(self) -> str:
-        """Return every branch with its points as JSON: ``vinefab/deployment-1``."""
-        from vinefab.prediction.deploy import frames_of
-
-        shapes = None if self.fronts is None else frames_of(self.deployed.history, self.fronts)
-        return self.deployed.text(shapes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

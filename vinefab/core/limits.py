@@ -6,6 +6,10 @@ from typing import Any
 
 from vinefab.core.errors import BadInputError
 
+MOST_SEED = 2**63 - 1
+MOST_FIRST_SEED = 2**62
+"""Of the first of many maps: the next have the next seeds, and all are whole numbers of 64 bits."""
+
 LARGEST_MM = 1e7
 """Limit of lengths and coordinates (10 km): a larger one is a mixed-up unit."""
 SMALLEST = 1e-6

@@ -6,8 +6,9 @@ Each table of a design file is one class: noun, file form and the studio's form 
 import math
 import re
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -187,6 +188,40 @@ class Level(Table):
             length_mm=length_mm,
             angle_deg=angle_deg,
             growth_percent=growth_percent,
+        )
+
+
+class UnevenLevel(Level):
+    """A level whose children have angles and lengths one by one: of a pattern, or as deployed.
+
+    Files have no such levels. ``length_mm`` is that of the first child.
+    """
+
+    angles_deg: Annotated[
+        tuple[float, ...], Unit("deg"), Doc("of each child to its parent, counter-clockwise")
+    ]
+    lengths_mm: Annotated[tuple[LengthMm, ...], Unit("mm"), Doc("of each child")]
+
+    @classmethod
+    def of_children(cls, angles_deg: Sequence[float], lengths_mm: Sequence[float]) -> Self:
+        """Return the level of such children, clockwise-most first.
+
+        Raises
+        ------
+        BadInputError
+            If an angle is not above the one before, or a value is out of range.
+        """
+        angles = tuple(float(angle) for angle in angles_deg)
+        lengths = tuple(float(length) for length in lengths_mm)
+        if any(one >= two for one, two in pairwise(angles)):
+            raise BadInputError("angles_deg", list(angles), "each above the one before")
+        return cls(
+            branches=len(angles),
+            length_mm=lengths[0],
+            angle_deg=angles[-1] - angles[0],
+            growth_percent=100.0 * lengths[-1] / lengths[0],
+            angles_deg=angles,
+            lengths_mm=lengths,
         )
 
 

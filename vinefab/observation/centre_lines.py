@@ -21,7 +21,7 @@ from shapely import LineString
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
@@ -356,7 +356,7 @@ class _Tracing:
         )
         launch = Pose(x_mm=float(base[0]), y_mm=float(base[1]), heading_rad=heading)
         options = GrowthOptions(head_on_half_angle_rad=half_angle, pressure_stop=False)
-        return grow(alone, self.terrain, launch, options).chain_mm(0)
+        return grow_on(alone, self.terrain, launch, options).chain_mm(0)
 
     # --- The result ---
 

@@ -7,10 +7,10 @@ from itertools import islice
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -74,6 +74,11 @@ ProgressCallback = Callable[[float, str], None]
 
 def no_progress(_share: float, _words: str) -> None:
     """Report nothing."""
+
+
+def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
+    """Return what tells the progress of a part of the work."""
+    return lambda share, words: progress(start + (end - start) * share, words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
@@ -62,37 +61,26 @@ class FixProposal:
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:
-            return self._failed_lines()
+            named, words = _rules(self.after or self.before), _listed(sorted(self.keep), "and")
+            kept = f" and keeps {words}" if words else ""
+            lines = [
+                f"fix: no change of the design was found that clears {named}{kept}; nothing written"
+            ]
+            if self.in_the_way:
+                joint = "or" if self.is_enough else "and"
+                without = _listed([f"--keep {word}" for word in self.in_the_way], joint)
+                lines.append(f"  in the way: a change was found without {without}")
+            return lines
+        prunes = any(change.what == BRANCHES for change in self.changes)
+        branches = "nothing was found that keeps every branch" if prunes else "every branch stays"
         cost = sum(change.cost for change in self.changes)
         count = len(self.changes)
         what = "1 change clears" if count == 1 else f"{count} changes clear"
         cleared = f"{what} {_rules(self.before)}"
-        summary = f"fix: {cleared}; weighted size {cost:.2f}; {self._branches_text}"
+        summary = f"fix: {cleared}; weighted size {cost:.2f}; {branches}"
         lines = [summary, *(f"  {change.text}" for change in self.changes)]
-        if cost > LARGE_CHANGE and not self._prunes and BRANCHES not in self.keep:
+        if cost > LARGE_CHANGE and not prunes and BRANCHES not in self.keep:
             lines.append("  that is a large change; fewer branches instead: --keep length,angle")
-        return lines
-
-    @property
-    def _branches_text(self) -> str:
-        return "nothing was found that keeps every branch" if self._prunes else "every branch stays"
-
-    @property
-    def _prunes(self) -> bool:
-        return any(change.what == BRANCHES for change in self.changes)
-
-    def _failed_lines(self) -> list[str]:
-        named = _rules(self.after or self.before)
-        words = _listed(sorted(self.keep), "and")
-        kept = f" and keeps {words}" if words else ""
-        lines = [
-            f"fix: no change of the design was found that clears {named}{kept}; nothing written"
-        ]
-        if self.in_the_way:
-            without = _listed(
-                [f"--keep {word}" for word in self.in_the_way], "or" if self.is_enough else "and"
-            )
-            lines.append(f"  in the way: a change was found without {without}")
         return lines
 
 
@@ -121,7 +109,13 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     keep
         What must not change, words of `KEEPS`.
     """
-    grown = partial(_deployed, maps=maps, growth=growth)
+
+    def grown(changed: Design) -> Deployed:
+        if not maps:  # then the simulator is not even imported
+            return ()
+        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
+
+        return deploy_from_starts(changed, maps, growth)
 
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
@@ -180,21 +174,19 @@ def _rounds(
             return
         report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
         yield found, report
-        share = _window_share(report)
+        # How much of what growth takes on maps is allowed, 1 where that is no error.
+        shares = (
+            finding.limit / finding.measured
+            for finding in report.blocking
+            if finding.rule == _WINDOW_RULE and finding.measured and finding.limit
+        )
+        share = next(shares, 1.0)
         if share < 1.0:
             window_share *= 0.98 * share
         else:
             margin = next(margins, 0.0)
             if margin == 0.0:
                 return
-
-
-def _window_share(report: CheckReport) -> float:
-    """Return how much of what growth takes on maps is allowed, 1 where that is no error."""
-    for finding in report.blocking:
-        if finding.rule == _WINDOW_RULE and finding.measured and finding.limit:
-            return finding.limit / finding.measured
-    return 1.0
 
 
 def _named(design: Design, found: FixedDesign) -> Design:
@@ -253,12 +245,3 @@ def _difference_text(old: Score, new: Score) -> str:
     if math.isnan(low):
         return f"{differences.mean():+.4f}, one pose: no interval"
     return f"{differences.mean():+.4f}, 95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
-
-
-def _deployed(design: Design, maps: Sequence[Map], growth: Mapping[str, object] | None) -> Deployed:
-    """Deploy a design; without maps the simulator is not even imported."""
-    if not maps:
-        return ()
-    from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
-
-    return deploy_from_starts(design, maps, growth)

@@ -282,18 +282,12 @@ def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
     return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())
 
 
-def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, float]:
-    """Return the pressure that growth to the worst tip takes with film stored loosely and tightly.
-
-    NaN if nothing emerged.
-    """
-    loose_kpa, tight_kpa = worst_pressures_of([deployment], design)[:, 0].tolist()
-    return loose_kpa, tight_kpa
-
-
 def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Floats:
-    """Return `worst_pressures_kpa` of deployments of one design, shape (2, n)."""
-    pressures = _pressures_kpa(deployments, design, (LOOSE, TIGHT))
+    """Return the pressures that growth to the worst tip takes, film stored loosely and tightly.
+
+    Shape (2, n); NaN where nothing emerged.
+    """
+    pressures = growth_pressures_kpa(deployments, design)
     first = np.cumsum([0, *(len(deployment.tree) for deployment in deployments[:-1])])
     worst = np.fmax.reduceat(pressures, first, axis=1)
     return np.asarray(worst)
@@ -306,9 +300,13 @@ TIGHT = FITTED
 
 
 def growth_pressures_kpa(
-    deployment: Deployment, design: Design, fits: Sequence[GrowthConstants] = (LOOSE, TIGHT)
+    deployments: Sequence[Deployment],
+    design: Design,
+    fits: Sequence[GrowthConstants] = (LOOSE, TIGHT),
 ) -> Floats:
     """Return the pressure that growth to each tip takes, a row per fit, shape (fits, n).
+
+    Of several deployments the tips come one after the other.
 
     The same model as `physics.growth_pressure`, which says what counts as a turn. There every
     path is worked out from its base; here each branch goes on from its parent's result, on arrays.
@@ -325,13 +323,6 @@ def growth_pressures_kpa(
     ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
     path, M the sum of its lengths, each times that product over the turns behind it.
     """
-    return _pressures_kpa([deployment], design, fits)
-
-
-def _pressures_kpa(
-    deployments: Sequence[Deployment], design: Design, fits: Sequence[GrowthConstants]
-) -> Floats:
-    """Return the pressures of several deployments, one after the other."""
     gain, drawn_mm = _path_gains(deployments, fits[0].friction.value)
     own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
     of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree

@@ -13,7 +13,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Data, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
@@ -90,6 +90,15 @@ class Scatter:
     p05: float
     p95: float
     typical: float  # median absolute change of a single deployment
+
+    @classmethod
+    def of(cls, measure: Measure, exact: Floats, made: Floats) -> "Scatter":
+        """Return the scatter over robots and launches, ``made`` of shape (robots, launches)."""
+        p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0]).tolist()
+        typical = float(np.nanmedian(np.abs(made - exact)))
+        return cls(
+            measure=measure, exact=float(np.nanmean(exact)), p05=p05, p95=p95, typical=typical
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,22 +249,10 @@ def tolerance(
         robots=ROBOTS,
         launches=len(evaluator.launches),
         scatter=tuple(
-            _scatter(measure, evaluator.exact[:, column], values[:, :, column])
+            Scatter.of(measure, evaluator.exact[:, column], values[:, :, column])
             for column, measure in enumerate(QUICK_MEASURES)
             if np.isfinite(values[:, :, column]).any(axis=1).all()
         ),
-    )
-
-
-def _scatter(measure: Measure, exact: Floats, made: Floats) -> Scatter:
-    """Return the scatter of one measure, over robots and launches, shape (robots, launches)."""
-    p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0])
-    return Scatter(
-        measure=measure,
-        exact=float(np.nanmean(exact)),
-        p05=float(p05),
-        p95=float(p95),
-        typical=float(np.nanmedian(np.abs(made - exact))),
     )
 
 
@@ -337,8 +334,8 @@ def shifted_pose(pose: Pose, step_mm: float) -> Pose:
     )
 
 
-def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
-    """Return what changes of start, lengths and model do."""
+def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -> Iterator[Section]:
+    """Yield what changes of start, lengths and model do."""
     drawn = (measures[0], measures[-1])
     count = max(effect.count for effect in effects)
     words = (
@@ -348,27 +345,68 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
         "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
         "one is not known, at most about 15 degrees."
     )
-    rows = tuple(
-        (effect.knob, effect.text, *_changes(effect, measures), str(effect.count))
-        for effect in effects
-    )
-    table = Table(
+
+    def cell(change: MeanDifference | None, measure: Measure) -> str:
+        if change is None:
+            return "-"
+        text = measure.interval(change.mean, change.low, change.high)
+        return f"{text}{'*' if change.is_clear else ''}"
+
+    table = Rows(
         caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
         "where there is one map); an "
         "asterisk where the interval leaves out 0 (simulated)",
         headings=("changed", "by", *(m.label for m in measures), "poses"),
-        rows=rows,
-    )
+        rows=tuple(
+            (effect.knob, effect.text, *(cell(effect.changes.get(m.key), m) for m in measures),
+             effect.count)
+            for effect in effects
+        ),
+        key="sensitivity",
+        keys=("knob", "", *("" for _ in measures), "poses"),
+        data=[
+            {
+                "step": effect.step,
+                "unit": effect.unit,
+                "changes": {
+                    m.key: {end: m.content(getattr(change, end)) for end in ("mean", "low", "high")}
+                    for m in QUICK_MEASURES
+                    if (change := effect.changes.get(m.key)) is not None
+                },
+            }
+            for effect in effects
+        ],
+    )  # fmt: skip
     picture = Picture(
-        image=page_svg(effect_panels(effects, drawn)),
+        image=lambda: page_svg(effect_panels(effects, drawn)),
         caption="Mean change with its 95 % interval (simulated).",
         wide=True,
     )
-    return Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
+    yield Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
 
 
-def tolerance_section(tolerance: Tolerance) -> Section:
-    """Return how robots of one design differ."""
+def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
+    """Yield how robots of one design differ."""
+    numbers = {"exact": "as designed", "p05": "5 % of robots", "p95": "95 % of robots",
+               "typical": "one deployment, typically"}  # fmt: skip
+    scatter = [
+        (one.measure, {name: one.measure.of(getattr(one, name)) for name in numbers})
+        for one in tolerance.scatter
+    ]
+    yield Data(
+        {
+            "tolerance": {
+                "length_percent": tolerance.length_percent,
+                "angle_deg": tolerance.angle_deg,
+                "robots": tolerance.robots,
+                "launches": tolerance.launches,
+                "scatter": {
+                    measure.key: {name: value.data for name, value in values.items()}
+                    for measure, values in scatter
+                },
+            }
+        }
+    )
     words = (
         f"{counted(tolerance.robots, 'robot')} were drawn, every branch's length off by up to "
         f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
@@ -376,35 +414,9 @@ def tolerance_section(tolerance: Tolerance) -> Section:
         f"{counted(tolerance.launches, 'pose')} "
         "each (simulated)."
     )
-    rows = tuple(
-        (
-            scatter.measure.title,
-            scatter.measure.unit,
-            scatter.measure.number(scatter.exact),
-            scatter.measure.number(scatter.p05),
-            scatter.measure.number(scatter.p95),
-            scatter.measure.number(scatter.typical),
-        )
-        for scatter in tolerance.scatter
-    )
-    table = Table(
+    table = Rows(
         caption="Means over poses of the robot as designed and of robots as made (simulated)",
-        headings=(
-            "measure", "unit", "as designed", "5 % of robots", "95 % of robots",
-            "one deployment, typically",
-        ),
-        rows=rows,
-    )  # fmt: skip
-    return Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))
-
-
-def _changes(effect: Effect, measures: Sequence[Measure]) -> list[str]:
-    cells = []
-    for measure in measures:
-        change = effect.changes.get(measure.key)
-        if change is None:
-            cells.append("-")
-            continue
-        text = measure.interval(change.mean, change.low, change.high)
-        cells.append(f"{text}{'*' if change.is_clear else ''}")
-    return cells
+        headings=("measure", "unit", *numbers.values()),
+        rows=tuple((measure.title, measure.unit, *row.values()) for measure, row in scatter),
+    )
+    yield Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))

@@ -25,7 +25,7 @@ from vinefab.growth.arrays import Growth, Launch
 from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import KERNEL, grow, rules_of
+from vinefab.growth.simulator import KERNEL, grow_on, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
@@ -524,7 +524,7 @@ class _Reference:
     def error_mm(self) -> float:
         """Return how far its tips are from the kernel's at most."""
         exact = [
-            grow(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
+            grow_on(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
         ]
         found = [tips_mm(branches) for branches in self.grow()]
         return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
@@ -534,7 +534,7 @@ def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
     """Return the branches per second of the kernel as the interpreter runs it."""
     design = tree_of_40()
     taken_s = least_s(
-        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
+        lambda: [grow_on(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
     )
     return len(poses) * len(branch_tree(design)) / taken_s
 

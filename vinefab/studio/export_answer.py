@@ -37,6 +37,7 @@ from vinefab.studio.exports import (
     Export,
     ExportSource,
     PackageExport,
+    command_of,
     inputs_folder,
 )
 from vinefab.studio.panels import Tell
@@ -78,7 +79,7 @@ def _written(kind: Export, source: ExportSource, tell: Tell) -> dict[str, Any]:
     source = source.as_read()
     made = kind.make(source, tell)
     answer: dict[str, Any] = {
-        "command": shlex.join(["vinefab", *kind.words(source)]),
+        "command": command_of(kind, source),
         "written": [],
         "inputs": [],
         "view": plain_blocks(made.view),
@@ -122,7 +123,7 @@ def _command(
             return {"command": _opens(_snapshot_path(ask, given)), "inputs": []}
         kind = _kind(name, _mapping(f"exports.{name}", given))
         source = _source(state, ask, kind, given.get("out"))
-        command = shlex.join(["vinefab", *kind.words(source)])
+        command = command_of(kind, source)
     except VinefabError as error:
         return {"error": str(error)}
     return {"command": command, "inputs": [str(source.folder / file) for file in source.inputs]}

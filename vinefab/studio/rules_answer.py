@@ -11,7 +11,7 @@ from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_svg import (
-    SIGNS,
+    SEVERITY_SIGNS,
     PlacedFinding,
     beds_svg,
     placed_findings,
@@ -22,7 +22,7 @@ from vinefab.fabrication.rules.annotation import LayoutPlacement
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
@@ -67,7 +67,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
     options = growth_on_maps(state.design, state.growth.content).options
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
-        grown = grow(
+        grown = grow_on(
             state.design, terrain_of(state.world), state.start, options, engine="interpreted"
         )
     except BadInputError as error:
@@ -128,7 +128,7 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
     return {
         **drawing,
         "findings": [_finding_content(finding, place) for finding, place in pairs],
-        "signs": {str(severity): path for severity, path in SIGNS.items()},
+        "signs": {str(severity): path for severity, path in SEVERITY_SIGNS.items()},
         "findings_left_out": len(report.findings) - len(findings),
     }
 

@@ -19,7 +19,7 @@ from vinefab.tasks.exact_areas import (
     free_disc_areas_mm2,
     seen_areas,
 )
-from vinefab.tasks.fast_areas import Raster, SightLines
+from vinefab.tasks.fast_areas import FreeArea, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
@@ -54,7 +54,7 @@ class Coverage:
         sensor.
     area
         ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
-        lines across it in line of sight (`Raster.covered_mm2` and `SightLines.covered_mm2` state
+        lines across it in line of sight (`FreeArea.covered_mm2` and `SightLines.covered_mm2` state
         the error), a hundred times faster, for searching; taken only where the map is not too
         large for such discs. ``auto``: fast in a search, else exact.
     """
@@ -205,7 +205,7 @@ class Coverage:
             seen[index] = context.free_area_mm2(union)
         return seen, summed
 
-    def _strips(self, context: MapContext) -> Raster | SightLines | None:
+    def _strips(self, context: MapContext) -> FreeArea | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""
         if self.clip == "sight":
             return context.sight_lines(self.radius_mm)

@@ -31,6 +31,7 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
+from vinefab.model.tree import child_lengths_mm, least_gap_rad, widest_turn_rad
 from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -348,12 +349,12 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
         several = level.branches > 1
-        child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
+        child_mm = float(child_lengths_mm(level).min())
         lean_rad = least_lean_rad(design, number + 1)
         beside_rad = math.pi - max(level_tapers_rad(design, number)) + lean_rad
-        gaps = [(beside_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
+        gaps = [(beside_rad - widest_turn_rad(level), wide, above_mm)]
         if several:
-            between_rad = level.fan_rad / (level.branches - 1) + 2.0 * lean_rad
+            between_rad = least_gap_rad(level) + 2.0 * lean_rad
             gaps.append((between_rad, narrow, child_mm))
         for angle_rad, half, length_mm in gaps:
             reach_mm = max(0.5 * min(child_mm, length_mm), disc)
@@ -367,8 +368,8 @@ def _worst_path(design: Design, depth: int) -> GrowthPath:
     """Return a path to a level as long as its longest and as winding as its most winding."""
     lengths, turns = [design.trunk_length_mm], []
     for level in design.levels[:depth]:
-        lengths.append(level.length_mm * (max(1.0, level.growth) if level.branches > 1 else 1.0))
-        turns.append(level.fan_rad / 2.0 if level.branches > 1 else 0.0)
+        lengths.append(float(child_lengths_mm(level).max()))
+        turns.append(widest_turn_rad(level))
     return GrowthPath(lengths_mm=tuple(lengths), turns_rad=tuple(turns))
 
 

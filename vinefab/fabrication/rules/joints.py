@@ -22,7 +22,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
-from vinefab.model.tree import BranchTree
+from vinefab.model.tree import BranchTree, child_lengths_mm, least_gap_rad, widest_turn_rad
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 PARALLEL_RAD = 1e-6
@@ -104,16 +104,15 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        shortest_mm = level.length_mm * min(1.0, level.growth)
-        fan = level.fan_rad if level.branches > 1 else 0.0
+        shortest_mm = float(child_lengths_mm(level).min())
         disc = max(wide, narrow)
         lean = least_lean_rad(design, number + 1)
-        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+        beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
         length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
         found.append((beside, reach / length_mm))
         if level.branches > 1:
-            between = fan / (level.branches - 1) + 2.0 * lean
+            between = least_gap_rad(level) + 2.0 * lean
             found.append((between, _bare_reach_mm(between, (narrow, narrow), disc) / shortest_mm))
         above_mm = shortest_mm
     return found
@@ -135,9 +134,8 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
-        # Between children all angles are alike, and the last one beside the parent mirrors the
-        # first: two gaps stand for all.
-        for gap in joint.gaps[:2][: len(joint.gaps) - 1]:
+        # Gaps of one angle are alike: the first of them stands for all.
+        for gap in {round(gap.angle_rad, 9): gap for gap in reversed(joint.gaps)}.values():
             angle_deg = math.degrees(gap.angle_rad)
             broken = limits.least(angle_deg)
             if broken:

@@ -23,7 +23,7 @@ from vinefab.fabrication.rules.spacing import (
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import Build, Design
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import branch_tree, least_gap_rad, widest_turn_rad
 from vinefab.physics.growth_pressure import planned_growth_kpa
 
 Pair = tuple[float, float]
@@ -65,12 +65,11 @@ def _joint(design: Design, number: int) -> Pair:
     wide = design.build.end_widths_mm[number - 1] / 2.0
     narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
-    fan = level.fan_rad if level.branches > 1 else 0.0
     lean = least_lean_rad(design, number + 1)
-    beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
     parent, child = straight_begins_mm(beside, (wide, narrow), radius)
     if level.branches > 1:
-        between = fan / (level.branches - 1) + 2.0 * lean
+        between = least_gap_rad(level) + 2.0 * lean
         child = max(child, straight_begins_mm(between, (narrow, narrow), radius, wide)[0])
     return parent, child
 

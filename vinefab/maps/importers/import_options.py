@@ -36,16 +36,20 @@ class ImportOptions:
     layers
         Names of the layers (DXF, GeoPackage) or groups (SVG) to read; empty for all.
     drawn
-        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``, see
-        `AssembleOptions`.
+        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``: their union is
+        the free space, its holes are obstacles. Otherwise ``obstacles``, but ``free`` where no
+        outline contains all others and nothing else can be meant.
     bounds
-        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`.
+        ``outline``: the largest outline, free inside, must contain everything else. ``largest``:
+        the same, but what lies outside of it is left out. ``wall``: the largest outline is the
+        outer face of a solid wall and the outlines in it are rooms. ``box``: a rectangle around
+        everything.
     margin_mm
         Around the drawing when the bounds are a box.
     wall_mm
-        Thickness of walls that are drawn as lines.
+        Thickness of walls that are drawn as lines; otherwise lines enclose.
     open_lines
-        ``refuse`` or ``drop``.
+        ``refuse`` or ``drop`` lines that enclose nothing.
     photo
         What is known of a photo or scan: its scale, and what its obstacles look like.
     """

@@ -1,6 +1,5 @@
 """What a user says about a photo of an arena, beside what holds for every import."""
 
-import math
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -132,17 +131,3 @@ class PhotoOptions:
 
 
 _TOLERANCE = 60.0
-
-
-def points_from(option: str, text: str) -> tuple[tuple[float, float], ...]:
-    """Return points from a text like ``10,20;30,40``."""
-    points = []
-    for part in text.split(";"):
-        try:
-            x, y = (float(word) for word in part.split(","))
-        except ValueError:
-            x = y = math.nan
-        if not math.isfinite(x) or not math.isfinite(y):
-            raise BadInputError(option, text, "points X,Y with semicolons between them")
-        points.append((x, y))
-    return tuple(points)

@@ -7,9 +7,10 @@ import tomli_w
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.table import validated
 from vinefab.model.contacts import CONTACTS_SCHEMA, ContactsFile, MeasuredContacts
 from vinefab.model.files.shipped import locate
-from vinefab.model.files.toml import read_toml, validated
+from vinefab.model.files.toml import read_toml
 
 
 def contacts_given(given: object) -> MeasuredContacts:

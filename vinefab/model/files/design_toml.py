@@ -9,10 +9,11 @@ import tomli_w
 
 from vinefab.core.errors import located
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.table import validated
 from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import locate
-from vinefab.model.files.toml import read_toml, table_content, validated
+from vinefab.model.files.toml import read_toml, table_content
 
 
 def read_design(name_or_path: str | PathLike[str]) -> Design:

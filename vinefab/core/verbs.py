@@ -329,7 +329,10 @@ def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:
     for name, default in defaults.items():
         if name not in without:
             given = None if default is MISSING else default
-            yield _option(name, _field_hint(kind, name), given, said.get(name, ""))
+            words = said.get(name, "")
+            if words and not is_dataclass(kind):  # declared meanings are no sentences
+                words = f"{words[:1].upper()}{words[1:].removesuffix('.')}."
+            yield _option(name, _field_hint(kind, name), given, words)
 
 
 def _field_hint(kind: type, name: str) -> Any:  # noqa: ANN401  an annotation

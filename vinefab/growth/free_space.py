@@ -69,12 +69,12 @@ def shrunk_free_space(
     buffered = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
     # Where nothing is nearly as close as the grid, snap rounding moves corners and no more: then
     # moving them gives the same polygons in a tenth of the time.
-    shrunk = _moved_onto_grid(buffered, grid_mm)
-    if shrunk is not None:
-        walls = indexed_walls(shrunk, grid_mm)
+    moved = _moved_onto_grid(buffered, grid_mm)
+    if moved is not None:
+        walls = indexed_walls(moved, grid_mm)
         place, is_crowded = walls.link[:, 2], walls.link[:, 4]
         if not is_crowded.any() and place.max(initial=-1) + 1 == len(place):
-            return shrunk, walls
+            return moved, walls
     shrunk = shapely.set_precision(buffered, grid_mm)
     return shrunk, indexed_walls(shrunk, grid_mm)
 

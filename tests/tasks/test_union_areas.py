@@ -52,4 +52,6 @@ def test_polygons_that_coincide_count_once(pillar_room: vf.Map) -> None:
     unions = [shapely.union_all(part) for part in np.split(near, begins[1:-1])]
     wanted = shapely.area(shapely.intersection(unions, context.free))
     assert np.isfinite(found).mean() > 0.9
-    np.testing.assert_allclose(found[np.isfinite(found)], wanted[np.isfinite(found)], rtol=2e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        found[np.isfinite(found)], wanted[np.isfinite(found)], rtol=2e-12, atol=1e-14
+    )

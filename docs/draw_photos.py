@@ -17,7 +17,6 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.starters import starter_map
 from vinefab.model.map import Pose
 
@@ -38,7 +37,7 @@ POSES = {
 def main() -> None:
     sys.path.insert(0, str(ROOT / "tests" / "observation"))
     renderer = import_module("rendered_photo")
-    world, robot = starter_map("table"), read_design(ARENA / "sprig.toml")
+    world, robot = starter_map("table"), Design.read(ARENA / "sprig.toml")
     options = GrowthOptions.of({"head_on_half_angle_deg": HALF_ANGLE_DEG})
     bare = Design(name="none", trunk_length_mm=0.2, build=Build.standard(1, 0.5))
     scenes = {"table": (bare, Pose.of((20, 20, 180)), 9.0)}

@@ -30,7 +30,7 @@ from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.colours import INK, LEVEL_COLOURS, ROCK
@@ -211,7 +211,7 @@ def same_map(one, other):
 
 def test_a_design_is_read_by_name_and_path_and_written_as_it_was(tmp_path):
     design = vf.Design.read("grid_explorer")
-    assert design == read_design("grid_explorer")
+    assert design == Design.read("grid_explorer")
     path = design.write(tmp_path / "own" / "copy.toml")
     assert vf.Design.read(path) == vf.Design.read(str(path)) == design
 

@@ -18,7 +18,7 @@ from vinefab.core.rng import child
 from vinefab.core.view import Origin
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.prediction.aiming import (
@@ -122,7 +122,7 @@ def test_measured_contacts_narrow_the_range_and_are_called_measured():
         "source": "4 photos",
         "standing": "measured",
     }
-    contacts = contacts_given({"head_on_half_angle_deg": number})
+    contacts = contacts_of({"head_on_half_angle_deg": number})
     options = aim_growth([TREE], {"contacts": contacts}).options
     assert np.degrees(options.half_angle_range_rad) == pytest.approx([3.0, 7.0])
     assert options.contact_angles_standing.startswith("measured")

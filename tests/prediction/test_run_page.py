@@ -12,8 +12,7 @@ import pytest
 from vinefab.core.atomic import is_ours
 from vinefab.core.view import Text
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import PieceSettings
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
@@ -77,7 +76,7 @@ def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> Non
     bed = profile.machine.bed_width_mm.changed(value=bed_mm)
     machine = profile.machine.changed(bed_width_mm=bed)
     run = SimpleNamespace(
-        design=read_design("plain_vine"), profile=lambda: replace(profile, machine=machine)
+        design=Design.read("plain_vine"), profile=lambda: replace(profile, machine=machine)
     )
     words = run_page._bed_words(cast("EndedRun", run), CHECKED)
     assert bool(words) == said

@@ -8,8 +8,8 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.simulator import grow_on
-from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.design_toml import design_content, design_of
+from vinefab.model.design import Build, Design, Level, design_of
+from vinefab.model.files.design_toml import design_content
 from vinefab.studio.live_answer import live_answer, prepared_map
 from vinefab.studio.state import StudioState
 from vinefab.studio.tip_answer import tip_answer

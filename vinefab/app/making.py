@@ -459,15 +459,8 @@ def calibrate(
     >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
     >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
     """
-    import json
-
-    from vinefab.fabrication.calibration.calibrated_recipe import (
-        calibrated_recipe,
-        calibration_json,
-        calibration_lines,
-    )
     from vinefab.fabrication.calibration.coupon_results import read_results
-    from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
+    from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.files.profile_toml import read_profile
 
     path, table = as_path("out", out), as_path("results", results)
@@ -479,8 +472,8 @@ def calibrate(
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
     return WrittenReport(
         path=path,
-        summary=(*calibration_lines(found), f"use it with --recipe {path}"),
-        numbers=json.loads(calibration_json(found)),
+        summary=(*found.summary, f"use it with --recipe {path}"),
+        numbers=found.numbers,
     )
 
 

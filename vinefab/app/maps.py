@@ -20,7 +20,7 @@ from vinefab.model.inputs import (
 from vinefab.model.inputs import written as file_kind
 
 if TYPE_CHECKING:
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import PhotoOptions
     from vinefab.model.map import Map
     from vinefab.prediction.map_info import MapInfo
 
@@ -222,7 +222,7 @@ def info(
     return found
 
 
-_OF_PHOTOS = "vinefab.maps.importers.photo_options:PhotoOptions"
+_OF_PHOTOS = "vinefab.maps.importers.import_options:PhotoOptions"
 _OF_DRAWINGS = "vinefab.maps.importers.import_options:ImportOptions"
 
 
@@ -261,7 +261,7 @@ def import_(
         Of a photo: a picture of it, rectified, with the walls drawn over.
     **options
         Fields of `vinefab.maps.importers.import_options.ImportOptions`; of a photo also of
-        `vinefab.maps.importers.photo_options.PhotoOptions`.
+        `vinefab.maps.importers.import_options.PhotoOptions`.
 
     Raises
     ------
@@ -287,9 +287,8 @@ def import_(
     """
     from vinefab.core.atomic import ensure_writable, write_bytes
     from vinefab.core.errors import BadInputError
-    from vinefab.maps.importers.import_options import ImportOptions
+    from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
     from vinefab.maps.importers.importers import import_map, import_suffixes
-    from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
     from vinefab.model.map import Start
     from vinefab.model.start_place import start_given
 
@@ -330,8 +329,7 @@ def import_(
 def _known(options: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an import, once all of them are known; those of photos are gone."""
     from vinefab.core.errors import BadInputError, nearest
-    from vinefab.maps.importers.import_options import ImportOptions
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 
     of_photos = PhotoOptions.__dataclass_fields__
     known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]
@@ -347,7 +345,7 @@ def _photo_options(options: dict[str, Any]) -> PhotoOptions | None:
     from collections.abc import Mapping
 
     from vinefab.core.errors import BadInputError, nearest
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import PhotoOptions
 
     known = PhotoOptions.__dataclass_fields__
     flat = {name: options.pop(name) for name in list(options) if name in known}

@@ -16,16 +16,6 @@ if TYPE_CHECKING:
     from vinefab.model.finding import CheckReport
 
 
-class LinesResult(Result):
-    """A result of lines, with a picture where there is one; it is shown as any other."""
-
-    __slots__ = ()
-
-    def view(self) -> Iterator[Block]:
-        """Yield the lines."""
-        yield Notes(self.summary)
-
-
 def _document(schema: str, content: Mapping[str, object]) -> str:
     from vinefab.core.jsontext import json_text
 
@@ -242,15 +232,15 @@ class PhotoReport(Result):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StudyOutcome(LinesResult):
+class StudyOutcome(Result):
     """What a study or the demonstration found.
 
     Parameters
     ----------
     found
         The result of the room that did the work.
-    summary
-        The numbers to take away, a line each.
+    blocks
+        The numbers to take away.
     text
         The JSON document.
     exit_code
@@ -258,9 +248,13 @@ class StudyOutcome(LinesResult):
     """
 
     found: Any
-    summary: tuple[str, ...]
+    blocks: tuple[Block, ...]
     text: Callable[[], str] = field(repr=False)
     exit_code: int = 0
+
+    def view(self) -> tuple[Block, ...]:
+        """Return the numbers to take away."""
+        return self.blocks
 
     def json_text(self) -> str:
         """Return everything as JSON."""

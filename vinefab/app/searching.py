@@ -39,6 +39,7 @@ from vinefab.core.verbs import (
     verb,
     wrote,
 )
+from vinefab.core.view import Answer, Fact, Facts
 from vinefab.model.inputs import (
     FOLDER,
     DesignLike,
@@ -444,12 +445,10 @@ def contest(
     from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
+        comparison_blocks,
         comparison_json,
         comparison_svg,
-        comparison_table,
         contest_rows,
-        heading_lines,
-        table_lines,
     )
 
     files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
@@ -467,8 +466,8 @@ def contest(
     document = comparison_json(plan, rows)
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
-    lines = (*heading_lines(plan), *table_lines(comparison_table(plan, rows)))
-    return StudyOutcome(found=rows, summary=lines, text=lambda: document)
+    blocks = tuple(comparison_blocks(plan, rows))
+    return StudyOutcome(found=rows, blocks=blocks, text=lambda: document)
 
 
 def _contender(text: str) -> Contender:
@@ -523,7 +522,13 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies.experiments import EXPERIMENTS
-    from vinefab.studies.reproduction import NUMBERS, PAGE, do_experiments, numbers_text
+    from vinefab.studies.reproduction import (
+        NUMBERS,
+        PAGE,
+        claims_table,
+        do_experiments,
+        numbers_text,
+    )
     from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
@@ -534,28 +539,18 @@ def reproduce(
             names, folder, size, workers=workers, tell=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
-    rows: list[tuple[str, ...]] = [
-        ("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")
-    ]
-    rows += [(one.name, *claim.cells()[:5]) for one in done.findings for claim in one.claims]
     held, claims = done.held
     spent = f"{done.spent_s:.0f} s of work in this session"
-    lines = [
-        *aligned(rows),
-        f"{held} of {claims} claims of the paper hold; {spent}",
-        f"read this first: {folder / PAGE}",
-        f"        numbers: {folder / NUMBERS}",
-    ]
-    return StudyOutcome(found=done, summary=tuple(lines), text=lambda: numbers_text(done))
+    blocks = (
+        claims_table(done.findings, columns=6),
+        Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
+        _written_facts({"read this first": folder / PAGE, "numbers": folder / NUMBERS}),
+    )
+    return StudyOutcome(found=done, blocks=blocks, text=lambda: numbers_text(done))
 
 
-def aligned(rows: Any) -> list[str]:
-    """Return rows of texts as lines with their columns one below the other."""
-    widths = [max(len(str(row[column])) for row in rows) for column in range(len(rows[0]))]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+def _written_facts(files: Mapping[str, Path]) -> Facts:
+    return Facts(tuple(Fact(words, str(path)) for words, path in files.items()))
 
 
 @verb
@@ -578,11 +573,11 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 
     >>> bench()  # doctest: +SKIP
     """
-    from vinefab.studies.benchmark import bench_lines, run_benchmark
+    from vinefab.studies.benchmark import bench_blocks, run_benchmark
 
     with told("measuring", progress) as tell:
         result = run_benchmark(tell, million=million)
-    return StudyOutcome(found=result, summary=tuple(bench_lines(result)), text=result.text)
+    return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text)
 
 
 @verb
@@ -633,7 +628,6 @@ def demo(
     settings = DemoSettings(seed=seed, generations=generations, population=population)
     with told("demo", progress) as tell, new_folder(folder, mark, force=force) as place:
         found = run_demo(place, settings, tell, say)
-    lines = [f"{found.result.best.name}, run {found.result.run_id}", *aligned(found.table())]
     where = {
         "read this first": "report.html",
         "for the laser": "package/README.txt",
@@ -641,10 +635,11 @@ def demo(
         "the design": "run/best.toml",
         "numbers": mark,
     }
-    lines += [f"{words:>16}: {folder / name}" for words, name in where.items()]
+    written = {words: folder / name for words, name in where.items()}
+    name = f"{found.result.best.name}, run {found.result.run_id}"
     return StudyOutcome(
         found=found,
-        summary=tuple(lines),
+        blocks=(Answer(name), found.table(), _written_facts(written)),
         text=lambda: (folder / mark).read_text(encoding="utf-8"),
         exit_code=0 if found.is_manufacturable else 1,
     )

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
@@ -24,6 +23,7 @@ from pydantic_core import ErrorDetails
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.limits import plain_number
 from vinefab.core.version import __version__
 
 if TYPE_CHECKING:
@@ -52,10 +52,7 @@ class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
     def __call__(cls, *args: Any, **given: Any) -> Any:  # noqa: ANN401, N805  a metaclass
-        plain = {
-            name: value.item() if isinstance(value, np.generic) else value
-            for name, value in given.items()
-        }
+        plain = {name: plain_number(value) for name, value in given.items()}
         try:
             return super().__call__(*args, **plain)
         except ValidationError as error:

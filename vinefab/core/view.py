@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
@@ -21,18 +21,6 @@ from vinefab.core.plain_text import counted, visible
 NO_INTERVAL = "one sample: no interval"
 
 Tone = Literal["good", "caution", "bad"]
-
-
-class Sourced(Protocol):
-    """A number of a profile with its standing; see `vinefab.model.laser.Quantity`."""
-
-    value: float
-    source: str
-
-    @property
-    def standing(self) -> str: ...  # noqa: D102
-
-    def words(self) -> str: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)

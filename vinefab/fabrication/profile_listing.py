@@ -14,7 +14,7 @@ from vinefab.fabrication.package.job_json import (
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import LaserProfile, Quantity, SealerSettings, quantities
+from vinefab.model.laser import Quantity, SealerSettings, quantities
 
 PROFILE_KINDS = ("machine", "material", "recipe")
 
@@ -99,10 +99,7 @@ def profile_numbers(name: str) -> dict[str, Quantity]:
         return quantities(read_machine(name))
     if kind == "material":
         return quantities(read_material(name))
-    return _recipe_numbers(read_profile(name))
-
-
-def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
+    profile = read_profile(name)
     recipe = profile.recipe
     numbers: dict[str, Quantity] = {}
     for operation, settings in recipe.by_operation.items():

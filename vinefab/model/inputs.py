@@ -263,12 +263,11 @@ def name_or_path(key: str, given: object, allowed: str) -> str | Path:
 def as_design(given: "DesignLike", key: str = "design") -> "Design":
     """Return a design, passed as such, by its path or by its name."""
     from vinefab.model.design import Design
-    from vinefab.model.files.design_toml import read_design
 
     if isinstance(given, Design):
         return given
     allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
-    return read_design(name_or_path(key, given, allowed))
+    return Design.read(name_or_path(key, given, allowed))
 
 
 def as_designs(given: "DesignsLike", key: str) -> "list[Design]":

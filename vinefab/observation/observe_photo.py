@@ -7,10 +7,12 @@ from functools import partial
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import rounded
+from vinefab.core.limits import DEFAULT_MARKER_MM
+from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
     Block,
@@ -27,7 +29,6 @@ from vinefab.core.view import (
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
     DEFAULT_MARKER_GAP_MM,
-    DEFAULT_MARKER_MM,
     corner_markers,
 )
 from vinefab.model.deployment import Stop
@@ -41,6 +42,9 @@ from vinefab.observation.beside_prediction import (
 from vinefab.observation.centre_lines import TracedTree, trace
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.pages.colours import ALERT, level_colour
+from vinefab.pages.page_png import page_png
+from vinefab.pages.panel import Ink, Panel, page_of, photo, plan_panel
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera
@@ -170,7 +174,7 @@ class Observation(Result):
             "good" if good else ("caution" if self.fits else "bad"),
         )
         yield Picture(
-            image=lambda: front_door("observation.observation_page").overlay_picture(self),
+            image=lambda: _overlay_picture(self),
             caption="The photo as from straight above. Yellow: lines traced on the film "
             "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
             wide=True,
@@ -256,12 +260,11 @@ class Observation(Result):
 
     def sections(self) -> Iterator[Section]:
         """Yield where film was found, and every branch."""
-        pictures = front_door("observation.observation_page")
         yield Section(
             title="Film",
             pictures=(
                 Picture(
-                    image=pictures.film_picture(self),
+                    image=_film_picture(self),
                     caption="Where film was found (white: film).",
                 ),
             ),
@@ -435,6 +438,60 @@ def _ending(stop: str, length_mm: float) -> str:
     """Return how a branch ended, in words."""
     words = _ENDINGS.get(stop, "ended early without a wall")
     return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
+
+
+# --- Pictures: the photo from straight above, lines seen and predicted
+
+SEEN, PREDICTED = "#ffe600", "#00e5ff"
+
+
+def _photo_panel(seen: Observation, pixels: NDArray[np.uint8], longest_pt: float) -> Panel:
+    """Return a panel with pixels where the photo lies on the map."""
+    view = seen.film.view
+    rows, columns = view.pixels.shape[:2]
+    right = view.left_mm + columns * view.mm_per_pixel
+    box = (view.left_mm, view.top_mm - rows * view.mm_per_pixel, right, view.top_mm)
+    panel = plan_panel(box, longest_pt)
+    panel.add(photo(pixels, box), 0.0)
+    return panel
+
+
+def _overlay_picture(seen: Observation) -> bytes:
+    """Return the photo from straight above, with the lines seen and predicted."""
+    panel = _photo_panel(seen, seen.film.view.pixels, 576.0)
+    for branch in seen.compared.branches:
+        _draw_branch(panel, seen, branch)
+    return page_png(page_of(panel), dpi=130)
+
+
+def _draw_branch(panel: Panel, seen: Observation, branch: ComparedBranch) -> None:
+    z_mm = branch.nominal_width_mm / 2.0
+
+    def shown(points: Floats) -> Floats:
+        return seen.film.moved(points, z_mm, seen.film.sight.plane_mm)
+
+    if len(branch.predicted_points_mm) > 1:
+        dashed = Ink(line=PREDICTED, width_pt=1.3, dash_pt=(5.2, 3.9))
+        panel.line(shown(branch.predicted_points_mm), dashed, rank=4.0)
+    if not branch.deployed_observed:
+        return
+    places = shown(branch.points_mm)
+    panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
+    panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
+    x, y = places[len(places) // 2].tolist()
+    panel.words((x, y), branch.id, 6.5, shift_pt=(3.0, 5.5), halo=True)
+    contacts = [(c.x_mm, c.y_mm) for c in branch.contacts if c.outcome != "unclear"]
+    if contacts:
+        panel.marks(shown(np.array(contacts)), "x", 5.0, Ink(line=ALERT, width_pt=1.4), rank=5.0)
+
+
+def _film_picture(seen: Observation) -> bytes:
+    """Return where film was found."""
+    grey = np.clip(np.rint(255.0 * seen.film.share), 0, 255).astype(np.uint8)
+    return page_png(page_of(_photo_panel(seen, grey, 324.0)), dpi=100)
+
+
+# --- From the file to the result
 
 
 def observe_photo(  # noqa: PLR0913

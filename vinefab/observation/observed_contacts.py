@@ -14,8 +14,6 @@ from vinefab.core.table import TablePart, validated
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.design import Design
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, Pose
 from vinefab.observation.meetings import WallContact
@@ -198,12 +196,12 @@ def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None
     world: Map | None = None
     try:
         with values_hidden():
-            design = read_design(_beside(form.design, path))
+            design = Design.read(_beside(form.design, path))
     except VinefabError as error:
         notes.append(f"{path.name}: its design is not read ({error})")
     try:
         with values_hidden():
-            world = read_map(Path(_beside(form.map, path)))
+            world = Map.read(Path(_beside(form.map, path)))
     except VinefabError as error:
         notes.append(f"{path.name}: its map is not read ({error})")
     return design, world, tuple(notes)

@@ -53,7 +53,7 @@ class Labels:
         self.ways: list[BaseGeometry] = []
 
     def place(
-        self, spots_pt: Floats, costs: ArrayLike, size_pt: ArrayLike, *, line_cost: float = _LINE
+        self, spots_pt: Floats, costs: Floats, size_pt: ArrayLike, *, line_cost: float = _LINE
     ) -> int:
         """Take the cheapest of some spots, shape (n, 2), for the middle of a label; return its row.
 
@@ -146,9 +146,11 @@ def label_middles(
     return middles
 
 
-def spots_around(far_pt: Sequence[float], angles_rad: Floats) -> tuple[Floats, Floats]:
+def spots_around(far_pt: Sequence[float], angles_rad: ArrayLike) -> tuple[Floats, Floats]:
     """Return every distance in every direction: distances, shape (n,), and units, shape (n, 2)."""
-    far, angle = (grid.ravel() for grid in np.meshgrid(far_pt, angles_rad, indexing="ij"))
+    far, angle = (
+        grid.ravel() for grid in np.meshgrid(far_pt, np.asarray(angles_rad), indexing="ij")
+    )
     return far, np.column_stack([np.cos(angle), np.sin(angle)])
 
 

@@ -80,10 +80,10 @@ def read_photo(path: Path) -> Photo:
             _ensure_one_picture(path, image)
             image.load()
             focal_35mm_mm = _focal_35mm_mm(image)
-            # Damaged EXIF data leave the picture as it is.
+            upright: Image.Image = image  # as it is where the EXIF data are damaged
             with suppress(OSError, ValueError, SyntaxError, LookupError, TypeError, struct.error):
-                image = ImageOps.exif_transpose(image)
-            pixels = _rgb(image)
+                upright = ImageOps.exif_transpose(image)
+            pixels = _rgb(upright)
     except UnidentifiedImageError as error:
         raise UnreadableFileError(path, "is not a PNG or JPEG picture, or is damaged") from error
     except Image.DecompressionBombError as error:

@@ -365,12 +365,12 @@ def paired_differences(
         if len(means):
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]
-    differences = list[PairedDifference]()
+    made = list[PairedDifference]()
     for (first, second, means), p, adjusted in zip(found, chances, holm(chances), strict=True):
         low, high = mean_interval(means)
         better = means > 0.0 if measure.better == "more" else means < 0.0
         won = np.mean(better + 0.5 * (means == 0.0))
-        differences.append(
+        made.append(
             PairedDifference(
                 measure=measure,
                 first=first,
@@ -384,7 +384,7 @@ def paired_differences(
                 pairs=len(means),
             )
         )
-    return tuple(differences)
+    return tuple(made)
 
 
 def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:

@@ -199,7 +199,7 @@ class PartForm(TablePart):
     size_mm: Annotated[tuple[float, float, float], Field(strict=False)]
 
 
-class PrinterPart(Printer):
+class RigPrinter(Printer):
     """The printer that the rig was made for."""
 
     model_config = ConfigDict(extra="ignore")
@@ -224,7 +224,7 @@ class RigForm(TablePart):
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
     style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
     map: MapForm
-    printer: PrinterPart
+    printer: RigPrinter
     options: OptionsForm
     parts: list[PartForm]
     extras: list[PartForm]

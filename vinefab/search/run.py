@@ -11,7 +11,6 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -57,7 +56,7 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
         with values_hidden():
-            worlds = [read_map(path) for path in settings.maps.files]
+            worlds = [Map.read(path) for path in settings.maps.files]
         return _started(worlds, settings.maps)
     return generated_maps(settings.maps)
 

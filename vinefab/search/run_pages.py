@@ -265,13 +265,3 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         f"evaluated, stopped by {result.stopped}."
     )
     return Section(title="How it was found", paragraphs=(summary,), pictures=(curve, *maps))
-
-
-def unseen_section(rows: tuple[tuple[str, str], ...]) -> Section:
-    """Return the report's section on a run's test on unseen maps."""
-    table = Rows(
-        caption="Means with 95 % bootstrap intervals over maps",
-        headings=("", ""),
-        rows=rows,
-    )
-    return Section(title="Result", tables=(table,))

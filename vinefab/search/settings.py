@@ -24,9 +24,9 @@ from vinefab.core.table import LATER, Table, validated
 from vinefab.core.validation import SMALLEST, Floats
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
 from vinefab.model.files import toml
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start
@@ -539,7 +539,7 @@ def _points(
         if not file.is_file() and name not in {*names("design"), *user_names("design")}:
             raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
         with values_hidden():
-            design = read_design(file if file.is_file() else name)
+            design = Design.read(file if file.is_file() else name)
         if not low <= design.depth <= high:
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"

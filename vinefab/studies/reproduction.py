@@ -150,11 +150,23 @@ def _summary_section(findings: Sequence[StudyResult]) -> Section:
         f"(Holm), "
         f"{held_corrected(findings)} still do."
     )
-    rows = tuple((finding.name, *claim.cells()) for finding in findings for claim in finding.claims)
     return Section(
         title="What the paper claims, and whether it holds",
         paragraphs=(*SUMMARY, corrected),
-        tables=(Rows(caption="All claims", headings=("experiment", *CLAIM_HEADINGS), rows=rows),),
+        tables=(claims_table(findings),),
+    )
+
+
+def claims_table(findings: Sequence[StudyResult], columns: int | None = None) -> Rows:
+    """Return all claims of some experiments, or the first columns of the table."""
+    return Rows(
+        caption="All claims",
+        headings=("experiment", *CLAIM_HEADINGS)[:columns],
+        rows=tuple(
+            (finding.name, *claim.cells())[:columns]
+            for finding in findings
+            for claim in finding.claims
+        ),
     )
 
 

@@ -25,8 +25,8 @@ from vinefab.core.errors import (
 from vinefab.core.registry import with_parameters
 from vinefab.core.view import plain_blocks
 from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text, read_design
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Start
@@ -188,7 +188,7 @@ def _saved_design(design: Design, given: object, roots: tuple[Path, ...]) -> str
     try:
         bare = Path(given).name == given and not Path(given).suffix
         name = given if bare else str(allowed_path("design_file", given, roots))
-        saved = read_design(name)
+        saved = Design.read(name)
     except VinefabError:
         return ""
     return name if design_text(saved) == design_text(design) else ""
@@ -200,7 +200,7 @@ def _saved_map(world: Map, given: object, roots: tuple[Path, ...]) -> str:
         return ""
     try:
         path = allowed_path("map_file", given, roots)
-        saved = read_map(path)
+        saved = Map.read(path)
     except VinefabError:
         return ""
     return str(path) if map_text(saved) == map_text(world) else ""

@@ -17,8 +17,6 @@ from vinefab.core.verbs import Call
 from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
@@ -65,9 +63,9 @@ class ExportSource:
                 (Path(name) / file).write_bytes(data)
             design, world = self.design, self.world
             if DESIGN_FILE in self.inputs:
-                design = read_design(Path(name) / DESIGN_FILE)
+                design = Design.read(Path(name) / DESIGN_FILE)
             if MAP_FILE in self.inputs:
-                world = read_map(Path(name) / MAP_FILE)
+                world = Map.read(Path(name) / MAP_FILE)
         return replace(self, design=design, world=world)
 
 
@@ -219,8 +217,8 @@ class PictureExport:
             "design": source.design_name,
             "map": source.map_name,
             "pose": source.pose,
+            "growth": _without_contacts(source.growth_given),
         }
-        given["growth"] = _without_contacts(source.growth_given)
         if self._moves(source):
             return {**given, "animate": source.out, "frames": self.frames}
         return {**given, "out": source.out, "label": self.label}

@@ -27,9 +27,10 @@ from vinefab.core.file_mark import marked
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.map import Map
 from vinefab.studio.design_form import design_form
 from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, is_name, world_of
@@ -215,7 +216,7 @@ def _map_text(path: Path, file: Path, text: object) -> str:
         raise BadInputError("map", text, "the text of a map file")
     file.write_text(text, encoding="utf-8")
     try:
-        return map_text(read_map(file))
+        return map_text(Map.read(file))
     except BadInputError as error:
         raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
     except UnreadableFileError as error:

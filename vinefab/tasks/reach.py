@@ -45,8 +45,8 @@ class Reach(Table):
     """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets.
 
     ``exact`` areas are by polygons, for a score that is reported; ``fast`` ones on cells of free
-    space (`FreeArea.reached_mm2` states the error), a hundred times faster, for searching; taken only
-    where the map is not too large for such a buffer.
+    space (`FreeArea.reached_mm2` states the error), a hundred times faster, for searching; taken
+    only where the map is not too large for such a buffer.
     """
 
     name: ClassVar[str] = "reach"

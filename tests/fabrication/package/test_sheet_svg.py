@@ -15,7 +15,7 @@ from vinefab.fabrication.package.sheet_svg import (
 )
 from vinefab.fabrication.rules.annotation import SheetPlaces
 from vinefab.fabrication.rules.rule import mark_branches
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding, Severity
@@ -24,7 +24,7 @@ from vinefab.model.job import Operation
 
 @pytest.fixture(scope="module")
 def in_pieces():
-    return checked_design(read_design("cave_explorer_pieces"), read_profile(DEFAULT_RECIPE))
+    return checked_design(Design.read("cave_explorer_pieces"), read_profile(DEFAULT_RECIPE))
 
 
 def drawn(job, *of):
@@ -83,7 +83,7 @@ def test_a_branch_that_is_cut_is_marked_on_both_of_its_pieces(in_pieces):
 
 
 def test_a_finding_stands_on_the_outline_of_a_robot_that_is_turned_on_its_bed():
-    subject, _ = checked_design(read_design("grid_explorer"), read_profile(DEFAULT_RECIPE))
+    subject, _ = checked_design(Design.read("grid_explorer"), read_profile(DEFAULT_RECIPE))
     assert abs(float(subject.job.facts["rotation_deg"])) > 1.0
     end = subject.layout.end_mm[-1].tolist()
     finding = Finding(

@@ -121,29 +121,25 @@ def read_dxf(source: Path | str) -> ReadDrawing:
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source
         document = read(io.StringIO(text))
-        return _drawing(document)
+        entities = list(document.modelspace())
+        own = Polyline if document.dxfversion == AC1009 else LWPolyline
+        polylines = [entity for entity in entities if isinstance(entity, own)]
+        limit = document.header.get("$LIMMAX", (0.0, 0.0))
+        return ReadDrawing(
+            unit=_unit(document),
+            sheet=(float(limit[0]), float(limit[1])),
+            paths=tuple(_path(polyline) for polyline in polylines),
+            layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
+            oddities=tuple(
+                f"{counted(count, 'entity')} of kind {kind}"
+                for kind, count in Counter(entity.dxftype() for entity in entities).items()
+                if kind != own.DXFTYPE
+            ),
+        )
     except (DXFError, BadInputError, UnicodeDecodeError) as error:
         raise UnreadableFileError(name, f"not a DXF file of ours: {error}") from error
     except OSError as error:
         raise UnreadableFileError(name, error.strerror or str(error)) from error
-
-
-def _drawing(document: DxfDocument) -> ReadDrawing:
-    entities = list(document.modelspace())
-    own = Polyline if document.dxfversion == AC1009 else LWPolyline
-    polylines = [entity for entity in entities if isinstance(entity, own)]
-    limit = document.header.get("$LIMMAX", (0.0, 0.0))
-    return ReadDrawing(
-        unit=_unit(document),
-        sheet=(float(limit[0]), float(limit[1])),
-        paths=tuple(_path(polyline) for polyline in polylines),
-        layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
-        oddities=tuple(
-            f"{counted(count, 'entity')} of kind {kind}"
-            for kind, count in Counter(entity.dxftype() for entity in entities).items()
-            if kind != own.DXFTYPE
-        ),
-    )
 
 
 def _unit(document: DxfDocument) -> str:

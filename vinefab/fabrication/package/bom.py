@@ -39,10 +39,25 @@ class BomLine:
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     """Return every line of a job's bill of materials; that of joints has `joint_lines`."""
+    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
+    kinds = [
+        ("weld length", sealed, "paths that seal, one pass"),
+        ("cut length", cut, "paths that cut through, one pass"),
+        ("mark length", (Operation.MARK,), "marks, one pass"),
+    ]
+    twice = "; where tiles meet, both count" if job.tiles else ""
     return (
         *_film_lines(job, profile),
         *_tile_lines(job),
-        *_length_lines(job),
+        *[
+            _computed(
+                item,
+                math.fsum(run.length_mm(op) for run in job.runs for op in operations),
+                "mm",
+                f"{basis}{twice}",
+            )
+            for item, operations, basis in kinds
+        ],
         *_time_lines(job, profile),
     )
 
@@ -235,25 +250,6 @@ def _tile_lines(job: Job) -> list[BomLine]:
         return []
     basis = "on the same film, one after the other, aligned by targets"
     return [_computed("tiles", len(job.tiles), "1", basis)]
-
-
-def _length_lines(job: Job) -> list[BomLine]:
-    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
-    kinds = [
-        ("weld length", sealed, "paths that seal, one pass"),
-        ("cut length", cut, "paths that cut through, one pass"),
-        ("mark length", (Operation.MARK,), "marks, one pass"),
-    ]
-    twice = "; where tiles meet, both count" if job.tiles else ""
-    return [
-        _computed(
-            item,
-            math.fsum(run.length_mm(op) for run in job.runs for op in operations),
-            "mm",
-            f"{basis}{twice}",
-        )
-        for item, operations, basis in kinds
-    ]
 
 
 def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:

@@ -165,6 +165,18 @@ def pieces_section(
     )
     least = "No fewer are possible" if partition.proven_least else "Fewer may be possible"
     minutes = MINUTES_PER_JOINT * len(partition.sleeves)
+    rows = tuple(
+        (
+            str(step.number),
+            step.sleeve.label,
+            step.branch,
+            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
+            f"{step.sleeve.width_mm:.2f}",
+            f"{step.sleeve.lap_mm:g}",
+            f"{step.sleeve.outer_from_mm:.1f}",
+        )
+        for step in joining_order(design, partition)
+    )
     return Section(
         title="Pieces",
         paragraphs=(
@@ -172,7 +184,23 @@ def pieces_section(
             f" ({MINUTES_PER_JOINT:g} a joint, assumed). {order_reasons(profile)}",
         ),
         pictures=(picture,),
-        tables=(_piece_table(design, partition, outlines, sheets), _joint_table(design, partition)),
+        tables=(
+            _piece_table(design, partition, outlines, sheets),
+            Rows(
+                caption="Joints, in the order of joining (widths and places computed, depth "
+                "assumed)",
+                headings=(
+                    "step",
+                    "joint",
+                    "branch",
+                    "plug into socket",
+                    "lay-flat width, mm",
+                    "depth, mm",
+                    "lap begins at, mm",
+                ),
+                rows=rows,
+            ),
+        ),
     )
 
 
@@ -205,34 +233,6 @@ def _piece_table(
         caption="Pieces; the size is that of the least rectangle around the outline (computed)",
         headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
         rows=tuple(rows),
-    )
-
-
-def _joint_table(design: Design, partition: Partition) -> Rows:
-    rows = tuple(
-        (
-            str(step.number),
-            step.sleeve.label,
-            step.branch,
-            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
-            f"{step.sleeve.width_mm:.2f}",
-            f"{step.sleeve.lap_mm:g}",
-            f"{step.sleeve.outer_from_mm:.1f}",
-        )
-        for step in joining_order(design, partition)
-    )
-    return Rows(
-        caption="Joints, in the order of joining (widths and places computed, depth assumed)",
-        headings=(
-            "step",
-            "joint",
-            "branch",
-            "plug into socket",
-            "lay-flat width, mm",
-            "depth, mm",
-            "lap begins at, mm",
-        ),
-        rows=rows,
     )
 
 

@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
@@ -131,7 +131,8 @@ def prepare(
     flat = Subject.on_sheet(design, profile, job, separate=separate)
     subject = in_pieces(replace(flat, deployments=deployments), partition)
     report = run_checks(subject)
-    others = _others(design, sheet)
+    named = {other.name: other for other in sheet.beside}
+    others = tuple(other for name, other in named.items() if name != design.name)
     beside = tuple(_beside(other, profile, job, separate=separate) for other in others)
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
@@ -162,12 +163,6 @@ def prepare(
         beside=beside,
         partition=partition if len(partition.pieces) > 1 else None,
     )
-
-
-def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
-    """Return the designs of a sheet that differ from the first, each once."""
-    named = {other.name: other for other in sheet.beside}
-    return tuple(other for name, other in named.items() if name != design.name)
 
 
 def _beside(design: Design, profile: LaserProfile, job: Job, *, separate: bool) -> CheckReport:
@@ -245,9 +240,12 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     if partition is not None:
         joints = joint_lines(design, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(design, partition)
+    more = {f"design_{number}.toml": one for number, one in enumerate(content.others, start=2)}
     files = {
         "README.txt": readme_text(design, job, profile, colours, partition).encode(),
-        **_designs(design, content.others),
+        **{
+            name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
+        },
         "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
@@ -260,14 +258,6 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
     return files
-
-
-def _designs(design: Design, others: Sequence[Design]) -> dict[str, bytes]:
-    """Return the designs as files, by which the package can be made again with another recipe."""
-    more = {f"design_{number}.toml": one for number, one in enumerate(others, start=2)}
-    return {
-        name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
-    }
 
 
 def _laser(content: PackageContent) -> Mapping[str, bytes]:
@@ -296,7 +286,11 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
 def page_blocks(prepared: Prepared) -> Iterator[Block]:
     """Yield the page of a design without predictions."""
     design, profile = prepared.design, prepared.profile
-    yield Answer(_verdict(prepared), _tone(prepared))
+    words = prepared.report.verdict
+    yield Answer(
+        f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words,
+        _tone(prepared),
+    )
     yield Notes(recipe_cautions(profile))
     sections = making_sections(prepared)
     (sheet,) = (section for section in sections if section.title.startswith("The sheet"))
@@ -305,13 +299,11 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
     yield from (replace(one, pictures=()) if one is sheet else one for one in sections)
     yield pressure_section(design, profile)
     yield assumption_section(profile)
-    yield _no_predictions()
-
-
-def _verdict(prepared: Prepared) -> str:
-    """Return what rules and recipe say together, in one line."""
-    words = prepared.report.verdict
-    return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
+    note = (
+        "No maps were given, so this page does not predict where the robot will grow: "
+        "vinefab report does."
+    )
+    yield Section(title="Predictions", paragraphs=(note,))
 
 
 def _tone(prepared: Prepared) -> Tone:
@@ -374,14 +366,6 @@ def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
     if partition is None:
         return lines
     return *lines, *joint_lines(design, partition, profile, robots=robot_count(job))
-
-
-def _no_predictions() -> Section:
-    note = (
-        "No maps were given, so this page does not predict where the robot will grow: "
-        "vinefab report does."
-    )
-    return Section(title="Predictions", paragraphs=(note,))
 
 
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:

@@ -59,6 +59,10 @@ def readme_text(
     boxes = [styled.path.contour.box_mm for styled in styled_paths(first, colours)]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
     foreign = LASER_FORMATS.packages.items()
+    shown = ("generator", "name", "units", "sheet_mm", "kerf")
+    facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
+    lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
+    lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
     filled = {
         "design": design,
         "build": design.build,
@@ -106,7 +110,7 @@ def readme_text(
         "shared_styles": [group for group in operations_by_style(job, colours) if len(group) > 1],
         "left_out": operations_left_out(job, colours),
         "face_words": face_words(design.build),
-        "facts": _facts(job, colours),
+        "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
     }
     if partition and partition.sleeves:
@@ -146,14 +150,6 @@ def _layers(
             )
         )
     return layers
-
-
-def _facts(job: Job, colours: Colours) -> list[str]:
-    shown = ("generator", "name", "units", "sheet_mm", "kerf")
-    facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
-    lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
-    lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
-    return [*lines, f"{', '.join(lists)}: in job.json"] if lists else lines
 
 
 def _corner(tile: Job) -> str:

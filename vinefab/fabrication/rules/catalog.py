@@ -1,6 +1,6 @@
 """All design rules by id, and their limits as changed by recipe, design and command line."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from vinefab.core.errors import located
 from vinefab.core.registry import Registry
@@ -117,8 +117,16 @@ def changed_limits(
     found: dict[tuple[str, str], ChangedLimit] = {}
     for source, changes in sources:
         with located(source):
-            for limit in _checked(source, changes):
-                found[limit.rule, limit.name] = limit
+            for rule, named in ((RULES[rule_id], named) for rule_id, named in changes.items()):
+                limits = rule.limits_with(named)
+                for name in named:
+                    found[rule.id, name] = ChangedLimit(
+                        rule=rule.id,
+                        name=name,
+                        value=limits[name],
+                        default=rule.limits[name],
+                        source=source,
+                    )
     return tuple(limit for limit in found.values() if limit.value != limit.default)
 
 
@@ -128,17 +136,3 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
     for limit in changed:
         values.setdefault(limit.rule, {})[limit.name] = limit.value
     return values
-
-
-def _checked(source: str, changes: Mapping[str, Mapping[str, float]]) -> Iterable[ChangedLimit]:
-    for rule_id, named in changes.items():
-        rule = RULES[rule_id]
-        limits = rule.limits_with(named)
-        for name in named:
-            yield ChangedLimit(
-                rule=rule.id,
-                name=name,
-                value=limits[name],
-                default=rule.limits[name],
-                source=source,
-            )

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, positive
-from vinefab.model.map import refuse_jagged
+from vinefab.model.start import refuse_jagged
 
 Role = Literal["bounds", "obstacle"]
 

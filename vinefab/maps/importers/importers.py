@@ -14,8 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
-from vinefab.maps.importers.import_options import ImportOptions
-from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
+from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map

@@ -14,8 +14,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.maps.cleanup.cell_walls import Mask
 from vinefab.maps.cleanup.raster import GridPlacement, raster_map
-from vinefab.maps.importers.import_options import ImportOptions
-from vinefab.maps.importers.photo_options import PhotoOptions
+from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS
 from vinefab.model.map import Map
 from vinefab.photos.found_markers import find_markers, square_points

@@ -13,13 +13,6 @@ from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
 
 
-def contacts_given(given: object) -> MeasuredContacts:
-    """Return measured contacts as a user gives them: also by the path or name of their file."""
-    if isinstance(given, str | PathLike):
-        return read_contacts(given)
-    return contacts_of(given, "a file of measured contacts (TOML), or its name")
-
-
 def contacts_of(
     given: object, allowed: str = "a table of numbers: a file is named by the user alone"
 ) -> MeasuredContacts:

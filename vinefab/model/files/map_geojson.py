@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import shapely
@@ -18,8 +18,11 @@ from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
-from vinefab.model.map import Map, Pose, Start, are_valid, refuse_jagged
+from vinefab.model.start import Pose, Start, are_valid, refuse_jagged
 from vinefab.model.start_place import StartPlace, StartTable, with_starts
+
+if TYPE_CHECKING:
+    from vinefab.model.map import Map
 
 _LARGEST_BYTES = 1 << 30
 _DECIMALS = 6
@@ -164,11 +167,16 @@ _Content = tuple[Polygon, list[Polygon], list[tuple[str, Start | StartPlace]]]
 """Bounds, obstacles, and starts, each with what messages call it."""
 
 
-def read_map(path: Path) -> Map:
+def read_map(path: Path, made: "type[Map]") -> "Map":
     """Return the map in a GeoJSON file.
 
     A file that vinefab wrote gives every feature a role. In a file without any roles the largest
     polygon must contain all others and is the bounds; the others are obstacles.
+
+    Parameters
+    ----------
+    made
+        The class of maps, which has this function as its `Map.read`.
 
     Raises
     ------
@@ -186,7 +194,7 @@ def read_map(path: Path) -> Map:
         bounds, obstacles, starts = (
             _with_roles(features, roles) if has_roles else _without_roles(features)
         )
-        world = Map(
+        world = made(
             name=about.name or path.stem,
             bounds=bounds,
             obstacles=tuple(obstacles),
@@ -203,7 +211,7 @@ def read_map(path: Path) -> Map:
         raise error.at(path) from error
 
 
-def map_text(world: Map) -> str:
+def map_text(world: "Map") -> str:
     """Return a map as GeoJSON text, one feature per line, coordinates to 1e-6 mm."""
     about = {
         "schema": MAP_SCHEMA,
@@ -367,7 +375,7 @@ def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start 
     )
 
 
-def _check_pose(world: Map, pose: Pose) -> None:
+def _check_pose(world: "Map", pose: Pose) -> None:
     spot = Point(pose.x_mm, pose.y_mm)
     where = f"({spot.x:g}, {spot.y:g})"
     if not world.bounds.covers(spot):

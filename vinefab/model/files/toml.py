@@ -9,8 +9,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from vinefab.core.errors import UnreadableFileError, located
+from vinefab.core.limits import check_plain
 from vinefab.core.table import declared_keys
-from vinefab.core.validation import check_plain
 from vinefab.model.files.shipped import read_text
 
 LARGEST_TOML_BYTES = 1 << 20

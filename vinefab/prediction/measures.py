@@ -11,6 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import NO_INTERVAL, Number
+from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.laser import GrowthConstants
@@ -267,15 +268,19 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
 STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
-def measured_shape(
-    deployment: Deployment, design: Design, ground: MapContext, anchoring: Anchoring
+def measured_shapes(
+    block: Block, design: Design, contexts: Sequence[MapContext], anchoring: Anchoring
 ) -> Floats:
-    """Return all but the last two of `MEASURES`, which are the pressures."""
-    score, terms = Coverage().evaluate(deployment, ground)
-    reached, _ = Reach().evaluate(deployment, ground)
-    held = anchoring.anchored(deployment, design.build, ground).amplification(anchoring.friction)
-    areas = score, 100.0 * terms["area"], 100.0 * reached, held[0]
-    return np.array([*areas, *shares_percent(deployment)])
+    """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
+    coverage = Coverage().evaluate_block(block, contexts)
+    reach = Reach().evaluate_block(block, contexts)
+    rows = []
+    for index, terrain in enumerate(block.terrain.tolist()):
+        grown = block.deployment(index)
+        held = anchoring.anchored(grown, design.build, contexts[terrain])
+        rows.append((held.amplification(anchoring.friction)[0], *shares_percent(grown)))
+    areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
+    return np.column_stack([*areas, np.array(rows)])
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:

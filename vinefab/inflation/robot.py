@@ -20,7 +20,7 @@ from vinefab.inflation.solve import Equilibrium, Tell
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
 
-ACROSS = 6
+ACROSS = 8
 """Triangles across a tube of a robot."""
 
 TAIL_WIDTHS = 2.0

@@ -22,7 +22,7 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.table import Slider, Table, validated
+from vinefab.core.table import LATER, Slider, Table, validated
 from vinefab.core.units import file_number, rad
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.design_toml import design_text
@@ -383,6 +383,14 @@ class Build(Table):
         PieceSettings | None,
         Doc("may be cut in flat pieces, joined by sleeves; left out: one outline"),
     ] = None
+    compensation: Annotated[
+        Literal["inflation", "none"],
+        LATER,
+        Doc(
+            "inflation: cut with the flat angles and lengths that deploy as designed (simulated); "
+            "none: cut as designed"
+        ),
+    ] = "none"
     mounting: Annotated[
         Mounting,
         Doc(

@@ -101,6 +101,7 @@ def pattern_of(design: Design, material: Material) -> Pattern:
         width_mm = build.end_widths_mm[place]
         lengths_mm = child_lengths_mm(level)
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
+        found: FlatJoint | None
         try:
             found = _level_joint(design, material, place, compensated=compensated)
             problem = ""
@@ -122,19 +123,18 @@ def pattern_of(design: Design, material: Material) -> Pattern:
             backs_mm = width_mm * np.array(found.pull_backs)
             stretch = stretch_of(design, material, build.widths_mm[place + 1])
             reached_mm = lengths_mm if compensated else lengths_mm * stretch - backs_mm
-            flat_mm = (lengths_mm + backs_mm) / stretch if compensated else lengths_mm
-            flat[place] = UnevenLevel.of_children(found.flat.angles_deg, flat_mm)
-            deployed[place] = UnevenLevel.of_children(found.deployed_deg, reached_mm)
+            cut_mm = (lengths_mm + backs_mm) / stretch if compensated else lengths_mm
+            flat[place] = UnevenLevel.of_children(found.flat.angles_deg, cut_mm.tolist())
+            deployed[place] = UnevenLevel.of_children(found.deployed_deg, reached_mm.tolist())
         parents *= level.branches
     stretch = stretch_of(design, material, build.widths_mm[0])
     trunk_mm = design.trunk_length_mm
-    flat_trunk_mm, reached_mm = (
-        (trunk_mm / stretch, trunk_mm) if compensated else (trunk_mm, trunk_mm * stretch)
-    )
+    cut_trunk_mm = trunk_mm / stretch if compensated else trunk_mm
+    grown_trunk_mm = trunk_mm if compensated else trunk_mm * stretch
     return Pattern(
         design=design,
-        flat=design.changed(trunk=Trunk(length_mm=flat_trunk_mm), levels=tuple(flat)),
-        deployed=design.changed(trunk=Trunk(length_mm=reached_mm), levels=tuple(deployed)),
+        flat=design.changed(trunk=Trunk(length_mm=cut_trunk_mm), levels=tuple(flat)),
+        deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
         joints=tuple(joints),
     )
 
@@ -160,5 +160,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         found = _joint(wanted, compensated)
         if not compensated:
             break
-        levels[place] = UnevenLevel.of_children(found.flat.angles_deg, child_lengths_mm(level))
+        levels[place] = UnevenLevel.of_children(
+            found.flat.angles_deg, child_lengths_mm(level).tolist()
+        )
     return found

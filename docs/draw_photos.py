@@ -14,7 +14,7 @@ from PIL import Image
 from PIL.ExifTags import IFD, Base
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.files.starters import starter_map
@@ -43,7 +43,7 @@ def main() -> None:
     scenes = {"table": (bare, Pose.of((20, 20, 180)), 9.0)}
     scenes |= {name: (robot, Pose.of(pose), 12.0) for name, pose in POSES.items()}
     for seed, (name, (design, pose, tilt_deg)) in enumerate(scenes.items(), 1):
-        deployment = grow(design, Terrain.of(world), pose, options)
+        deployment = grow_on(design, Terrain.of(world), pose, options)
         look = renderer.Look(
             tilt_deg=tilt_deg,
             turn_deg=70.0 * seed,

@@ -26,7 +26,7 @@ import vinefab as vf
 from vinefab.app import making
 from vinefab.cli.main import main
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map
@@ -299,7 +299,7 @@ def test_what_became_of_a_robot_is_said_as_by_the_command(map_file, capsys):
 
 def test_a_growth_takes_a_map_or_a_path_and_a_pose_of_any_form(vine, world, map_file):
     start = world.starts[0].pose
-    wanted = grow(vine, Terrain.of(world), start).tips_mm
+    wanted = grow_on(vine, Terrain.of(world), start).tips_mm
     degrees = (start.x_mm, start.y_mm, start.heading_deg)
     for place in (world, map_file, str(map_file)):
         for pose in (None, start, degrees, np.array(degrees)):

@@ -18,7 +18,7 @@ from vinefab.core.plain_text import counted
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
-from vinefab.model.inputs import MapLike, PoseLike, growth_of, map_of
+from vinefab.model.inputs import MapLike, PoseLike, as_growth, as_map
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 
@@ -38,8 +38,8 @@ def grow_design(
     """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
     from vinefab.prediction.deploy import deploy
 
-    given = growth_of(growth, **shortcuts)
-    place = map_of(world, "world")
+    given = as_growth(growth, **shortcuts)
+    place = as_map(world, "world")
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)

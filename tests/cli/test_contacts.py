@@ -11,7 +11,7 @@ from vinefab.growth.plan import Plan
 from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import read_contacts
 from vinefab.model.files.design_toml import design_text
-from vinefab.model.inputs import growth_of
+from vinefab.model.inputs import as_growth
 from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
@@ -186,7 +186,7 @@ def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
     measured.rename(tmp_path / "contacts" / "our_film.toml")
-    assert growth_of({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
+    assert as_growth({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
 
 
 @pytest.mark.usefixtures("measured")

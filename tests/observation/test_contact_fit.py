@@ -9,7 +9,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design
@@ -230,7 +230,7 @@ def _grown_photos(half_angle_deg, tmp_path):
     for number in range(8):
         x_mm, turn = start.x_mm + rng.uniform(-10, 10), rng.uniform(-0.25, 0.25)
         pose = Pose(x_mm=x_mm, y_mm=start.y_mm, heading_rad=start.heading_rad + turn)
-        grown = grow(design, terrain, pose, options)
+        grown = grow_on(design, terrain, pose, options)
         chains = {
             name: (
                 grown.chain_mm(branch) + rng.normal(0.0, 0.5, grown.chain_mm(branch).shape)

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
@@ -30,7 +30,7 @@ def world_of(side_mm):
 def deployed(world):
     fork = Level(branches=2, length_mm=30.0, fan_rad=1.0)
     design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2, 4.0))
-    return grow(design, Terrain.of(world), POSE, GrowthOptions.published())
+    return grow_on(design, Terrain.of(world), POSE, GrowthOptions.published())
 
 
 def written(panel):

@@ -9,7 +9,7 @@ import shapely
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.statistics import mean_interval
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import generate
 from vinefab.model.design import Design
@@ -178,7 +178,7 @@ def test_heat_of_one_map_is_where_the_body_lies():
     share = heat_share(heat)
     design, world = Design.read("grid_explorer"), generate("grid", 1003)
     pose = Pose.of(tuple(entry["pose"].values()))
-    deployment = grow(design, Terrain.of(world), pose)
+    deployment = grow_on(design, Terrain.of(world), pose)
     body = shapely.union_all(
         [
             shapely.LineString(deployment.chain_mm(branch)).buffer(

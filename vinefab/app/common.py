@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.verbs import Doc, Kind, Within, also, names_of, note, this_call, wrote
+from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
 from vinefab.model.inputs import (
     FOLDER,
     PAIRS,
@@ -18,11 +18,11 @@ from vinefab.model.inputs import (
     Pairs,
     PathText,
     StartsLike,
-    growth_of,
-    map_of,
-    mapping_of,
-    maps_of,
-    path_of,
+    as_growth,
+    as_map,
+    as_mapping,
+    as_maps,
+    as_path,
     written,
 )
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 else:
     TaskLike = Annotated[
         object,
-        Kind(metavar="TASK", known=names_of("vinefab.tasks.shipped_tasks:TASKS")),
+        Kind(metavar="TASK", known=registered_names("vinefab.tasks.shipped_tasks:TASKS")),
         Doc("The name of a task, in Python also a task of your own: an object with ``name``, "
             "``lowest`` and ``evaluate``."),
     ]  # fmt: skip
@@ -49,13 +49,15 @@ else:
 MOST_POSES = 1_000_000
 MOST_WORKERS = 1024
 
-Poses = Annotated[int, Within(1, MOST_POSES), Doc("Poses drawn per map.")]
+PoseCount = Annotated[int, Within(1, MOST_POSES), Doc("Poses drawn per map.")]
 Workers = Annotated[
     int, Within(1, MOST_WORKERS), Doc("Threads or processes; no result depends on it.")
 ]
-Environment = Annotated[
+UnseenEnvironment = Annotated[
     str,
-    Kind(metavar="NAME", known=names_of("vinefab.maps.generators.environments:ENVIRONMENTS")),
+    Kind(
+        metavar="NAME", known=registered_names("vinefab.maps.generators.environments:ENVIRONMENTS")
+    ),
     Doc("Unseen maps of this environment too."),
 ]
 UnseenCount = Annotated[int, Doc("How many unseen maps.")]
@@ -65,14 +67,14 @@ EnvironmentOptions = Annotated[
 TaskParameters = Annotated[
     object, PAIRS, also("--set"), Doc("Parameters of a task that is named, such as radius_mm=60.")
 ]
-Body = Annotated[
+BodyWidth = Annotated[
     Literal["inflated", "centerline"],
     Doc("How wide a body is; default: as the design was trained."),
 ]
-Folder = Annotated[
+OutFolder = Annotated[
     PathText, FOLDER, Doc("The folder to write; an earlier one of its kind is replaced.")
 ]
-Page = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
+PageFile = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
 PictureFile = Annotated[
     PathText | None, written(".svg", ".png"), also("--svg"), Doc("A picture to write.")
 ]
@@ -82,7 +84,7 @@ def page_path(key: str, out: str | PathLike[str] | None, *, force: bool) -> Path
     """Return the file to write, if one is asked for, once it may be written."""
     if out is None:
         return None
-    path = path_of(key, out)
+    path = as_path(key, out)
     ensure_writable(path, force=force)
     return path
 
@@ -115,7 +117,7 @@ def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: boo
     """Return the folder to fill, once it may be; name what lies beside it from a killed run."""
     from vinefab.core.replacement import moved_aside
 
-    folder = path_of(key, out)
+    folder = as_path(key, out)
     ensure_own_folder(folder, mark, force=force)
     for aside in moved_aside(folder):
         note(
@@ -161,7 +163,7 @@ def growth_choice(
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
 
-    given = growth_of(
+    given = as_growth(
         growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
@@ -188,12 +190,12 @@ def families_of(
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
 
-    chosen, unseen = mapping_of("options", options), None
+    chosen, unseen = as_mapping("options", options), None
     if environment is not None:
         unseen = unseen_maps(environment, count, seed, chosen)
-        worlds = tuple(map_of(world, "maps", start) for world in unseen.worlds)
+        worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(maps_of(maps, start), unseen)
+    return map_families(as_maps(maps, start), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
-    Folder,
+    OutFolder,
     ensure_apart,
     file_of,
     folder_to_write,
@@ -36,18 +36,18 @@ from vinefab.model.inputs import (
     StartsLike,
     WordsLike,
     all_names,
-    design_of,
-    designs_of,
-    limits_of,
-    map_of,
-    maps_of,
+    as_design,
+    as_designs,
+    as_limits,
+    as_map,
+    as_maps,
+    as_path,
+    as_recipe,
+    as_several,
+    as_starts,
     name_or_path,
-    numbers,
-    path_of,
     recipe_for,
-    recipe_of,
-    several_of,
-    starts_of,
+    several_numbers,
     written,
 )
 
@@ -69,7 +69,7 @@ else:
 def _refuse_without_maps(maps: MapsLike, **given: object) -> None:
     """Raise BadInputError for what would mean nothing without maps."""
     for name, value in given.items():
-        if value and not several_of(maps):
+        if value and not as_several(maps):
             raise BadInputError(name, value, "to be given together with maps (--map)")
 
 
@@ -130,18 +130,18 @@ def check(
 
     from vinefab.fabrication.checking import Deployed, check_design, deployed_lines, findings_file
 
-    pictures = [path_of("out", one) for one in several_of(out)] if out is not None else []
+    pictures = [as_path("out", one) for one in as_several(out)] if out is not None else []
     for path in pictures:
         ensure_writable(path, force=force)
-    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
-    robot, worlds = design_of(design), maps_of(maps, start)
+    _refuse_without_maps(maps, growth=growth, start=as_starts(start))
+    robot, worlds = as_design(design), as_maps(maps, start)
     profile = recipe_for(robot, recipe).profile
-    changed = limits_of(limits)
+    changed = as_limits(limits)
     facts = None
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
 
-        facts = read_rig(path_of("rig", rig, "a folder that vinefab rig wrote"))
+        facts = read_rig(as_path("rig", rig, "a folder that vinefab rig wrote"))
     deployed: Deployed = ()
     notes = list[str]()
     if worlds:
@@ -217,10 +217,10 @@ def fix(
     file = page_path("out", out, force=force)
     if file is not None:
         ensure_apart("out", file, file_of("design", design), "the design itself")
-    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
-    robot, worlds = design_of(design), maps_of(maps, start)
+    _refuse_without_maps(maps, growth=growth, start=as_starts(start))
+    robot, worlds = as_design(design), as_maps(maps, start)
     profile = recipe_for(robot, recipe).profile
-    changed, words = limits_of(limits), several_of(keep)
+    changed, words = as_limits(limits), as_several(keep)
     for word in words:
         if not isinstance(word, str):
             raise BadInputError("keep", word, "a name")
@@ -254,7 +254,7 @@ def fabricate(
     design: DesignLike,
     recipe: RecipeLike | None = None,
     *,
-    out: Folder,
+    out: OutFolder,
     allow_uncalibrated: bool = False,
     copies: Annotated[int, Within(1, 200)] = 1,
     beside: Annotated[DesignsLike, DESIGNS, also("--with")] = (),
@@ -319,9 +319,9 @@ def fabricate(
     archive = folder.with_name(f"{folder.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
-    others = tuple(designs_of(beside, "beside"))
+    others = tuple(as_designs(beside, "beside"))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    robot = design_of(design)
+    robot = as_design(design)
     prepared = prepare(robot, recipe_for(robot, recipe).profile, sheet=sheet, r12=r12)
     reports = (prepared.report, *prepared.beside)
     lines = [line for report in reports for line in report.summary]
@@ -401,7 +401,7 @@ def coupon(
 
     folder = folder_to_write("out", out, COUPON_MARK, force=force)
     ensure_results_not_filled_in(folder, force=force)
-    made = make_coupons(recipe_of(recipe))
+    made = make_coupons(as_recipe(recipe))
     if made.report.blocking:
         raise _refused("coupons", made.report)
     files = coupon_files(made)
@@ -463,7 +463,7 @@ def calibrate(
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.files.profile_toml import read_profile
 
-    path, table = path_of("out", out), path_of("results", results)
+    path, table = as_path("out", out), as_path("results", results)
     ensure_writable(path, force=force)
     before = name_or_path("recipe", recipe, "a recipe's path or name")
     profile = read_profile(before)
@@ -482,11 +482,11 @@ def rig(
     world: Annotated[MapLike, also("--map")],
     printer: PrinterLike = DEFAULT_PRINTER,
     *,
-    out: Folder,
+    out: OutFolder,
     start: StartsLike = (),
     design: DesignLike | None = None,
     fit_mm: float | None = None,
-    sheet_mm: Annotated[tuple[float, float] | None, numbers("WIDTH,DEPTH")] = None,
+    sheet_mm: Annotated[tuple[float, float] | None, several_numbers("WIDTH,DEPTH")] = None,
     lid: bool = False,
     allow_empty: bool = False,
     pictures: bool = True,
@@ -548,7 +548,7 @@ def rig(
     from vinefab.rig.rig_plan import refuse_fine
 
     folder = folder_to_write("out", out, RIG_MARK, force=force)
-    place, machine = map_of(world, "world", start), printer
+    place, machine = as_map(world, "world", start), printer
     if isinstance(world, str | PathLike):
         refuse_fine(place, Path(world))
     if not isinstance(machine, Printer):
@@ -558,7 +558,7 @@ def rig(
         sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
     options = RigOptions(**sizes)
     request = RigRequest(
-        design=None if design is None else design_of(design),
+        design=None if design is None else as_design(design),
         allow_empty=allow_empty,
         pictures=pictures,
         lid=lid,

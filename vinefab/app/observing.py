@@ -16,12 +16,12 @@ from vinefab.model.inputs import (
     MapLike,
     PathText,
     PoseLike,
-    design_of,
-    listed_of,
-    map_of,
-    numbers,
-    path_of,
-    several_of,
+    as_design,
+    as_map,
+    as_path,
+    as_several,
+    as_tuple,
+    several_numbers,
     written,
 )
 
@@ -35,10 +35,10 @@ def observe(
     *,
     rig: PathText | None = None,
     corners_px: Annotated[
-        tuple[float, ...] | None, numbers("X,Y,X,Y,..."), also("--corners")
+        tuple[float, ...] | None, several_numbers("X,Y,X,Y,..."), also("--corners")
     ] = None,
     obstacle_height_mm: Annotated[float | None, also("--obstacle-height")] = None,
-    film_colour: Annotated[tuple[int, int, int] | None, numbers("R,G,B")] = None,
+    film_colour: Annotated[tuple[int, int, int] | None, several_numbers("R,G,B")] = None,
     outline: PathText | None = None,
     growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
@@ -98,21 +98,21 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     page = page_path("out", out, force=force)
-    picture = path_of("photo", photo)
+    picture = as_path("photo", photo)
     if page is not None:
         ensure_apart("out", page, picture, "the photo")
-    world, robot = map_of(map), design_of(design)
+    world, robot = as_map(map), as_design(design)
     _, given = growth_choice([design], [robot], growth)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",
     )
     setup = PhotoSetup.of(
-        rig=None if rig is None else path_of("rig", rig),
-        corners_px=None if corners_px is None else listed_of("corners_px", corners_px, eight),
+        rig=None if rig is None else as_path("rig", rig),
+        corners_px=None if corners_px is None else as_tuple("corners_px", corners_px, eight),
         obstacle_mm=obstacle_height_mm,
-        film_colour=None if film_colour is None else listed_of("film_colour", film_colour, three),
-        outline=None if outline is None else path_of("outline", outline),
+        film_colour=None if film_colour is None else as_tuple("film_colour", film_colour, three),
+        outline=None if outline is None else as_path("outline", outline),
     )
     seen = observe_photo(
         read_photo(picture),
@@ -175,7 +175,7 @@ def fit_observations(
     from vinefab.observation.contact_fit import fit_files
 
     file = page_path("out", out, force=force)
-    paths = [path_of("observations", one) for one in several_of(observations)]
+    paths = [as_path("observations", one) for one in as_several(observations)]
     if not paths:
         raise BadInputError("observations", None, "JSON files of observations")
     for path in paths if file is not None else ():

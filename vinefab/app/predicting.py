@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
-    Body,
-    Environment,
+    BodyWidth,
     EnvironmentOptions,
-    Page,
+    PageFile,
     PictureFile,
-    Poses,
+    PoseCount,
     TaskLike,
     TaskParameters,
     UnseenCount,
+    UnseenEnvironment,
     Workers,
     families_of,
     growth_choice,
@@ -48,12 +48,12 @@ from vinefab.model.inputs import (
     PoseLike,
     RecipeLike,
     StartsLike,
-    design_of,
-    map_of,
-    maps_of,
+    as_design,
+    as_map,
+    as_maps,
+    as_several,
+    as_starts,
     recipe_for,
-    several_of,
-    starts_of,
     written,
 )
 
@@ -78,7 +78,7 @@ def grow(
     *,
     start: StartsLike = (),
     growth: GrowthLike | None = None,
-    body: Body | None = None,
+    body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     children_of_stuck: str | None = None,
@@ -151,9 +151,9 @@ def grow(
     elif history is not None:
         whole("history", len(history), 1, MOST_FRAMES)
         history = tuple(positive("history", one) for one in history)
-    if pose is not None and starts_of(start):
+    if pose is not None and as_starts(start):
         raise BadInputError("pose", pose, "not together with start")
-    robot = design_of(design)
+    robot = as_design(design)
     _, given = growth_choice(
         [design],
         [robot],
@@ -164,7 +164,7 @@ def grow(
         children_of_stuck=children_of_stuck,
     )
     here = None if pose is None else Pose.of(pose)
-    found = deploy(robot, map_of(map, start=start), here, given)
+    found = deploy(robot, as_map(map, start=start), here, given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -179,9 +179,9 @@ def score(
     *,
     maps: Annotated[MapsLike, also("--map")],
     start: StartsLike = (),
-    poses: Poses = 3,
+    poses: PoseCount = 3,
     seed: Seed = 0,
-    body: Body | None = None,
+    body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
@@ -222,11 +222,11 @@ def score(
     """
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
-    worlds = maps_of(maps, start)
+    worlds = as_maps(maps, start)
     if not worlds:
         raise BadInputError("maps", "none", "at least one map")
     plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
-    robot = design_of(design)
+    robot = as_design(design)
     choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
     return score_design_on_task(robot, worlds, plan, choice.options)
 
@@ -246,7 +246,7 @@ def aim(
     deployments: int = 100_000,
     seed: Seed = 0,
     workers: Workers | None = None,
-    body: Body | None = None,
+    body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
@@ -314,10 +314,10 @@ def aim(
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
-    place, scored_on = map_of(world, "world"), task_of(task, parameters)
+    place, scored_on = as_map(world, "world"), task_of(task, parameters)
     named = [design] if against is None else [design, against]
-    robot = design_of(design)
-    other = None if against is None else design_of(against, "against")
+    robot = as_design(design)
+    other = None if against is None else as_design(against, "against")
     compared = held_against(robot, other, alone=alone)
     _, given = growth_choice(
         named,
@@ -354,17 +354,17 @@ def compare(
     maps: Annotated[MapsLike, also("--map")] = (),
     *,
     start: StartsLike = (),
-    environment: Environment | None = None,
+    environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
     options: EnvironmentOptions = None,
     measure: str = "coverage_score",
-    poses: Poses = 3,
+    poses: PoseCount = 3,
     seed: Seed = 0,
-    body: Body | None = None,
+    body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
-    out: Page | None = None,
+    out: PageFile | None = None,
     progress: Progress = True,
     force: Force = False,
 ) -> DesignComparison:
@@ -404,10 +404,10 @@ def compare(
     from vinefab.prediction.family_deployments import PredictionPlan
 
     page = page_path("out", out, force=force)
-    named = several_of(designs)
+    named = as_several(designs)
     main = measure_named(measure)
     with told("compare", progress) as tell:
-        robots = [design_of(one, "designs") for one in named]
+        robots = [as_design(one, "designs") for one in named]
         choice, _ = growth_choice(named, robots, growth, body, head_on_half_angle_deg, contacts)
         families = families_of(maps, start, environment, count, seed, options)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
@@ -426,15 +426,15 @@ def report(
     design: DesignLike,
     recipe: RecipeLike | None = None,
     *,
-    out: Page,
+    out: PageFile,
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
-    environment: Environment | None = None,
+    environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
     options: EnvironmentOptions = None,
-    poses: Poses = 3,
+    poses: PoseCount = 3,
     seed: Seed = 0,
-    body: Body | None = None,
+    body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
     contacts: ContactsLike | None = None,
     growth: GrowthLike | None = None,
@@ -471,7 +471,7 @@ def report(
     assert path is not None  # noqa: S101  it is required
     with told("report", progress) as tell:
         tell(0.0, "reading and generating maps")
-        robot = design_of(design)
+        robot = as_design(design)
         profile = recipe_for(robot, recipe).profile
         families = families_of(maps, start, environment, count, seed, options)
         choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)

@@ -9,21 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Table, Text, lines
+from vinefab.core.view import Block, Notes, Picture, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
     from vinefab.model.finding import CheckReport
-
-
-class LinesResult(Result):
-    """A result of lines, with a picture where there is one; it is shown as any other."""
-
-    __slots__ = ()
-
-    def view(self) -> Iterator[Block]:
-        """Yield the lines."""
-        yield Notes(self.summary)
 
 
 def _document(schema: str, content: Mapping[str, object]) -> str:
@@ -117,7 +107,7 @@ class WrittenFolder(Result):
         """Yield the files and the findings."""
         yield Text(f"written: {self.path}: {counted(len(self.files), 'file')}")
         files = tuple((name,) for name in self.files)
-        yield Table(caption="files", headings=("file",), rows=files)
+        yield Rows(caption="files", headings=("file",), rows=files)
         yield from self.report.view()
 
     def __repr__(self) -> str:
@@ -242,15 +232,15 @@ class PhotoReport(Result):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StudyOutcome(LinesResult):
+class StudyOutcome(Result):
     """What a study or the demonstration found.
 
     Parameters
     ----------
     found
         The result of the room that did the work.
-    summary
-        The numbers to take away, a line each.
+    blocks
+        The numbers to take away.
     text
         The JSON document.
     exit_code
@@ -258,9 +248,13 @@ class StudyOutcome(LinesResult):
     """
 
     found: Any
-    summary: tuple[str, ...]
+    blocks: tuple[Block, ...]
     text: Callable[[], str] = field(repr=False)
     exit_code: int = 0
+
+    def view(self) -> tuple[Block, ...]:
+        """Return the numbers to take away."""
+        return self.blocks
 
     def json_text(self) -> str:
         """Return everything as JSON."""

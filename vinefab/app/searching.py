@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
     MOST_WORKERS,
-    Environment,
-    Folder,
+    OutFolder,
     TaskLike,
+    UnseenEnvironment,
     Workers,
     page_path,
     task_of,
@@ -32,13 +32,14 @@ from vinefab.core.verbs import (
     Seed,
     Within,
     also,
-    names_of,
     note,
+    registered_names,
     this_call,
     told,
     verb,
     wrote,
 )
+from vinefab.core.view import Answer, Fact, Facts
 from vinefab.model.inputs import (
     FOLDER,
     DesignLike,
@@ -46,9 +47,9 @@ from vinefab.model.inputs import (
     PathText,
     RecipeLike,
     all_names,
+    as_path,
+    as_several,
     name_or_path,
-    path_of,
-    several_of,
     written,
 )
 
@@ -74,7 +75,7 @@ else:
         object,
         Kind(
             metavar="NAME[:KEY=VALUE,...]",
-            known=names_of("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            known=registered_names("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
             several=True,
         ),
     ]
@@ -197,7 +198,7 @@ def optimize(
 
     from vinefab.prediction.run_winner import run_in_folder
 
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)
@@ -378,20 +379,20 @@ def runs(
 
     if not folders:
         raise BadInputError("folders", None, "folders of runs, or folders above them")
-    paths = [path_of("folders", folder) for folder in folders]
+    paths = [as_path("folders", folder) for folder in folders]
     if rebuild is not None and len(paths) > 1:
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
-        out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
         again = _score_again(run.result, run.settings, out / "best.toml")
         run = replace(run, result=replace(run.result, again=again))
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:
-        file = path_of("best", best)
+        file = as_path("best", best)
         listing = replace(listing, whole=write_best(listing, file, force=force))
         wrote(file, "" if listing.whole else ", of the runs that have ended")
     return listing
@@ -444,31 +445,29 @@ def contest(
     from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
+        comparison_blocks,
         comparison_json,
         comparison_svg,
-        comparison_table,
         contest_rows,
-        heading_lines,
-        table_lines,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in several_of(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
-        contenders=tuple(_contender(text) for text in several_of(optimizers)),
+        contenders=tuple(_contender(text) for text in as_several(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
         sources=tuple(files),
     )
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     with told("comparing", progress) as tell:
         rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
     document = comparison_json(plan, rows)
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
-    lines = (*heading_lines(plan), *table_lines(comparison_table(plan, rows)))
-    return StudyOutcome(found=rows, summary=lines, text=lambda: document)
+    blocks = tuple(comparison_blocks(plan, rows))
+    return StudyOutcome(found=rows, blocks=blocks, text=lambda: document)
 
 
 def _contender(text: str) -> Contender:
@@ -487,7 +486,7 @@ def _contender(text: str) -> Contender:
 @verb
 def reproduce(
     *names: Annotated[
-        str, Kind(metavar="NAME", known=names_of("vinefab.studies.experiments:EXPERIMENTS"))
+        str, Kind(metavar="NAME", known=registered_names("vinefab.studies.experiments:EXPERIMENTS"))
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
@@ -523,40 +522,35 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies.experiments import EXPERIMENTS
-    from vinefab.studies.reproduction import NUMBERS, PAGE, numbers_text
-    from vinefab.studies.reproduction import reproduce as reproduced
+    from vinefab.studies.reproduction import (
+        NUMBERS,
+        PAGE,
+        claims_table,
+        do_experiments,
+        numbers_text,
+    )
     from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
-    folder, size = path_of("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
-        done = reproduced(
+        done = do_experiments(
             names, folder, size, workers=workers, tell=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
-    rows: list[tuple[str, ...]] = [
-        ("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")
-    ]
-    rows += [(one.name, *claim.cells()[:5]) for one in done.findings for claim in one.claims]
     held, claims = done.held
     spent = f"{done.spent_s:.0f} s of work in this session"
-    lines = [
-        *aligned(rows),
-        f"{held} of {claims} claims of the paper hold; {spent}",
-        f"read this first: {folder / PAGE}",
-        f"        numbers: {folder / NUMBERS}",
-    ]
-    return StudyOutcome(found=done, summary=tuple(lines), text=lambda: numbers_text(done))
+    blocks = (
+        claims_table(done.findings, columns=6),
+        Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
+        _written_facts({"read this first": folder / PAGE, "numbers": folder / NUMBERS}),
+    )
+    return StudyOutcome(found=done, blocks=blocks, text=lambda: numbers_text(done))
 
 
-def aligned(rows: Any) -> list[str]:
-    """Return rows of texts as lines with their columns one below the other."""
-    widths = [max(len(str(row[column])) for row in rows) for column in range(len(rows[0]))]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+def _written_facts(files: Mapping[str, Path]) -> Facts:
+    return Facts(tuple(Fact(words, str(path)) for words, path in files.items()))
 
 
 @verb
@@ -579,17 +573,17 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 
     >>> bench()  # doctest: +SKIP
     """
-    from vinefab.studies.benchmark import bench_lines, run_benchmark
+    from vinefab.studies.benchmark import bench_blocks, run_benchmark
 
     with told("measuring", progress) as tell:
         result = run_benchmark(tell, million=million)
-    return StudyOutcome(found=result, summary=tuple(bench_lines(result)), text=result.text)
+    return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text)
 
 
 @verb
 def demo(
     *,
-    out: Folder = "demo",
+    out: OutFolder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
@@ -624,7 +618,7 @@ def demo(
     from vinefab.demonstration import DemoSettings, run_demo
 
     mark = "results.json"  # by which a folder of this verb is known again
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     ensure_own_folder(folder, mark, force=force)
 
     def say(words: str) -> None:
@@ -634,7 +628,6 @@ def demo(
     settings = DemoSettings(seed=seed, generations=generations, population=population)
     with told("demo", progress) as tell, new_folder(folder, mark, force=force) as place:
         found = run_demo(place, settings, tell, say)
-    lines = [f"{found.result.best.name}, run {found.result.run_id}", *aligned(found.table())]
     where = {
         "read this first": "report.html",
         "for the laser": "package/README.txt",
@@ -642,10 +635,11 @@ def demo(
         "the design": "run/best.toml",
         "numbers": mark,
     }
-    lines += [f"{words:>16}: {folder / name}" for words, name in where.items()]
+    written = {words: folder / name for words, name in where.items()}
+    name = f"{found.result.best.name}, run {found.result.run_id}"
     return StudyOutcome(
         found=found,
-        summary=tuple(lines),
+        blocks=(Answer(name), found.table(), _written_facts(written)),
         text=lambda: (folder / mark).read_text(encoding="utf-8"),
         exit_code=0 if found.is_manufacturable else 1,
     )
@@ -659,7 +653,7 @@ def studio(
     design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
     map: MapLike | None = None,
     *,
-    environment: Environment = "grid",
+    environment: UnseenEnvironment = "grid",
     recipe: RecipeLike | None = None,
     port: int = 0,
     browser: bool = True,
@@ -714,7 +708,7 @@ def studio(
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
         design=str(name_or_path("design", design, "a design file, or a shipped name")),
-        map_file=None if map is None else path_of("map", map, "the path of a map file"),
+        map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
         recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
     )

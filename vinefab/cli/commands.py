@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Annotated, Any, get_args
 
-from vinefab.app.verbs import GROUPS, OLDER, PER_NAME, VERBS
+from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
 from vinefab.cli.terminal import Terminal
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.verbs import (
@@ -23,10 +23,9 @@ from vinefab.core.verbs import (
     options_of,
     shell_examples,
 )
+from vinefab.model.inputs import MAP_SUFFIXES
 
-HELP = ("-h", "--help")
 MAP_OPTIONS = ("--maps", "--map")
-MAP_SUFFIXES = (".geojson", ".json")
 _ALIKE = 0.75
 """So alike are two names at least of which one may be meant for the other, 0 to 1."""
 

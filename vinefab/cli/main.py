@@ -23,7 +23,6 @@ from vinefab.core.interruption import StopRequest, stop_requests, stop_with_inpu
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
-HELP = ("-h", "--help")
 _MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
@@ -65,6 +64,7 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
 def dispatch(arguments: Sequence[str]) -> int:
     """Do what a command line asks for, and return the exit code."""
     # What is not asked for is not loaded: the list of commands needs no command.
+    from vinefab.app.verbs import HELP
     from vinefab.cli import help as helps
 
     if "_VINEFAB_COMPLETE" in os.environ:
@@ -86,7 +86,7 @@ def dispatch(arguments: Sequence[str]) -> int:
 
 def _command(arguments: Sequence[str]) -> int:
     """Run a command, or print its help."""
-    from vinefab.app.verbs import GROUPS
+    from vinefab.app.verbs import GROUPS, HELP
     from vinefab.cli.commands import Command, UsageError, command_for, names_in
     from vinefab.cli.help import command_help, group_help
 

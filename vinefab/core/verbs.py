@@ -38,7 +38,7 @@ from vinefab.core.errors import (
     UnknownNameError,
     VinefabError,
 )
-from vinefab.core.limits import number, whole
+from vinefab.core.limits import MOST_SEED, number, whole
 from vinefab.core.progress_lines import progress_shown
 
 P = ParamSpec("P")
@@ -46,7 +46,6 @@ R = TypeVar("R")
 Tell = Callable[[float, str], None]
 
 REQUIRED = inspect.Parameter.empty
-MOST_SEED = 2**63 - 1
 _UNIT_AT_THE_END = re.compile(r"-(mm|deg|px)$")
 
 
@@ -257,7 +256,7 @@ def text_of(value: object) -> str:
     return str(value)
 
 
-def names_of(where: str) -> Callable[[], Iterable[str]]:
+def registered_names(where: str) -> Callable[[], Iterable[str]]:
     """Return what lists the parts of a registry, ``module:NAME``, with those of plug-ins."""
 
     def listed() -> Iterable[str]:
@@ -330,7 +329,10 @@ def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:
     for name, default in defaults.items():
         if name not in without:
             given = None if default is MISSING else default
-            yield _option(name, _field_hint(kind, name), given, said.get(name, ""))
+            words = said.get(name, "")
+            if words and not is_dataclass(kind):  # declared meanings are no sentences
+                words = f"{words[:1].upper()}{words[1:].removesuffix('.')}."
+            yield _option(name, _field_hint(kind, name), given, words)
 
 
 def _field_hint(kind: type, name: str) -> Any:  # noqa: ANN401  an annotation

@@ -157,7 +157,7 @@ class Launches:
         """
         flat = tuple(pose for places in poses for pose in places)
         bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
-        # As in `grow`: numpy's cosine differs in the last digit.
+        # As in `grow_on`: numpy's cosine differs in the last digit.
         headings = [(math.cos(pose.heading_rad), math.sin(pose.heading_rad)) for pose in flat]
         return cls(
             atlas=atlas,
@@ -220,7 +220,7 @@ class Block:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.simulator.grow` does."""
+        """Return one growth as `vinefab.growth.simulator.grow_on` does."""
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
@@ -347,7 +347,7 @@ class Batch:
         return result
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
-        """Return every growth as `vinefab.growth.simulator.grow` does."""
+        """Return every growth as `vinefab.growth.simulator.grow_on` does."""
         blocks = self.each(_deployments_of, over)
         return [deployment for block in blocks for deployment in block]
 

@@ -22,12 +22,12 @@ from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.table import Slider, Table
+from vinefab.core.table import Slider, Table, validated
 from vinefab.core.units import file_number, rad
 from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import locate, path_given
-from vinefab.model.files.toml import read_toml, validated
+from vinefab.model.files.toml import read_toml
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment

@@ -15,7 +15,7 @@ from vinefab.core.validation import Floats
 _FAR_PT = (1.5, 4.0, 8.0, 13.0, 19.0, 26.0, 34.0, 44.0, 58.0, 76.0)
 """Gaps tried between a place and its label."""
 
-_ANGLES = np.arange(16) * np.pi / 8.0 + np.pi / 4.0
+_ANGLES = np.radians(45.0 + 22.5 * np.arange(16))
 
 _TAKEN, _LINE, _OUTSIDE = 40.0, 0.8, 1000.0
 """Cost of each square point of what is taken, of each point of a line, of leaving the page."""
@@ -48,12 +48,12 @@ class Labels:
         self.page = shapely.box(*page_pt) if page_pt else None
         # Stretch by stretch: a label meets few of them.
         ends = [np.stack([line[:-1], line[1:]], axis=1) for line in lines_pt if len(line) > 1]
-        self.lines = shapely.STRtree(shapely.linestrings(np.concatenate(ends)) if ends else [])
+        self.lines = shapely.STRtree([shapely.LineString(two) for line in ends for two in line])
         self.taken = list(taken)
         self.ways: list[BaseGeometry] = []
 
     def place(
-        self, spots_pt: Floats, costs: ArrayLike, size_pt: ArrayLike, *, line_cost: float = _LINE
+        self, spots_pt: Floats, costs: Floats, size_pt: ArrayLike, *, line_cost: float = _LINE
     ) -> int:
         """Take the cheapest of some spots, shape (n, 2), for the middle of a label; return its row.
 
@@ -68,7 +68,8 @@ class Labels:
         x0, y0, x1, y1 = shapely.total_bounds(boxes).tolist()
         near = shapely.STRtree(self.taken).query(shapely.box(x0, y0, x1, y1))
         covered = shapely.union_all([self.taken[one] for one in sorted(near.tolist())])
-        cost = costs + _TAKEN * shapely.area(shapely.intersection(boxes, covered))
+        hidden = shapely.area(shapely.intersection(boxes, covered))
+        cost = np.asarray(costs, dtype=np.float64) + _TAKEN * hidden
         box, line = self.lines.query(boxes)
         crossed = shapely.length(shapely.intersection(boxes[box], self.lines.geometries[line]))
         cost += line_cost * np.bincount(box, crossed, minlength=len(boxes))
@@ -145,9 +146,11 @@ def label_middles(
     return middles
 
 
-def spots_around(far_pt: Sequence[float], angles_rad: Floats) -> tuple[Floats, Floats]:
+def spots_around(far_pt: Sequence[float], angles_rad: ArrayLike) -> tuple[Floats, Floats]:
     """Return every distance in every direction: distances, shape (n,), and units, shape (n, 2)."""
-    far, angle = (grid.ravel() for grid in np.meshgrid(far_pt, angles_rad, indexing="ij"))
+    far, angle = (
+        grid.ravel() for grid in np.meshgrid(far_pt, np.asarray(angles_rad), indexing="ij")
+    )
     return far, np.column_stack([np.cos(angle), np.sin(angle)])
 
 

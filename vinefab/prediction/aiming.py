@@ -10,14 +10,13 @@ from functools import partial
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import rounded
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.core.view import (
     Answer,
     Block,
@@ -29,8 +28,8 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Text,
     Value,
 )
@@ -47,6 +46,14 @@ from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import page_of
 from vinefab.pages.plan import page_bytes
+from vinefab.prediction.aim_pictures import (
+    aim_sheet,
+    best_deployments_panel,
+    landscape_panel,
+    team_panel,
+    turned_panel,
+    union_panel,
+)
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, numbered_names
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
@@ -310,7 +317,7 @@ class AimResult(Result):
             f"{score}."
         )
         yield Picture(
-            image=lambda: self._drawn("landscape_panel", self, first),
+            image=lambda: page_svg(page_of(landscape_panel(self, first))),
             caption=f"{first.name}: expected score of "
             f"{counted(len(first.search.landscape.places_mm), 'place')}, each at the best of its "
             "headings (arrows). Ring: the best robust pose (simulated).",
@@ -341,7 +348,7 @@ class AimResult(Result):
             ),
             lead=True,
         )
-        yield Table(
+        yield Rows(
             caption=f"Expected {self.task.name} score at the best pose of each: mean of "
             f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
             "estimate is the best of many, so biased",
@@ -396,7 +403,7 @@ class AimResult(Result):
         plan, first = self.plan, self.first
         others = [
             Picture(
-                image=self._drawn("landscape_panel", self, robot),
+                image=page_svg(page_of(landscape_panel(self, robot))),
                 caption=f"{robot.name}: expected score of its places. Ring: its best robust pose, "
                 f"{robot.best.pose.text} (simulated).",
             )
@@ -404,7 +411,7 @@ class AimResult(Result):
         ]
         grown = [
             Picture(
-                image=self._drawn("best_deployments_panel", self, robot),
+                image=page_svg(page_of(best_deployments_panel(self, robot))),
                 caption=f"{robot.name} from {robot.best.pose.text}: "
                 f"{counted(len(robot.shown), 'deployment')} with contacts and placing errors, one "
                 "of them in full (simulated).",
@@ -412,7 +419,7 @@ class AimResult(Result):
             for robot in self.robots
         ]
         turned = Picture(
-            image=self._drawn("turned_panel", self.robots),
+            image=page_svg(page_of(turned_panel(self.robots))),
             caption=f"Score over the heading at each best place: mean of {PROFILE_DRAWS} "
             "deployments, and from the worst to the best tenth; dotted: the best heading "
             "(simulated).",
@@ -420,7 +427,7 @@ class AimResult(Result):
         yield Section(title="From the best pose", pictures=(*grown, turned, *others))
         teams = [
             Picture(
-                image=self._drawn("team_panel", self, robot.team),
+                image=page_svg(page_of(team_panel(self, robot.team))),
                 caption=f"{robot.name}: {robot.team.cover.words}; each robot's colour where it is "
                 "the first to cover, at one fresh draw (simulated).",
             )
@@ -429,7 +436,7 @@ class AimResult(Result):
         ]
         if teams:
             union = Picture(
-                image=self._drawn("union_panel", self.robots),
+                image=page_svg(page_of(union_panel(self.robots))),
                 caption="Covered share over the number of robots: mean and 95 % interval at fresh "
                 "draws; dashed: what no set of as many candidates can exceed at the draws of the "
                 "search (simulated).",
@@ -450,11 +457,7 @@ class AimResult(Result):
 
     def picture(self, suffix: str) -> bytes:
         """Return the maps, the best deployments and the headings of all designs in one picture."""
-        return page_bytes(front_door("prediction.aim_pictures").aim_sheet(self), suffix)
-
-    def _drawn(self, panel: str, *shown: object) -> bytes:
-        pictures = front_door("prediction.aim_pictures")  # a module that knows this one
-        return page_svg(page_of(getattr(pictures, panel)(*shown)))
+        return page_bytes(aim_sheet(self), suffix)
 
     @property
     def first(self) -> AimedRobot:
@@ -483,9 +486,9 @@ class AimResult(Result):
         return self.first.best.mean
 
 
-def _team_table(name: str, team: RobotSet) -> Table:
+def _team_table(name: str, team: RobotSet) -> Rows:
     percent = partial(Number, unit="%", form=".1f", per=0.01)
-    return Table(
+    return Rows(
         caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
         f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
         headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),

@@ -9,7 +9,7 @@ import numpy as np
 from vinefab.core.jsontext import rounded
 from vinefab.core.statistics import group_means
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Fact, Number, Section, Table
+from vinefab.core.view import Data, Fact, Number, Rows, Section
 from vinefab.model.design import Design
 from vinefab.model.laser import Material
 from vinefab.physics.anchoring import payload_over_mass
@@ -185,7 +185,7 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
     )
     number = partial(Number, form=".2f")
     tables = [
-        Table(
+        Rows(
             caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps "
             f"(90 % of the maps). {found.engaged_percent:.1f} % of the leaves are engaged; "
             f"{found.nothing_percent:.1f} % of the deployments hold nothing (simulated paths, "
@@ -201,7 +201,7 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
         for found in anchoring
     ]  # fmt: skip
     tables += [
-        Table(
+        Rows(
             caption=f"Force on {found.label} at {found.pressure_kpa:g} kPa: only leaves that are "
             f"engaged hold; film or seam limits some branch in {found.limited_percent:.1f} % of "
             "the deployments at the highest friction (simulated paths, computed contact, assumed "

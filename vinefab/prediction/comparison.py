@@ -21,8 +21,8 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Value,
 )
 from vinefab.growth.options import growth_text
@@ -206,7 +206,7 @@ class DesignComparison(Result):
                 Fact("growth", self.growth),
             )
         )
-        yield Table(
+        yield Rows(
             caption=f"{measure.title} (simulated)",
             headings=("design", "mean", "over what contacts may be like", "size"),
             rows=tuple(
@@ -358,23 +358,19 @@ def paired_differences(
     """Return every pair of designs in one measure, p-values adjusted for the number of pairs."""
     found = []
     for one, two in combinations(range(len(names)), 2):
-        differences = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
+        apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
         groups = outcomes[one].maps
         # Differences on one map are alike; where there is one map, poses have to do.
-        means = (
-            group_means(differences, groups)
-            if len(set(groups)) > 1
-            else differences[np.isfinite(differences)]
-        )
+        means = group_means(apart, groups) if len(set(groups)) > 1 else apart[np.isfinite(apart)]
         if len(means):
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]
-    differences = list[PairedDifference]()
+    made = list[PairedDifference]()
     for (first, second, means), p, adjusted in zip(found, chances, holm(chances), strict=True):
         low, high = mean_interval(means)
         better = means > 0.0 if measure.better == "more" else means < 0.0
         won = np.mean(better + 0.5 * (means == 0.0))
-        differences.append(
+        made.append(
             PairedDifference(
                 measure=measure,
                 first=first,
@@ -388,10 +384,10 @@ def paired_differences(
                 pairs=len(means),
             )
         )
-    return tuple(differences)
+    return tuple(made)
 
 
-def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
+def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
     """Return every measure of every design, as numbers."""
     spreads = [(m, [found.spread(m) for found in outcomes.values()]) for m in MEASURES]
     rows = tuple(
@@ -400,7 +396,7 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
         if any(some)
     )
     some = next(iter(outcomes.values()))
-    return Table(
+    return Rows(
         caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
@@ -408,9 +404,9 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
     )
 
 
-def paired_difference_table(differences: Sequence[PairedDifference]) -> Table:
+def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
     """Return pairs in their measures, as numbers."""
-    return Table(
+    return Rows(
         caption="Paired differences (simulated)",
         headings=(
             "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "pairs",
@@ -438,7 +434,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)
     )
-    table = Table(
+    table = Rows(
         caption=f"Mean {shown.title} over the same maps and poses (simulated)",
         headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
         rows=rows,

@@ -20,7 +20,7 @@ from vinefab.core.validation import Floats, positive, whole
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import Engine, grow
+from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -60,7 +60,7 @@ class History:
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
         pose = self.final.pose
-        deployment = grow(self.design, self.terrain, pose, self.options, engine, plan)
+        deployment = grow_on(self.design, self.terrain, pose, self.options, engine, plan)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
@@ -371,7 +371,7 @@ def deploy(
     choice = GrowthChoice.of([design], given).single
     pose = pose or first_start(world)
     terrain = Terrain.of(world)
-    deployment = grow(design, terrain, pose, choice.options)
+    deployment = grow_on(design, terrain, pose, choice.options)
     return DeployedDesign(
         design=design,
         world=world,
@@ -417,7 +417,7 @@ def deploy_from_starts(
     options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
-        (_start_name(world, number), grow(design, terrain, start.pose, options))
+        (_start_name(world, number), grow_on(design, terrain, start.pose, options))
         for world, terrain in terrains
         for number, start in enumerate(world.starts, start=1)
     )

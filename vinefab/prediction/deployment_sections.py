@@ -10,7 +10,7 @@ import numpy as np
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Number, Picture, Section, Table, document
+from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -68,7 +68,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
         }
     )
     tables = [
-        Table(
+        Rows(
             caption=f"{_capital(outcomes.label)} (simulated)",
             headings=("measure", *_NUMBER_HEADINGS, "count"),
             rows=tuple(
@@ -97,11 +97,11 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
     )
 
 
-def _every_deployment(outcomes: MeasureTable) -> Table:
+def _every_deployment(outcomes: MeasureTable) -> Rows:
     """Return the measures of every deployment, a row each."""
     place = partial(Number, form=".2f", decimals=2)
     # A robot that never emerged needs no pressure: there is no number then.
-    return Table(
+    return Rows(
         caption=f"Every deployment on {outcomes.label}",
         headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in MEASURES)),
         rows=tuple(
@@ -154,7 +154,7 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
+def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
     """Return how the branches of some deployments ended, a row for each level."""
     levels: dict[int, Counter[int]] = {}
     shares: dict[int, list[float]] = {}
@@ -176,7 +176,7 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
         for level, counts in sorted(levels.items())
     )
     total = sum(len(deployment.tree) for deployment in deployments)
-    return Table(
+    return Rows(
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",

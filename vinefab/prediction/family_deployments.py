@@ -7,10 +7,10 @@ from itertools import islice
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Number, Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
@@ -86,7 +87,7 @@ def heat_map_of(
     """Return where a design goes on a map from varied poses."""
     world = prepared_map.world
     # The default range of poses where the map gives none.
-    spread = {
+    spread: dict[str, Any] = {
         "spread_x_mm": LEAST_SPREAD_MM,
         "spread_y_mm": LEAST_SPREAD_MM,
         "spread_heading_rad": rad(LEAST_SPREAD_DEG),
@@ -185,7 +186,7 @@ def heat_blocks(heat: HeatMap) -> Iterator[Data | Section]:
             ),
         ),
         tables=(
-            Table(
+            Rows(
                 caption="Where branches stop head-on or in a corner most often (simulated)",
                 headings=("place", "x mm", "y mm", "% of deployments"),
                 rows=tuple(

@@ -25,7 +25,7 @@ from vinefab.core.view import (
     Number,
     Picture,
     Result,
-    Table,
+    Rows,
     Text,
     Value,
 )
@@ -260,7 +260,7 @@ class MapInfo(Result):
         )
         yield Data({"environment": world.environment, "seed": world.seed, "standing": "computed"})
         yield Notes(tuple(f"note: {note}" for note in size_notes(world)))
-        yield Table(
+        yield Rows(
             caption="reach over the bounds, and do nothing there (computed)",
             headings=("obstacle", "of it"),
             rows=tuple((n, share(part, form=".3g")) for n, part in self.outside.items()),
@@ -268,7 +268,7 @@ class MapInfo(Result):
             keys=("obstacle", "share"),
             most=_MOST_NAMED,
         )
-        yield Table(
+        yield Rows(
             caption="narrowest passages (computed); body: lay-flat width of the widest that fits",
             headings=("width", "x", "y", "between", "body", "dead end as large as a circle of"),
             rows=tuple(gate.cells for gate in self.passages),
@@ -279,7 +279,7 @@ class MapInfo(Result):
                 for gate in self.passages
             ),
         )
-        yield Table(
+        yield Rows(
             caption="starts (computed)",
             headings=("X,Y,DEG", "to the nearest wall", "widest body that fits"),
             rows=tuple(room.cells for room in self.starts),
@@ -289,7 +289,7 @@ class MapInfo(Result):
         )
         if not self.starts:
             yield Text("the map has no start: the room for robots is not computed")
-        yield Table(
+        yield Rows(
             caption="widest body with room in a share of the free area (computed, within 1 %)",
             headings=("of the free area", "lay-flat width"),
             rows=tuple(

@@ -14,7 +14,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Number, Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -260,7 +260,7 @@ def width_blocks(
             }
         }
     )
-    over_contacts = Table(
+    over_contacts = Rows(
         caption=f"Means over {contacts.label}, {counted(contacts.deployments, 'deployment')} at "
         "each half-angle, with 95 % intervals over maps (simulated)",
         headings=("measure", *(f"{angle:g} deg" for angle in contacts.angles_deg)),
@@ -272,7 +272,7 @@ def width_blocks(
     tables, words = [over_contacts], [contact_words(contacts)]
     if pressure is not None:
         percent = partial(Number, unit="%", form=".1f", decimals=1)
-        reaches = Table(
+        reaches = Rows(
             caption=f"How far it gets at {pressure.working_kpa:g} kPa on {pressure.label}, "
             f"{counted(pressure.deployments, 'deployment')} (simulated; assumed constants)",
             headings=(

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.core.view import Data, Number, Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
@@ -188,7 +188,7 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
         "burst first. How the film is stored decides much and is not known: stored loosely, "
         "nothing holds it back; tightly, it is drawn off a spool."
     )
-    needs = Table(
+    needs = Rows(
         caption="Pressure to grow to the worst tip over deployments (simulated paths; nested "
         "capstan with published constants, scaled by 1/diameter from a tube whose diameter is "
         "assumed)",
@@ -201,7 +201,7 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
         key="pressure_window.needs",
         keys=("film_stored", "p05_kpa", "median_kpa", "p95_kpa", "greatest_kpa", "enough_percent"),
     )  # fmt: skip
-    stands = Table(
+    stands = Rows(
         caption=f"What each width stands, over allowed {window.safety_factor:g} (assumed), "
         f"and how far it stretches at the working pressure of {window.working_kpa:g} kPa; "
         f"{basis}",

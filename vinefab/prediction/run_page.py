@@ -15,8 +15,8 @@ from vinefab.core.view import (
     Facts,
     Number,
     Picture,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
@@ -227,7 +227,7 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         return ()
     standing = angles_standing(found)
     signed = partial(Number, form="+.3f")
-    placed = Table(
+    placed = Rows(
         caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
         "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
@@ -280,13 +280,13 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
 def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
     """Return what limits the winner: walls and pressure, rules, bounds of the space."""
     tables = [
-        Table(
+        Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
             "stricter (computed)",
             headings=("rule", "what", "measured", "limit", "branches"),
             rows=() if isinstance(checked, str) else _rule_rows(run, checked),
         ),
-        Table(
+        Rows(
             caption="Variables of the search in which the winner lies at an end of its range",
             headings=("variable", "winner", "end of its range"),
             rows=tuple(_bound_rows(run)),
@@ -407,7 +407,7 @@ def _files_section(run: EndedRun) -> Section:
         ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
         (f"{PICTURES}/", "the pictures of this page"),
     )
-    table = Table(caption="In this folder", headings=("file", "what"), rows=rows)
+    table = Rows(caption="In this folder", headings=("file", "what"), rows=rows)
     return Section(
         title="Files and time",
         paragraphs=(f"The last session: {run.result.times.summary}.",),

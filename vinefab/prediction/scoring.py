@@ -62,11 +62,12 @@ def score_design_on_task(
     )
     names = tuple(evaluations[0].parts)
     table = np.array([[each.parts[name] for name in names] for each in evaluations])
-    means = np.average(table, axis=0, weights=map_weights([len(places) for places in poses]))
+    weights = map_weights([len(places) for places in poses])
+    means = np.average(table, axis=0, weights=weights).tolist() if names else []
     return replace(
         score,
         evaluations=evaluations,
-        parts=dict(zip(names, means.tolist(), strict=True)),
+        parts=dict(zip(names, means, strict=True)),
         growth=options.content,
         grown=growth_text(options, [design]),
         notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),

@@ -13,7 +13,7 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.core.view import Data, Picture, Section, Table
+from vinefab.core.view import Data, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
@@ -352,7 +352,7 @@ def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -
         text = measure.interval(change.mean, change.low, change.high)
         return f"{text}{'*' if change.is_clear else ''}"
 
-    table = Table(
+    table = Rows(
         caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
         "where there is one map); an "
         "asterisk where the interval leaves out 0 (simulated)",
@@ -414,7 +414,7 @@ def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
         f"{counted(tolerance.launches, 'pose')} "
         "each (simulated)."
     )
-    table = Table(
+    table = Rows(
         caption="Means over poses of the robot as designed and of robots as made (simulated)",
         headings=("measure", "unit", *numbers.values()),
         rows=tuple((measure.title, measure.unit, *row.values()) for measure, row in scatter),

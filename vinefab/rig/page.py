@@ -26,8 +26,8 @@ from vinefab.core.view import (
     Picture,
     Remark,
     Result,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
@@ -311,12 +311,12 @@ class RigFiles(RigRecord, Result):
             ),
             pictures=self._pictures("assembly", "board", "lid"),
             tables=(
-                Table(
+                Rows(
                     caption="Beds (estimate)",
                     headings=("bed", "takes"),
                     rows=tuple((bed.name, bed.estimate.words()) for bed in self.printing.beds),
                 ),
-                Table(
+                Rows(
                     caption="Parts (computed)",
                     headings=("number", "file", "bed", "size as printed, mm", "volume, cm3"),
                     rows=tuple(

@@ -1,20 +1,21 @@
 """What a user chooses about a rig: its sizes and style, and the printer."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from annotated_types import Ge, Interval, Unit
 from pydantic import Field, create_model, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.limits import DEFAULT_MARKER_MM, SMALLEST
 from vinefab.core.table import Table, declared_keys, validated
-from vinefab.core.validation import SMALLEST
-from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import Quantity
-from vinefab.model.map import Map
+
+if TYPE_CHECKING:
+    from vinefab.model.map import Map
 
 MOST_PARTS = 2000
 """Most parts that may be asked for: every one is a solid, a file and a place on a bed."""
@@ -199,7 +200,7 @@ class RigOptions(Table):
         """Return the gap around what is pushed into each other."""
         return printer.clearance_mm if self.clearance_mm is None else self.clearance_mm
 
-    def fitted(self, world: Map, side_mm: float) -> "RigOptions":
+    def fitted(self, world: "Map", side_mm: float) -> "RigOptions":
         """Return the options with the scale at which the rig's longer side has some length."""
         room_mm = side_mm - 2.0 * self.border_mm
         if not room_mm > 0.0:

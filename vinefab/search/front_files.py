@@ -11,8 +11,8 @@ from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Number, Table
-from vinefab.growth.simulator import grow
+from vinefab.core.view import Number, Rows
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
@@ -218,7 +218,7 @@ def write_front(
     return members
 
 
-def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Table:
+def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
     """Return a front, a row per design, the cheapest first."""
     further = settings.further_objectives
     units = (COSTS[name].unit if name in COSTS else "" for name in further)
@@ -228,7 +228,7 @@ def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Table:
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
         why = "fewer than three designs" if len(members) < 3 else low
         knee = f"; no knee against {settings.front_axis}: {why}"
-    return Table(
+    return Rows(
         caption=f"front of {counted(len(members), 'design')} (simulated){knee}",
         headings=("design", settings.task.name,
                   *(f"{name}, {unit}" if unit else name
@@ -283,7 +283,7 @@ def _robots(
     terrain, options = Terrain.of(world), settings.growth.at_one_angle
     return {
         place: FrontRobot(
-            deployment=grow(members[place].design, terrain, world.starts[0].pose, options),
+            deployment=grow_on(members[place].design, terrain, world.starts[0].pose, options),
             widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
             title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
         )

@@ -17,7 +17,7 @@ from vinefab.core.errors import (
 )
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Text
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -220,7 +220,7 @@ class _BestSoFar:
     def _picture(self, design: Design) -> bytes:
         if self._drawn is None or self._drawn[0] is not design:
             growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
-            deployment = grow(design, Terrain.of(self._world), pose, growth)
+            deployment = grow_on(design, Terrain.of(self._world), pose, growth)
             frame = DeploymentFrame(
                 front_mm=float(deployment.grown_mm.sum()),
                 deployment=deployment,

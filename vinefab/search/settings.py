@@ -17,6 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, 
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located, nearest, values_hidden
+from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import LATER, Table, validated
@@ -44,7 +45,6 @@ from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8
-MOST_SEED = 2**62
 
 
 def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
@@ -62,7 +62,7 @@ class MapSettings(Table):
     environment: Annotated[str, Doc("a generator; see `vinefab map --help`")] = "grid"
     count: Annotated[int, Ge(1), Le(1000), Doc("of maps")] = 4
     seed: Annotated[
-        int, Ge(0), Le(MOST_SEED), Doc("of the first map; the next have the next seeds")
+        int, Ge(0), Le(MOST_FIRST_SEED), Doc("of the first map; the next have the next seeds")
     ] = 1
     options: Annotated[Mapping[str, Any], Doc("of the generator")] = {}
     files: Annotated[
@@ -118,7 +118,7 @@ class SearchSettings(Table):
 
     population: Annotated[int, Ge(2), Le(100_000), Doc("designs of a generation")] = 20
     generations: Annotated[int, Ge(1), Le(1_000_000), Doc("at most")] = 15
-    seed: Annotated[int, Ge(0), Le(MOST_SEED), Doc("of everything random but the maps")] = 1
+    seed: Annotated[int, Ge(0), Le(MOST_FIRST_SEED), Doc("of everything random but the maps")] = 1
     stall_generations: Annotated[
         int, Ge(0), Le(1_000_000), Doc("without improvement that end it; 0: never")
     ] = 0
@@ -419,7 +419,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
     content = toml.read_toml(path)
     with located(path):
         _read_files_in(content, path.parent)
-    file = toml.validated(RunFile, content, path)
+    file = validated(RunFile, content, path)
     with located(path):
         return _settings(file, path)
 

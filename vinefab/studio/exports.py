@@ -213,8 +213,12 @@ class PictureExport:
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return what the verb is given."""
-        given = {"design": source.design_name, "map": source.map_name, "pose": source.pose}
-        given["growth"] = _without_contacts(source.growth_given)
+        given: dict[str, Any] = {
+            "design": source.design_name,
+            "map": source.map_name,
+            "pose": source.pose,
+            "growth": _without_contacts(source.growth_given),
+        }
         if self._moves(source):
             return {**given, "animate": source.out, "frames": self.frames}
         return {**given, "out": source.out, "label": self.label}

@@ -15,6 +15,7 @@ from shapely.affinity import translate
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, number, whole
@@ -31,7 +32,6 @@ PAGE = "the page"
 
 MOST_EDITS = 10_000
 MOST_FAMILY, MOST_POSES = 200, 5
-MOST_SEED = 2**62
 
 MapSource = Mapping[str, Any]
 """``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
@@ -170,7 +170,7 @@ def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed fi
     environment = _text("map.environment", given.get("environment"))
     options = _mapping("map.options", given.get("options") or {})
     kind = ENVIRONMENTS[environment]
-    seed = whole("map.seed", given.get("seed", 0), 0, MOST_SEED)
+    seed = whole("map.seed", given.get("seed", 0), 0, MOST_FIRST_SEED)
     return kind.make(seed, with_parameters(kind.options, environment, options))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, number
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Level
 from vinefab.model.map import Map
@@ -62,7 +62,7 @@ def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
     if problem := not_followed(state.design):
         raise VinefabError(problem)
     terrain = prepared_map(state.world).terrain
-    grown = grow(state.design, terrain, state.start, state.growth, engine=engine_now())
+    grown = grow_on(state.design, terrain, state.start, state.growth, engine=engine_now())
     return state.world, grown
 
 

@@ -2,18 +2,19 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Ge, Le, Unit
+from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, Ints, number, positive, whole
+from vinefab.core.table import Table
+from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
 from vinefab.tasks.exact_areas import disc_union, free_disc_areas_mm2, seen_areas
-from vinefab.tasks.fast_areas import Raster, SightLines
+from vinefab.tasks.fast_areas import FreeArea, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
@@ -21,8 +22,10 @@ _ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coverage:
+Weight = Annotated[float, Ge(0), Le(1e3)]
+
+
+class Coverage(Table):
     """Every deployed branch has a sensor at its tip; seen area counts, branches and film cost.
 
     ``score = w_area A/A_free - w_count N/N_max (1 - eta) - w_length L/L_max (1 - eta)
@@ -32,53 +35,40 @@ class Coverage:
     are the paper's (section 2.3); weights, N_max and L_max are vinefab's, for the paper's are not
     published.
 
-    Parameters
-    ----------
-    radius_mm
-        Radius of the disc that one sensor sees.
-    most_branches
-        N_max.
-    most_diagonals
-        L_max over the diagonal of the map's bounds.
-    weight_area, weight_count, weight_length, weight_film
-        Weights of the four terms, at least 0.
-    clip
-        ``free``: only free space is seen and every area above is taken within it. ``none``: whole
-        discs, as the paper's words have it. ``sight``: free space that no wall hides from the
-        sensor.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
-        lines across it in line of sight (`Raster.covered_mm2` and `SightLines.covered_mm2` state
-        the error), a hundred times faster, for searching; taken only where the map is not too
-        large for such discs. ``auto``: fast in a search, else exact.
+    ``exact`` areas are by polygons, for a score that is reported. ``fast`` ones are by strips of
+    free space, or lines across it in line of sight (`FreeArea.covered_mm2` and
+    `SightLines.covered_mm2` state the error), a hundred times faster, for searching; taken only
+    where the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
 
-    radius_mm: float = 50.0
-    most_branches: int = 100
-    most_diagonals: float = 20.0
-    weight_area: float = 1.0
-    weight_count: float = 0.5
-    weight_length: float = 0.5
-    weight_film: float = 0.1
-    clip: Literal["free", "none", "sight"] = "free"
-    area: Literal["auto", "exact", "fast"] = "auto"
-
-    def __post_init__(self) -> None:
-        positive("task.radius_mm", self.radius_mm)
-        whole("task.most_branches", self.most_branches, 1, 100_000)
-        positive("task.most_diagonals", self.most_diagonals, 1e4, "diagonals")
-        for term in ("area", "count", "length", "film"):
-            number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
-        if self.clip not in ("free", "none", "sight"):
-            raise BadInputError("task.clip", self.clip, "'free', 'none' or 'sight'")
-        if self.area not in ("auto", "exact", "fast"):
-            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+    radius_mm: Annotated[
+        float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm"), Doc("of the disc that one sensor sees")
+    ] = 50.0
+    most_branches: Annotated[int, Ge(1), Le(100_000), Doc("N_max")] = 100
+    most_diagonals: Annotated[
+        float, Ge(SMALLEST), Le(1e4), Doc("L_max over the diagonal of the map's bounds")
+    ] = 20.0
+    weight_area: Annotated[Weight, Doc("of the seen area")] = 1.0
+    weight_count: Annotated[Weight, Doc("of the number of branches")] = 0.5
+    weight_length: Annotated[Weight, Doc("of the length")] = 0.5
+    weight_film: Annotated[Weight, Doc("of the film")] = 0.1
+    clip: Annotated[
+        Literal["free", "none", "sight"],
+        Doc(
+            "free: only free space is seen and every area above is taken within it; none: whole "
+            "discs, as the paper's words have it; sight: free space that no wall hides from the "
+            "sensor"
+        ),
+    ] = "free"
+    area: Annotated[
+        Literal["auto", "exact", "fast"], Doc("how areas are found; auto: fast in a search")
+    ] = "auto"
 
     def for_search(self) -> "Coverage":
         """Return the task with fast areas, unless its parameters say how to measure them."""
-        return replace(self, area="fast") if self.area == "auto" else self
+        return self.changed(area="fast") if self.area == "auto" else self
 
     def cover(self, context: MapContext) -> Cover:
         """Return what several robots see together: free space alone, and nothing is subtracted."""
@@ -179,7 +169,7 @@ class Coverage:
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
         return context.free_area_mm2(union), float(each_mm2.sum())
 
-    def _strips(self, context: MapContext) -> Raster | SightLines | None:
+    def _strips(self, context: MapContext) -> FreeArea | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""
         if self.clip == "sight":
             return context.sight_lines(self.radius_mm)

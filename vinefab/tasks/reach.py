@@ -2,15 +2,18 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
+from pydantic import BeforeValidator, Field
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
+from vinefab.core.table import Table
+from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
@@ -23,64 +26,72 @@ QUARTER_SEGMENTS = 32
 """Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reach:
+Distance = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
+Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM)]
+Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+
+
+def _points(given: object) -> object:
+    """Return points of any length as given, where they are points."""
+    if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
+        raise ValueError(f"[[x, y], ...], at most {MOST_TARGETS}")
+    for place, point in enumerate(given, start=1):
+        if not isinstance(point, list | tuple) or len(point) != 2:
+            raise BadInputError(f"[{place}]", point, "[x, y] in mm")
+    return tuple(given)
+
+
+class Reach(Table):
     """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets.
 
-    Parameters
-    ----------
-    buffer_mm
-        Largest distance from the body's centreline that counts as reached.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-        (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken only
-        where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
-    target_mm
-        Points in the coordinates of every map: where there are any, the score is the share of them
-        that is reached, and `buffer_mm` and `area` have no effect.
-    tolerance_mm
-        Largest distance, straight, walls or not, at which a target counts as reached (assumed).
-    falloff_mm
-        Beyond the tolerance a target counts less and less, and nothing so much farther; 0: nothing.
-    reached_by
-        What reaches: ``body``, any point of a centreline, or ``tip``, the tip of a branch.
+    ``exact`` areas are by polygons, for a score that is reported; ``fast`` ones on cells of free
+    space (`FreeArea.reached_mm2` states the error), a hundred times faster, for searching; taken
+    only where the map is not too large for such a buffer.
     """
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
 
-    buffer_mm: float = 40.0
-    area: Literal["auto", "exact", "fast"] = "auto"
-    target_mm: tuple[tuple[float, float], ...] = ()
-    tolerance_mm: float = 20.0
-    falloff_mm: float = 0.0
-    reached_by: Literal["body", "tip"] = "body"
-
-    def __post_init__(self) -> None:
-        positive("task.buffer_mm", self.buffer_mm)
-        positive("task.tolerance_mm", self.tolerance_mm)
-        number("task.falloff_mm", self.falloff_mm, 0.0, LARGEST_MM, "mm")
-        if self.reached_by not in ("body", "tip"):
-            raise BadInputError("task.reached_by", self.reached_by, "'body' or 'tip'")
-        if not isinstance(self.target_mm, list | tuple) or len(self.target_mm) > MOST_TARGETS:
-            raise BadInputError(
-                "task.target_mm", self.target_mm, f"[[x, y], ...], at most {MOST_TARGETS}"
-            )
-        points = list[tuple[float, float]]()
-        for place, point in enumerate(self.target_mm, start=1):
-            key = f"task.target_mm[{place}]"
-            plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
-            if not plain or len(point) != 2:
-                raise BadInputError(key, point, "[x, y] in mm")
-            x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
-            points.append((x_mm, y_mm))
-        object.__setattr__(self, "target_mm", tuple(points))
-        if self.area not in ("auto", "exact", "fast"):
-            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+    buffer_mm: Annotated[
+        Distance, Doc("largest distance from the body's centreline that counts as reached")
+    ] = 40.0
+    area: Annotated[
+        Literal["auto", "exact", "fast"], Doc("how areas are found; auto: fast in a search")
+    ] = "auto"
+    target_mm: Annotated[
+        tuple[Point, ...],
+        BeforeValidator(_points),
+        Unit("mm"),
+        Doc(
+            "points in the coordinates of every map: where there are any, the score is the share "
+            "of them that is reached, and `buffer_mm` and `area` have no effect"
+        ),
+    ] = ()
+    tolerance_mm: Annotated[
+        Distance,
+        Doc(
+            "largest distance, straight, walls or not, at which a target counts as reached "
+            "(assumed)"
+        ),
+    ] = 20.0
+    falloff_mm: Annotated[
+        float,
+        Ge(0),
+        Le(LARGEST_MM),
+        Unit("mm"),
+        Doc(
+            "beyond the tolerance a target counts less and less, and nothing so much farther; 0: "
+            "nothing"
+        ),
+    ] = 0.0
+    reached_by: Annotated[
+        Literal["body", "tip"],
+        Doc("body: any point of a centreline; tip: the tip of a branch"),
+    ] = "body"
 
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
-        return replace(self, area="fast") if self.area == "auto" else self
+        return self.changed(area="fast") if self.area == "auto" else self
 
     def check_map(self, world: Map, context: MapContext) -> None:
         """Raise `BadInputError` where a target is not in the free space of a map."""

@@ -7,7 +7,12 @@ import pytest
 import shapely
 
 from vinefab.fabrication.checking import checked_design
-from vinefab.fabrication.package.sheet_svg import SIGNS, placed_findings, sheet_box_mm, sheet_svg
+from vinefab.fabrication.package.sheet_svg import (
+    SEVERITY_SIGNS,
+    placed_findings,
+    sheet_box_mm,
+    sheet_svg,
+)
 from vinefab.fabrication.rules.annotation import SheetPlaces
 from vinefab.fabrication.rules.rule import mark_branches
 from vinefab.model.design import Design
@@ -99,4 +104,4 @@ def test_a_finding_stands_on_the_outline_of_a_robot_that_is_turned_on_its_bed():
 
 
 def test_signs_tell_severities_apart_without_colour():
-    assert len({SIGNS[severity].split("Z")[0] for severity in Severity}) == len(Severity)
+    assert len({SEVERITY_SIGNS[severity].split("Z")[0] for severity in Severity}) == len(Severity)

@@ -314,7 +314,7 @@ def test_a_large_image_takes_few_bytes_per_cell() -> None:
     free = np.ones((1000, 1000), dtype=np.bool_)
     placement = raster.GridPlacement(cell_mm=10.0)
     tracemalloc.start()
-    raster.raster_map("large", free, placement, raster.RasterOptions(), {})
+    raster.raster_map("large", free, placement, ImportOptions(), {})
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 9 * free.size

@@ -402,7 +402,7 @@ def _write_joint(
     """Write the joint's label beside its plug and beside its socket."""
     name = step.sleeve.label
     for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
-        far, towards = spots_around(_BESIDE_PT, np.arange(16) * np.pi / 8.0)
+        far, towards = spots_around(_BESIDE_PT, np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False))
         spots = page.points(place) + far[:, None] * towards
         x, y = spots[labels.place(spots, far, _label_size(name, _JOINT_PT))].tolist()
         panel.words((x, y), name, _JOINT_PT, colour=colour, anchor="middle", bold=True, halo=True)

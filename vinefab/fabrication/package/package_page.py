@@ -7,7 +7,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Picture, Rows, Section
 from vinefab.fabrication.package.assembly_drawing import exploded_picture
 from vinefab.fabrication.package.bom import BomLine
 from vinefab.fabrication.package.piece_joining import (
@@ -51,7 +51,7 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     return Section(
         title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
         pictures=(picture,),
-        tables=(Table(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
+        tables=(Rows(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
     )
 
 
@@ -66,7 +66,7 @@ def check_section(
     ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
     skipped = tuple((rule.rule, rule.reason) for rule in report.skipped)
     stale = tuple(f"Stale waiver {name}: it matches no finding." for name in report.stale_waivers)
-    findings = Table(
+    findings = Rows(
         caption="Findings",
         headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
         rows=found,
@@ -74,7 +74,7 @@ def check_section(
     tables = (
         *((findings,) if found else ()),
         *(
-            (Table(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
+            (Rows(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
             if skipped
             else ()
         ),
@@ -122,7 +122,7 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
             f"{100 * strain:.0f} %",
         )
         rows.append((str(level), *cells))
-    table = Table(
+    table = Rows(
         caption=f"At the working pressure of {build.pressure_kpa:g} kPa; what seams stand rests on "
         f"one test: {film.seam.words()}. Strain rests on a modulus of "
         f"{film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})",
@@ -186,7 +186,7 @@ def pieces_section(
         pictures=(picture,),
         tables=(
             _piece_table(design, partition, outlines, sheets),
-            Table(
+            Rows(
                 caption="Joints, in the order of joining (widths and places computed, depth "
                 "assumed)",
                 headings=(
@@ -213,7 +213,7 @@ def _piece_table(
     partition: Partition,
     outlines: Mapping[str, Contour],
     sheets: Mapping[str, Sequence[int]],
-) -> Table:
+) -> Rows:
     ids = branch_tree(design).ids
     rows = []
     for piece in partition.pieces:
@@ -229,7 +229,7 @@ def _piece_table(
                 f"{long_mm:.0f} x {wide_mm:.0f}",
             )
         )
-    return Table(
+    return Rows(
         caption="Pieces; the size is that of the least rectangle around the outline (computed)",
         headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
         rows=tuple(rows),
@@ -256,7 +256,7 @@ def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
     )
     headings = ("item", "amount", "unit", "standing", "basis")
     caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
-    table = Table(caption=caption, headings=headings, rows=rows)
+    table = Rows(caption=caption, headings=headings, rows=rows)
     return Section(title="Bill of materials", tables=(table,))
 
 
@@ -272,7 +272,7 @@ def assumption_section(
     rows = tuple(
         (name, number.words(), number.standing.value, number.source) for name, number in numbers
     )
-    table = Table(
+    table = Rows(
         caption=f"Recipe {profile.recipe.name}, status {profile.recipe.status.value}",
         headings=("number", "value", "standing", "source"),
         rows=rows,

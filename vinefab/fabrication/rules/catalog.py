@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from vinefab.core.errors import UnknownNameError, located
 from vinefab.core.registry import Registry
-from vinefab.core.view import Block, Data, Remark, Result, Table, Text
+from vinefab.core.view import Block, Data, Remark, Result, Rows, Text
 from vinefab.fabrication.rules import (
     as_built,
     clearance,
@@ -198,7 +198,7 @@ class RuleBook(Result, dict[str, Rule]):
             yield from next(iter(self.values())).view()
             return
         for title, rules in grouped_rules().items():
-            yield Table(
+            yield Rows(
                 caption=title,
                 headings=("rule", "what must hold", "limits"),
                 rows=tuple(rule.cells for rule in rules if rule.id in self),

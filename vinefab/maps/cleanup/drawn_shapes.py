@@ -55,14 +55,14 @@ class Drawn(Generic[R]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape(Drawn[Floats]):
+class DrawnShape(Drawn[Floats]):
     """A drawn line, outline or filled area whose rings are points, each of shape (n, 2)."""
 
 
-def as_areas(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+def as_areas(shapes: tuple[DrawnShape, ...]) -> tuple[DrawnShape, ...]:
     """Return shapes with the outlines of each painted element as one filled area."""
     kept = [shape for shape in shapes if shape.paint is None]
-    painted: dict[int, list[Shape]] = {}
+    painted: dict[int, list[DrawnShape]] = {}
     for shape in shapes:
         if shape.paint is not None:
             painted.setdefault(shape.paint, []).append(shape)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Fact, Number, Table
+from vinefab.core.view import Fact, Number, Rows
 
 PLACED_OFF = 10.0
 """A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
@@ -70,9 +70,9 @@ def angles_standing(content: Mapping[str, Any]) -> str:
     return standing
 
 
-def contacts_table(content: Mapping[str, Any]) -> Table:
+def contacts_table(content: Mapping[str, Any]) -> Rows:
     """Return the mean scores over the head-on half-angle, on unseen and on training maps."""
-    return Table(
+    return Rows(
         caption=f"mean {content['task']} score over the head-on half-angle "
         f"({angles_standing(content)}), with 95 % intervals over maps, from the same poses "
         "(simulated)",

@@ -29,7 +29,7 @@ from vinefab.core.view import (
     Number,
     Picture,
     Result,
-    Table,
+    Rows,
 )
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
@@ -135,7 +135,7 @@ class RunResult(Result):
     prediction: Mapping[str, Any] = field(default_factory=dict)
     recipe: RunRecipe | None = None
     violations: str = ""
-    front: Table | None = None
+    front: Rows | None = None
     again: str = ""
     schema = "vinefab/run-result-1"
 
@@ -189,7 +189,7 @@ class RunResult(Result):
             yield self.front
         if found:
             yield contacts_table(found)
-        yield Table(
+        yield Rows(
             caption="finalists on the same fresh poses, the winner first (simulated)",
             headings=("fitness", "mean score", "penalty", "branches", "levels"),
             rows=tuple(

@@ -1,0 +1,468 @@
+"""One joint under pressure: where its children point and lie, and what its crotches bear.
+
+The joint is cut from the pattern with a stub of trunk and of each child, so long that more makes no
+difference. All lengths are in widths of the trunk.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
+from vinefab.fabrication.outline.ends import round_tip
+from vinefab.fabrication.outline.gap import LEFT, RIGHT, Core, JointBranch, solve_gap
+from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
+from vinefab.inflation.membrane import Membrane
+from vinefab.inflation.mesh import Mesh, Straight, followed
+from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
+from vinefab.inflation.solve import Equilibrium, Tell
+from vinefab.model.outline import Contour, Part
+
+ACROSS = 8
+"""Triangles across a tube."""
+
+TRUNK_STUB, CHILD_STUB = 1.5, 2.5
+"""Length of the straight stubs, in their own widths."""
+
+_DRAWN_MM = 100.0  # width of the trunk where the outline, which knows millimetres, is drawn
+_FAR_MM = 1e6
+_NEAR_TIP, _NEAR_JOINT = 0.75, 0.75  # lengths of a stub, in its widths, that its axis leaves out
+_TURN_RAD = 1e-3  # by which sensitivities are differences
+_GRID = 24.0  # points across the trunk where balls are tried
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """A joint of a flat pattern.
+
+    Parameters
+    ----------
+    angles_deg
+        Flat angle from the trunk's heading to each child's, counter-clockwise positive, rising.
+    widths
+        Width of each child, over the trunk's.
+    fillets
+        Fillet radius in each gap, over the trunk's width: from the trunk's right side to the first
+        child, between children, from the last child to the trunk's left side.
+    hoop_strain
+        p W / (pi E t) of the trunk.
+    """
+
+    angles_deg: tuple[float, ...]
+    widths: tuple[float, ...]
+    fillets: tuple[float, ...]
+    hoop_strain: float = 0.01
+
+    def __post_init__(self) -> None:
+        count = len(self.angles_deg)
+        if not 1 <= count <= 100:
+            raise BadInputError("angles_deg", self.angles_deg, "1 to 100 children")
+        for name, values, wanted in (
+            ("widths", self.widths, count),
+            ("fillets", self.fillets, count + 1),
+        ):
+            if len(values) != wanted:
+                raise BadInputError(name, values, f"{wanted} numbers")
+        if any(two <= one for one, two in pairwise((-180.0, *self.angles_deg, 180.0))):
+            raise BadInputError("angles_deg", self.angles_deg, "rising angles within 180 degrees")
+        if not all(0.0 < width <= 1.5 for width in self.widths):
+            raise BadInputError("widths", self.widths, "numbers above 0, at most 1.5")
+        if not all(0.0 <= fillet <= 10.0 for fillet in self.fillets):
+            raise BadInputError("fillets", self.fillets, "numbers of 0 to 10")
+        if not 0.0 < self.hoop_strain <= 1.0:
+            raise BadInputError("hoop_strain", self.hoop_strain, "a number above 0, at most 1")
+
+    @classmethod
+    def fan(
+        cls,
+        children: int,
+        fan_deg: float,
+        *,
+        width: float,
+        fillet: float,
+        hoop_strain: float = 0.01,
+    ) -> "Joint":
+        """Return a joint with an even fan, as designs have: equal children, equal fillets."""
+        turns = np.linspace(-fan_deg / 2.0, fan_deg / 2.0, children) if children > 1 else [0.0]
+        return cls(
+            angles_deg=tuple(float(turn) for turn in turns),
+            widths=(width,) * children,
+            fillets=(fillet,) * (children + 1),
+            hoop_strain=hoop_strain,
+        )
+
+    def with_angles(self, angles_deg: tuple[float, ...]) -> "Joint":
+        """Return the joint with other flat angles."""
+        return replace(self, angles_deg=angles_deg)
+
+    @property
+    def mirrored(self) -> "Joint":
+        """The joint seen from below."""
+        return Joint(
+            angles_deg=tuple(-angle for angle in reversed(self.angles_deg)),
+            widths=tuple(reversed(self.widths)),
+            fillets=tuple(reversed(self.fillets)),
+            hoop_strain=self.hoop_strain,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointOutline:
+    """The outline of a joint with its stubs, in widths of the trunk.
+
+    The joint, where the axes meet, is the origin, and the trunk's heading is +x.
+    """
+
+    contour: Contour  # closed; the segment of `Part.MOUTH` is the cut through the trunk
+    straights: tuple[Straight, ...]  # the trunk's stub, then the children's
+
+
+def joint_outline(
+    joint: Joint, *, trunk_stub: float = TRUNK_STUB, child_stub: float = CHILD_STUB
+) -> JointOutline:
+    """Return the outline of a joint with stubs of so many of their own widths.
+
+    Raises
+    ------
+    BadInputError
+        If two neighbours part too far from the joint.
+    """
+    half = _DRAWN_MM / 2.0
+    around = [
+        JointBranch(angle_rad=-math.pi, half_mm=half, length_mm=_FAR_MM, owner=0),
+        *(
+            JointBranch(
+                angle_rad=math.radians(angle), half_mm=half * width, length_mm=_FAR_MM, owner=child
+            )
+            for child, (angle, width) in enumerate(
+                zip(joint.angles_deg, joint.widths, strict=True), start=1
+            )
+        ),
+        JointBranch(angle_rad=math.pi, half_mm=half, length_mm=_FAR_MM, owner=0),
+    ]
+    core = Core(radius_mm=half * max(1.0, *joint.widths))
+    gaps = [
+        solve_gap(one.side(LEFT), two.side(RIGHT), core, fillet * _DRAWN_MM)
+        for (one, two), fillet in zip(pairwise(around), joint.fillets, strict=True)
+    ]
+    begins = [
+        max(right.second_used_mm, left.first_used_mm) / _DRAWN_MM for right, left in pairwise(gaps)
+    ]
+    if max(begins) > 20.0:
+        allowed = "neighbours that part within 20 widths of the trunk"
+        raise BadInputError("angles_deg", joint.angles_deg, allowed)
+    trunk_used = max(gaps[0].first_used_mm, gaps[-1].second_used_mm) / _DRAWN_MM + 0.15
+    mouth = -(trunk_used + trunk_stub) * _DRAWN_MM
+    origin, names = LocalFrame((0.0, 0.0), 0.0), [str(number) for number in range(len(around) - 1)]
+    pen = Pen([(mouth, -half)])
+    for child, (gap, (begin, width, angle)) in enumerate(
+        zip(
+            gaps,
+            [*zip(begins, joint.widths, joint.angles_deg, strict=True), (0, 0, 0)],
+            strict=True,
+        )
+    ):
+        pen.go_to(placed(gap.run.start_mm, origin), Part.SIDE, names[child])
+        pen.pieces(gap.run, origin, names)
+        if child == len(begins):
+            break
+        heading = math.radians(angle)
+        end = LocalFrame(polar((begin + child_stub * width) * _DRAWN_MM, heading), heading)
+        tip = round_tip(half * width)
+        pen.go_to(placed(tip.run.start_mm, end), Part.SIDE, names[child + 1])
+        pen.pieces(tip.run, end, [names[child + 1]])
+    pen.go_to((mouth, half), Part.SIDE, names[0])
+    drawn = pen.contour()
+    contour = Contour(
+        points_mm=drawn.points_mm / _DRAWN_MM,
+        bulges=np.append(drawn.bulges, 0.0),
+        parts=(*drawn.parts, Part.MOUTH),
+        branches=(*drawn.branches, names[0]),
+        closed=True,
+    )
+    center: Point = (0.0, 0.0)
+    trunk = Straight(
+        origin=center,
+        heading_rad=0.0,
+        begin=mouth / _DRAWN_MM,
+        end=-trunk_used,
+        half_begin=0.5,
+        half_end=0.5,
+    )
+    children = (
+        Straight(
+            origin=center,
+            heading_rad=math.radians(angle),
+            begin=begin,
+            end=begin + child_stub * width,
+            half_begin=width / 2.0,
+            half_end=width / 2.0,
+        )
+        for begin, width, angle in zip(begins, joint.widths, joint.angles_deg, strict=True)
+    )
+    return JointOutline(contour=contour, straights=(trunk, *children))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InflatedJoint:
+    """A joint under pressure (simulated). Lengths are in widths of the trunk.
+
+    The deployed joint is the point of the trunk's deployed axis where the flat joint would lie if
+    the trunk's tube ran on. A point of a child's axis that was at a distance s from the flat joint
+    lies at the distance s - pull_back along the child's deployed heading from the deployed joint,
+    and side_offset to the left of it.
+    """
+
+    joint: Joint
+    angles_deg: Floats  # deployed angle of each child to the trunk's axis, shape (n,)
+    pull_backs: Floats  # shape (n,)
+    side_offsets: Floats  # shape (n,)
+    sheet: Sheet
+    equilibrium: Equilibrium
+
+    @property
+    def gap_loads(self) -> Floats:
+        """Largest weld load in each gap over that of the trunk's straight seam, shape (n + 1,)."""
+        return _gap_loads(self)
+
+    @property
+    def crotch_load(self) -> float:
+        """The largest of `gap_loads`."""
+        return float(self.gap_loads.max())
+
+    @property
+    def passages(self) -> Floats:
+        """Largest ball from the trunk into each child, over the child's tube, at most 1."""
+        return _passages(self)
+
+    def sensitivity(self) -> Floats:
+        """Return d deployed / d flat: row i, column j for child i by the flat angle of child j.
+
+        From the factorized Hessian at the equilibrium: the flat triangles follow the outline of a
+        slightly turned child, and the equilibrium follows to first order.
+        """
+        return _sensitivity(self)
+
+
+def inflated_joint(
+    joint: Joint,
+    *,
+    across: int = ACROSS,
+    trunk_stub: float = TRUNK_STUB,
+    child_stub: float = CHILD_STUB,
+    tell: Tell | None = None,
+) -> InflatedJoint:
+    """Return a joint under pressure.
+
+    Parameters
+    ----------
+    across
+        Triangles across a tube, even.
+    trunk_stub, child_stub
+        Length of the straight stubs, in their own widths.
+    tell
+        Called before every step of the solution.
+
+    Raises
+    ------
+    BadInputError
+        If the outline cannot be filled with triangles, as where children overlap on the sheet.
+    NotConvergedError
+        If no equilibrium is found.
+    """
+    outline = joint_outline(joint, trunk_stub=trunk_stub, child_stub=child_stub)
+    widths = {"0": 1.0} | {str(k): width for k, width in enumerate(joint.widths, start=1)}
+    sheet = sheet_of(
+        outline.contour,
+        outline.straights,
+        widths,
+        across=across,
+        hoop_strain=joint.hoop_strain,
+    )
+    found = sheet.inflated(tell=tell)
+    angles, backs, offsets = _measured(sheet.mesh, found.positions)
+    return InflatedJoint(
+        joint=joint,
+        angles_deg=angles,
+        pull_backs=backs,
+        side_offsets=offsets,
+        sheet=sheet,
+        equilibrium=found,
+    )
+
+
+# --- Measures -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """The deployed axis of a straight stretch."""
+
+    heading: Floats  # unit vector, shape (2,)
+    center: Floats  # a point of it, shape (2,)
+    along: float  # place along the flat axis of that point
+
+
+def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float, float]) -> Axis:
+    """Return the straight line through the middles between the deployed sides of a stretch.
+
+    Parameters
+    ----------
+    sides
+        Deployed points of its right and left side, from its beginning on, shape (k, 2) each.
+    leave
+        Lengths at its beginning and its end that do not count, as far as three points are left.
+    """
+    middle = (sides[0] + sides[1]) / 2.0
+    place = np.linspace(straight.begin, straight.end, len(middle))
+    # Ends that count in part let no result jump where one more point fits in.
+    step = place[1] - place[0]
+    ramp = np.minimum(place - straight.begin - leave[0], straight.end - leave[1] - place)
+    weight = np.clip(ramp / step + 0.5, 0.0, 1.0)
+    if np.count_nonzero(weight) < 3:
+        weight = np.zeros(len(place))
+        weight[max(0, len(place) // 2 - 1) : len(place) // 2 + 2] = 1.0
+    total = weight.sum()
+    center, along = weight @ middle / total, float(weight @ place / total)
+    away = place - along
+    heading = (weight * away) @ (middle - center)
+    return Axis(heading=heading / np.hypot(*heading), center=center, along=along)
+
+
+def _measured(mesh: Mesh, positions: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return deployed angles, pull-backs and side offsets of the children."""
+    axes = []
+    for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
+        width = 2.0 * straight.half_end
+        # The trunk's stub begins at the mouth, which is no end.
+        leave = (_NEAR_JOINT * width, _NEAR_TIP * width) if axes else (0.0, _NEAR_JOINT * width)
+        axes.append(axis_of(straight, (positions[right, :2], positions[left, :2]), leave))
+    trunk = axes[0]
+    deployed_joint = trunk.center - trunk.along * trunk.heading
+    angles, backs, offsets = [], [], []
+    for axis in axes[1:]:
+        angles.append(turned_deg(trunk.heading, axis.heading))
+        away = axis.center - deployed_joint
+        backs.append(axis.along - float(away @ axis.heading))
+        offsets.append(float(axis.heading[0] * away[1] - axis.heading[1] * away[0]))
+    return np.array(angles), np.array(backs), np.array(offsets)
+
+
+def _gap_loads(found: InflatedJoint) -> Floats:
+    """Return the largest weld load in each gap, over that of a straight seam."""
+    sheet, mesh = found.sheet, found.sheet.mesh
+    loads = sheet.seam_loads(found.equilibrium)
+    load = dict(zip(sheet.is_seam.tolist(), loads.tolist(), strict=True))
+    # Walking around, a gap lies between the last straight side and the next.
+    place = {corner: number for number, corner in enumerate(mesh.seam.tolist())}
+    trunk, *children = mesh.sides
+    right, left = (side[len(side) // 4 : 3 * len(side) // 4 + 1] for side in trunk)
+    usual = float(np.mean([load[corner] for corner in [*right.tolist(), *left.tolist()]]))
+    starts = [trunk[0][-1], *(side[1][0] for side in children)]
+    ends = [*(side[0][0] for side in children), trunk[1][-1]]
+    worst = []
+    for start, end in zip(starts, ends, strict=True):
+        first, last = place[int(start)], place[int(end)]
+        count = (last - first) % len(mesh.seam) + 1
+        corners = mesh.seam[(first + np.arange(count)) % len(mesh.seam)]
+        worst.append(max(load[corner] for corner in corners.tolist() if corner in load) / usual)
+    return np.array(worst)
+
+
+def _passages(found: InflatedJoint) -> Floats:
+    """Return the widest way into each child, over that of its straight tube."""
+    mesh, positions = found.sheet.mesh, found.equilibrium.positions
+    seam = positions[mesh.seam, :2]
+    (x0, y0), (x1, y1) = seam.min(axis=0), seam.max(axis=0)
+    step = 1.0 / _GRID
+    x, y = np.arange(x0, x1 + step, step), np.arange(y0, y1 + step, step)
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    # The film as a cloud of points, finer than the grid.
+    corners = positions[mesh.triangles]
+    shares = [(a, b, 4 - a - b) for a in range(5) for b in range(5 - a)]
+    cloud = np.concatenate([np.tensordot(np.array(s) / 4.0, corners, (0, 1)) for s in shares])
+    flat = np.column_stack([grid.reshape(-1, 2), np.zeros(grid.shape[0] * grid.shape[1])])
+    room = cKDTree(cloud).query(flat)[0]
+    within = _covered(corners[:, :, :2], (x, y))
+    room = np.where(within, room.reshape(grid.shape[:2]), 0.0)
+
+    def at(sides: tuple[Ints, Ints]) -> tuple[int, int]:
+        right, left = sides
+        middle = (positions[right, :2] + positions[left, :2])[len(right) // 2] / 2.0
+        return round((middle[0] - x0) / step), round((middle[1] - y0) / step)
+
+    trunk, *children = [at(sides) for sides in mesh.sides]
+    passages = []
+    for child in children:
+        own = float(
+            room[max(child[0] - 2, 0) : child[0] + 3, max(child[1] - 2, 0) : child[1] + 3].max()
+        )
+        low, high = 0.0, own
+        for _ in range(12):
+            tried = (low + high) / 2.0
+            label, _ = ndimage.label(room >= tried)
+            near = label[child[0] - 2 : child[0] + 3, child[1] - 2 : child[1] + 3]
+            home = label[trunk[0] - 2 : trunk[0] + 3, trunk[1] - 2 : trunk[1] + 3]
+            joined = np.intersect1d(near[near > 0], home[home > 0])
+            low, high = (tried, high) if len(joined) else (low, tried)
+        passages.append(min(1.0, high / own))
+    return np.array(passages)
+
+
+def _covered(triangles: Floats, axes: tuple[Floats, Floats]) -> "Floats":
+    """Return whether points of a grid lie under triangles, shape (m, 3, 2)."""
+    x, y = axes
+    covered = np.zeros((len(x), len(y)), dtype=np.bool_)
+    for corners in triangles:
+        (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+        i = slice(int(np.searchsorted(x, left)), int(np.searchsorted(x, right, "right")))
+        j = slice(int(np.searchsorted(y, low)), int(np.searchsorted(y, high, "right")))
+        if i.start >= i.stop or j.start >= j.stop:
+            continue
+        px, py = x[i, None], y[None, j]
+        signs = [
+            (b[0] - a[0]) * (py - a[1]) - (b[1] - a[1]) * (px - a[0])
+            for a, b in ((corners[k], corners[(k + 1) % 3]) for k in range(3))
+        ]
+        same = (np.minimum(np.minimum(*signs[:2]), signs[2]) >= 0.0) | (
+            np.maximum(np.maximum(*signs[:2]), signs[2]) <= 0.0
+        )
+        covered[i, j] |= same
+    return covered
+
+
+# --- Sensitivity ----------------------------------------------------------------------------------
+
+
+def _sensitivity(found: InflatedJoint) -> Floats:
+    joint, sheet = found.joint, found.sheet
+    trunk, child = sheet.mesh.straights[0], sheet.mesh.straights[1]
+    stubs = trunk.end - trunk.begin, (child.end - child.begin) / joint.widths[0]
+
+    def contour(angles_deg: tuple[float, ...]) -> Contour:
+        turned = joint.with_angles(angles_deg)
+        return joint_outline(turned, trunk_stub=stubs[0], child_stub=stubs[1]).contour
+
+    here, columns = contour(joint.angles_deg), []
+    for child_number in range(len(joint.angles_deg)):
+        measured = []
+        for way in (1.0, -1.0):
+            angles = list(joint.angles_deg)
+            angles[child_number] += way * math.degrees(_TURN_RAD)
+            turned = Membrane(
+                followed(sheet.mesh, here, contour(tuple(angles))),
+                sheet.mesh.triangles,
+                sheet.membrane.free,
+                hoop_strain=joint.hoop_strain,
+            )
+            positions = found.equilibrium.positions.copy()
+            pull = turned.gradient(positions)
+            positions[turned.free] -= found.equilibrium.stiffness.solve(pull)
+            measured.append(_measured(sheet.mesh, positions)[0])
+        columns.append((measured[0] - measured[1]) / (2.0 * math.degrees(_TURN_RAD)))
+    return np.column_stack(columns)

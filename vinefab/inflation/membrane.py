@@ -1,0 +1,392 @@
+"""The energy of an inflated sheet, with its exact gradient and Hessian.
+
+A robot is two equal sheets welded along its outline. It is symmetric about the plane of the weld,
+so the upper sheet alone is computed: flat triangles of a membrane without bending stiffness, over
+the plane z = 0, with the gas between the sheet and that plane.
+
+Lengths are in widths of the trunk's flat tube and pressures in the gauge pressure: one number of
+the material is left, the hoop strain p W / (pi E t).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
+
+POISSON = 0.45
+"""Poisson's ratio of the film (assumed)."""
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curvature:
+    """The second derivatives of the energy, one symmetric matrix of 9 x 9 for each triangle."""
+
+    upper: Floats  # entries on and above the diagonal, row by row, shape (45, m)
+
+
+class Membrane:
+    """An upper sheet under pressure.
+
+    Parameters
+    ----------
+    points
+        Corners of the triangles on the flat sheet, in widths, shape (n, 2).
+    triangles
+        Corners of each triangle, counter-clockwise, shape (m, 3).
+    free
+        Which coordinates of the corners may move, shape (n, 3). Corners on the seam keep z.
+    hoop_strain
+        p W / (pi E t) of a tube of width 1.
+    poisson
+        Poisson's ratio.
+
+    Notes
+    -----
+    Film law: St. Venant and Kirchhoff, plane stress, relaxed by tension-field theory. With the
+    principal Green strains e1 >= e2 a triangle is taut if e2 + nu e1 > 0, slack if e1 <= 0, else
+    wrinkled with the energy E e1^2 / 2 per volume. The gas gives its dead pressure times the volume
+    between sheet and plane; a sheet whose free edge lies in an upright plane is closed by it.
+    """
+
+    def __init__(
+        self,
+        points: Floats,
+        triangles: Ints,
+        free: Bools,
+        *,
+        hoop_strain: float,
+        poisson: float = POISSON,
+    ) -> None:
+        if not 0.0 < hoop_strain < math.inf:
+            raise BadInputError("hoop_strain", hoop_strain, "a number above 0")
+        self.points, self.triangles, self.free = points, triangles, free
+        self.stiffness = 1.0 / (math.pi * hoop_strain)  # E t, over p W
+        self.poisson = poisson
+        corners = points[triangles]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        double = ax * by - ay * bx
+        self.area = double / 2.0
+        # Gradients of the second and third corner's shape functions; the first has minus their sum.
+        self._g1 = np.stack([by, -bx]) / double
+        self._g2 = np.stack([-ay, ax]) / double
+        self.unknowns = int(np.count_nonzero(free))
+        number = np.full(free.shape, -1, dtype=np.int64)
+        number[free] = np.arange(self.unknowns)
+        self._number = number
+        self._scatter: _Scatter | None = None
+
+    @property
+    def scatter(self) -> "_Scatter":
+        """Where the triangles' entries stand in the sparse Hessian."""
+        if self._scatter is None:
+            self._scatter = _Scatter(self._number[self.triangles].reshape(-1, 9), self.unknowns)
+        return self._scatter
+
+    def energy(self, positions: Floats) -> float:
+        """Return the energy of the film less the work of the gas, over p W^3.
+
+        Parameters
+        ----------
+        positions
+            Corners in space, shape (n, 3).
+        """
+        x = self._corners(positions)
+        strain = self._strain(*self._stretch(x))
+        return float(self.area @ _density(strain, self.poisson)) * self.stiffness - _volume(x)
+
+    def volume(self, positions: Floats) -> float:
+        """Return the volume between the upper sheet and the plane of the seam, over W^3."""
+        return _volume(self._corners(positions))
+
+    def gradient(self, positions: Floats) -> Floats:
+        """Return the derivative of the energy with respect to the free coordinates, shape (k,)."""
+        full = self.forces(positions)
+        return full[self.free]
+
+    def forces(self, positions: Floats) -> Floats:
+        """Return the derivative of the energy with respect to all coordinates, shape (n, 3).
+
+        At a fixed coordinate of a solution it is the force that holds it.
+        """
+        x = self._corners(positions)
+        f1, f2 = self._stretch(x)
+        stress = self._stress(f1, f2)
+        gradient = self._film_gradient(f1, f2, stress) - _volume_gradient(x)
+        flat = self.triangles.T
+        total = np.empty((len(positions), 3))
+        for axis in range(3):
+            total[:, axis] = np.bincount(
+                flat.ravel(), gradient[:, axis].ravel(), minlength=len(positions)
+            )
+        return total
+
+    def film_gradient(self, positions: Floats) -> Floats:
+        """Return the derivative of each triangle's film energy by its corners, shape (3, 3, m).
+
+        First index: corner, second: coordinate.
+        """
+        f1, f2 = self._stretch(self._corners(positions))
+        return self._film_gradient(f1, f2, self._stress(f1, f2))
+
+    def hessian(self, positions: Floats) -> "sparse.csc_array":
+        """Return the second derivatives by the free coordinates, symmetric, shape (k, k)."""
+        return self.scatter.matrix(self.curvature(positions).upper)
+
+    def curvature(self, positions: Floats) -> Curvature:
+        """Return the second derivatives of each triangle's energy."""
+        x = self._corners(positions)
+        f1, f2 = self._stretch(x)
+        strain = self._strain(f1, f2)
+        weight = self.area * self.stiffness
+        stress, moduli = _moduli(strain, self.poisson)
+        stress, moduli = stress * weight, moduli * weight
+        blocks = _film_blocks(f1, f2, (self._g1, self._g2), stress, moduli)
+        return Curvature(upper=_less_volume(_upper(blocks), x))
+
+    def states(self, positions: Floats) -> Ints:
+        """Return the state of each triangle, shape (m,): 0 slack, 1 wrinkled, 2 taut."""
+        first, second, _ = _principal(self._strain(*self._stretch(self._corners(positions))))
+        taut = second + self.poisson * first > 0.0
+        return np.where(first <= 0.0, 0, np.where(taut, 2, 1))
+
+    def stresses(self, positions: Floats) -> Floats:
+        """Return the membrane forces over p W in the flat sheet's axes, shape (3, m): xx, yy, xy.
+
+        Second Piola-Kirchhoff stress times thickness: force per length of the flat sheet, to first
+        order in the strain.
+        """
+        return self._stress(*self._stretch(self._corners(positions))) / self.area
+
+    def _corners(self, positions: Floats) -> Floats:
+        """Return the corners' coordinates, shape (3, 3, m): corner, coordinate, triangle."""
+        flat = positions.T[:, self.triangles.T]
+        return np.ascontiguousarray(flat.transpose(1, 0, 2))
+
+    def _stretch(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the two columns of the deformation gradient, shape (3, m) each."""
+        a, b = x[1] - x[0], x[2] - x[0]
+        return a * self._g1[0] + b * self._g2[0], a * self._g1[1] + b * self._g2[1]
+
+    def _strain(self, f1: Floats, f2: Floats) -> Floats:
+        """Return the Green strain, shape (3, m): xx, yy, xy."""
+        return 0.5 * np.stack([(f1 * f1).sum(0) - 1.0, (f2 * f2).sum(0) - 1.0, (f1 * f2).sum(0)])
+
+    def _stress(self, f1: Floats, f2: Floats) -> Floats:
+        return _stress(self._strain(f1, f2), self.poisson) * (self.area * self.stiffness)
+
+    def _film_gradient(self, f1: Floats, f2: Floats, stress: Floats) -> Floats:
+        xx, yy, xy = stress
+        along, across = xx * f1 + xy * f2, xy * f1 + yy * f2
+        second = along * self._g1[0] + across * self._g1[1]
+        third = along * self._g2[0] + across * self._g2[1]
+        return np.stack([-second - third, second, third])
+
+
+# --- The film law ---------------------------------------------------------------------------------
+
+
+def _principal(strain: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the principal strains, the larger first, and half their difference."""
+    xx, yy, xy = strain
+    middle, radius = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
+    return middle + radius, middle - radius, radius
+
+
+def _density(strain: Floats, nu: float) -> Floats:
+    """Return the energy per volume of film of modulus 1."""
+    first, second, _ = _principal(strain)
+    taut = (first**2 + second**2 + 2.0 * nu * first * second) / (2.0 * (1.0 - nu**2))
+    wrinkled = np.maximum(first, 0.0) ** 2 / 2.0
+    return np.where((second + nu * first > 0.0) & (first > 0.0), taut, wrinkled)
+
+
+def _stress(strain: Floats, nu: float) -> Floats:
+    """Return the derivative of the energy density by the strains xx, yy and 2 xy, shape (3, m)."""
+    xx, yy, xy = strain
+    first, second, radius = _principal(strain)
+    taut = (second + nu * first > 0.0) & (first > 0.0)
+    wrinkled = ~taut & (first > 0.0)
+    plane = 1.0 / (1.0 - nu**2)
+    pull, safe = np.where(wrinkled, first, 0.0), np.where(wrinkled, radius, 1.0)
+    cos, sin = (xx - yy) / (2.0 * safe), xy / safe
+    return np.stack(
+        [
+            np.where(taut, plane * (xx + nu * yy), pull * (1.0 + cos) / 2.0),
+            np.where(taut, plane * (yy + nu * xx), pull * (1.0 - cos) / 2.0),
+            np.where(taut, plane * (1.0 - nu) * xy, pull * sin / 2.0),
+        ]
+    )
+
+
+def _moduli(strain: Floats, nu: float) -> tuple[Floats, Floats]:
+    """Return stresses, and their derivatives by xx, yy and 2 xy: entries 00 01 02 11 12 22.
+
+    Wrinkled film pulls along the larger principal direction n alone. It resists stretch along n,
+    and turning of n by the energy's second derivative 2 e1 / (e1 - e2) (n dE m)^2.
+    """
+    xx, yy, xy = strain
+    first, second, radius = _principal(strain)
+    taut = (second + nu * first > 0.0) & (first > 0.0)
+    wrinkled = ~taut & (first > 0.0)
+    safe = np.where(wrinkled, radius, 1.0)
+    cos, sin = np.where(wrinkled, (xx - yy) / (2.0 * safe), 0.0), np.where(wrinkled, xy / safe, 0.0)
+    a0, a1, a2 = (1.0 + cos) / 2.0, (1.0 - cos) / 2.0, sin / 2.0
+    b1, b2 = sin / 2.0, cos / 2.0  # b0 = -b1
+    one, turn = wrinkled.astype(float), np.where(wrinkled, first / safe, 0.0)
+    plane = np.where(taut, 1.0 / (1.0 - nu**2), 0.0)
+    moduli = np.stack(
+        [
+            plane + one * a0 * a0 + turn * b1 * b1,
+            nu * plane + one * a0 * a1 - turn * b1 * b1,
+            one * a0 * a2 - turn * b1 * b2,
+            plane + one * a1 * a1 + turn * b1 * b1,
+            one * a1 * a2 + turn * b1 * b2,
+            (1.0 - nu) / 2.0 * plane + one * a2 * a2 + turn * b2 * b2,
+        ]
+    )
+    pull = one * first
+    stress = np.stack(
+        [
+            plane * (xx + nu * yy) + pull * a0,
+            plane * (yy + nu * xx) + pull * a1,
+            plane * (1.0 - nu) * xy + pull * a2,
+        ]
+    )
+    return stress, moduli
+
+
+def _film_blocks(
+    f1: Floats, f2: Floats, gradients: tuple[Floats, Floats], stress: Floats, moduli: Floats
+) -> list[Floats]:
+    """Return the blocks 11, 12 and 22 of corners 1 and 2 against each other, (3, 3, m) each."""
+    c00, c01, c02, c11, c12, c22 = moduli
+    outer11 = f1[:, None] * f1[None]
+    outer12 = f1[:, None] * f2[None]
+    outer22 = f2[:, None] * f2[None]
+    blocks = []
+    for one, two in ((0, 0), (0, 1), (1, 1)):
+        (p, q), (r, s) = gradients[one], gradients[two]
+        # Strains xx, yy, 2 xy of the first corner: p f1, q f2, p f2 + q f1; of the second alike.
+        ff = p * (c00 * r + c02 * s) + q * (c02 * r + c22 * s)
+        fg = p * (c01 * s + c02 * r) + q * (c12 * s + c22 * r)
+        gf = q * (c01 * r + c12 * s) + p * (c02 * r + c22 * s)
+        gg = q * (c11 * s + c12 * r) + p * (c12 * s + c22 * r)
+        block = ff * outer11 + fg * outer12 + gf * outer12.transpose(1, 0, 2) + gg * outer22
+        tension = stress[0] * p * r + stress[1] * q * s + stress[2] * (p * s + q * r)
+        for axis in range(3):
+            block[axis, axis] += tension
+        blocks.append(block)
+    return blocks
+
+
+def _upper_entries() -> Iterator[tuple[int, int]]:
+    for row in range(9):
+        for column in range(row, 9):
+            yield row, column
+
+
+_PLACE = {entry: place for place, entry in enumerate(_upper_entries())}
+"""Where an entry of a triangle's matrix stands among those on and above the diagonal."""
+
+
+def _upper(blocks: list[Floats]) -> Floats:
+    """Return the entries of 9 x 9 matrices; moving all corners alike changes nothing."""
+    b11, b12, b22 = blocks
+    b01, b02 = -b11 - b12.transpose(1, 0, 2), -b12 - b22
+    b00 = -b01.transpose(1, 0, 2) - b02.transpose(1, 0, 2)
+    found = {(0, 0): b00, (0, 1): b01, (0, 2): b02, (1, 1): b11, (1, 2): b12, (2, 2): b22}
+    upper = np.empty((45, b11.shape[2]))
+    for (row, column), place in _PLACE.items():
+        upper[place] = found[row // 3, column // 3][row % 3, column % 3]
+    return upper
+
+
+# --- The volume -----------------------------------------------------------------------------------
+
+
+def _volume(x: Floats) -> float:
+    """Return the signed volume between triangles and the plane z = 0."""
+    a, b = x[1, :2] - x[0, :2], x[2, :2] - x[0, :2]
+    return float((a[0] * b[1] - a[1] * b[0]) @ x[:, 2].sum(0)) / 6.0
+
+
+def _volume_gradient(x: Floats) -> Floats:
+    height = x[:, 2].sum(0) / 6.0
+    a, b = x[1, :2] - x[0, :2], x[2, :2] - x[0, :2]
+    base = (a[0] * b[1] - a[1] * b[0]) / 6.0
+    gradient = np.empty_like(x)
+    for corner in range(3):
+        following, before = x[(corner + 1) % 3], x[(corner + 2) % 3]
+        gradient[corner, 0] = height * (following[1] - before[1])
+        gradient[corner, 1] = height * (before[0] - following[0])
+        gradient[corner, 2] = base
+    return gradient
+
+
+def _less_volume(upper: Floats, x: Floats) -> Floats:
+    """Subtract the second derivatives of the volume from the entries of the film."""
+    height = x[:, 2].sum(0) / 6.0
+    for corner in range(3):
+        following, before = (corner + 1) % 3, (corner + 2) % 3
+        across_x = (x[following, 1] - x[before, 1]) / 6.0
+        across_y = (x[before, 0] - x[following, 0]) / 6.0
+        for other in range(3):
+            for axis, rate in ((0, across_x), (1, across_y)):
+                row, column = sorted((3 * corner + axis, 3 * other + 2))
+                upper[_PLACE[row, column]] -= rate
+        for other, sign in ((following, 1.0), (before, -1.0)):
+            row, column = sorted((3 * corner, 3 * other + 1))
+            upper[_PLACE[row, column]] -= sign * height
+    return upper
+
+
+class _Scatter:
+    """Sums the entries of triangles into one sparse symmetric matrix."""
+
+    def __init__(self, numbers: Ints, unknowns: int) -> None:
+        rows, columns, entries = [], [], []
+        count = len(numbers)
+        for (row, column), place in _PLACE.items():
+            one, two = numbers[:, row], numbers[:, column]
+            kept = np.flatnonzero((one >= 0) & (two >= 0))
+            # Lower triangle of the whole: column <= row.
+            rows.append(np.maximum(one, two)[kept])
+            columns.append(np.minimum(one, two)[kept])
+            entries.append(place * count + kept)
+            if row == column:
+                continue
+        keys = np.concatenate(columns) * unknowns + np.concatenate(rows)
+        lower, inverse = np.unique(keys, return_inverse=True)
+        entry = np.concatenate(entries)
+        order = np.argsort(inverse, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(inverse, minlength=len(lower)))])
+        self._sum = sparse.csr_array(
+            (np.ones(len(entry)), entry[order], starts), shape=(len(lower), 45 * count)
+        )
+        low_column, low_row = lower // unknowns, lower % unknowns
+        off = np.flatnonzero(low_row != low_column)
+        full_rows = np.concatenate([low_row, low_column[off]])
+        full_columns = np.concatenate([low_column, low_row[off]])
+        source = np.concatenate([np.arange(len(lower)), off])
+        order = np.lexsort((full_rows, full_columns))
+        self._source = source[order]
+        self._indices = full_rows[order].astype(np.int32)
+        bounds = np.cumsum(np.bincount(full_columns, minlength=unknowns))
+        self._pointers = np.concatenate([[0], bounds]).astype(np.int32)
+        self._unknowns = unknowns
+        self.diagonal = np.flatnonzero(full_rows[order] == full_columns[order])
+
+    def matrix(self, upper: Floats) -> "sparse.csc_array":
+        """Return the sum of the triangles' matrices."""
+        values = cast("Floats", self._sum @ upper.ravel())[self._source]
+        shape = (self._unknowns, self._unknowns)
+        return sparse.csc_array((values, self._indices, self._pointers), shape=shape)

@@ -1,0 +1,513 @@
+"""Triangles for a sheet whose outline is lines and exact arcs.
+
+Straight stretches of tube get rows of points along the tube, so that edges lie along the lines
+about which the sheet bends: triangles across those lines resist the bending of stiff film. All
+else, joints and ends, gets a graded lattice. SciPy triangulates (Delaunay); triangles outside the
+outline are dropped.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import Delaunay, cKDTree
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
+from vinefab.model.outline import Contour
+
+LENGTHENED = 1.5
+"""Spacing along a straight stretch over that across it."""
+
+FILLET_STEP_RAD = 0.3
+"""Largest turn of an arc between two points."""
+
+FINEST = 0.25
+"""Smallest spacing at an arc over that asked for."""
+
+GRADE = 0.35
+"""How fast spacing may grow with distance."""
+
+LEAST_ANGLE_DEG = 4.0
+"""Meshes with a sharper triangle are refused."""
+
+_CORNER_RAD = math.radians(20.0)
+_MOST_REPAIRS = 6
+_SMOOTHINGS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Straight:
+    """A stretch of tube whose two sides are straight, on the flat sheet."""
+
+    origin: tuple[float, float]  # a point of its axis
+    heading_rad: float  # direction of its axis
+    begin: float  # where it begins along the axis, from the origin
+    end: float
+    half_begin: float  # half its width there
+    half_end: float
+
+    def points(self, along: Floats, share: Floats) -> Floats:
+        """Return points, shape (k, 2), at places along the axis and shares of the half width."""
+        slope = (self.half_end - self.half_begin) / (self.end - self.begin)
+        across = share * (self.half_begin + slope * (along - self.begin))
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        x, y = self.origin
+        return np.column_stack([x + cos * along - sin * across, y + sin * along + cos * across])
+
+    def local(self, points: Floats) -> Floats:
+        """Return points along and across the axis, shape (k, 2)."""
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return (points - np.array(self.origin)) @ np.array([[cos, -sin], [sin, cos]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """A flat sheet of triangles."""
+
+    points: Floats  # shape (n, 2)
+    triangles: Ints  # counter-clockwise, shape (m, 3)
+    seam: Ints  # the corners on the outline in its order, the first once, shape (k,)
+    places: Floats  # of those corners: distances along the outline, shape (k,)
+    straights: tuple[Straight, ...]
+    # The corners on the two sides of each straight stretch, from its beginning on: right, left.
+    sides: tuple[tuple[Ints, Ints], ...]
+
+    @property
+    def least_angle_deg(self) -> float:
+        """The sharpest angle of a triangle."""
+        return float(np.degrees(_angles(self.points, self.triangles).min()))
+
+
+def mesh_of(
+    outline: Contour, straights: tuple[Straight, ...], spacing: Floats, *, across: int
+) -> Mesh:
+    """Return triangles within a closed outline.
+
+    Parameters
+    ----------
+    outline
+        Closed, counter-clockwise, not crossing itself.
+    straights
+        The stretches that get rows of points; their sides are on the outline.
+    spacing
+        Largest distance of neighbouring points at each segment of the outline, shape (segments,).
+        Arcs get shorter ones, as far as `FINEST` of it.
+    across
+        Triangles across a straight stretch, even.
+
+    Raises
+    ------
+    BadInputError
+        If the outline crosses itself or has parts too narrow for triangles.
+    """
+    if across < 2 or across % 2:
+        raise BadInputError("across", across, "an even number, at least 2")
+    curve = _Curve(outline)
+    rows = [_rows(straight, across) for straight in straights]
+    bounds, marks = _bounds(curve, straights, rows)
+    sizes = _Sizes(curve, spacing)
+    places = np.concatenate(
+        [
+            _places(low, high, marks.get(number), sizes)
+            for number, (low, high) in enumerate(
+                zip(bounds, _following(bounds, curve), strict=True)
+            )
+        ]
+    )
+    inner = [straight.points(*row.inner) for straight, row in zip(straights, rows, strict=True)]
+    fixed = np.concatenate([np.zeros((0, 2)), *inner])
+    # A stretch that ends at a mouth has its last points on the outline already.
+    if len(fixed):
+        fixed = fixed[cKDTree(curve.at(places)).query(fixed)[0] > 0.25 * sizes.inside(fixed)]
+    free = _lattice(curve, places, fixed, straights, sizes, across)
+    for _ in range(_MOST_REPAIRS):
+        points, triangles, missing = _triangulated(curve, places, fixed, free)
+        if not len(missing):
+            break
+        after = np.append(places[1:], places[0] + curve.length)
+        places = np.sort(
+            np.concatenate([places, (places[missing] + after[missing]) / 2.0]) % curve.length
+        )
+        seam = curve.at(places)
+        keep = cKDTree(seam).query(free)[0] > 0.3 * sizes.inside(free) if len(free) else []
+        free = free[keep]
+    else:
+        raise BadInputError(
+            "outline", "crosses itself or is too narrow", "an outline that triangles fill"
+        )
+    mesh = Mesh(
+        points=points,
+        triangles=triangles,
+        seam=np.arange(len(places)),
+        places=places,
+        straights=straights,
+        sides=_sides(points[: len(places)], straights, rows),
+    )
+    if mesh.least_angle_deg < LEAST_ANGLE_DEG:
+        found = f"{mesh.least_angle_deg:.2g} deg in a triangle"
+        raise BadInputError("outline", found, f"triangles of at least {LEAST_ANGLE_DEG:g} deg")
+    return mesh
+
+
+def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
+    """Return the points of a mesh that follows its outline to a slightly other one, shape (n, 2).
+
+    Points of the outline keep their share of their segment; those within move smoothly with them.
+
+    Raises
+    ------
+    BadInputError
+        If the outlines differ in the number of their segments.
+    """
+    old, new = _Curve(before), _Curve(after)
+    if len(old.lengths) != len(new.lengths):
+        raise BadInputError("outline", len(new.lengths), f"{len(old.lengths)} segments")
+    number = old.segment(mesh.places)
+    share = (mesh.places - old.starts[number]) / old.lengths[number]
+    moved = new.at(new.starts[number] + share * new.lengths[number]) - mesh.points[mesh.seam]
+    count = len(mesh.points)
+    sides = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+    links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(count, count)).tocsr()
+    links = links + links.T
+    laplacian = sparse.diags_array(links.sum(axis=1)) - links
+    inner = np.setdiff1d(np.arange(count), mesh.seam)
+    rows = sparse.csr_array(laplacian)[inner]
+    pull = -rows[:, mesh.seam] @ moved
+    points = mesh.points.copy()
+    points[mesh.seam] += moved
+    points[inner] += splu(sparse.csc_array(rows[:, inner])).solve(pull)
+    return points
+
+
+# --- The outline as one curve ---------------------------------------------------------------------
+
+
+class _Curve:
+    """A closed contour by the distance along it."""
+
+    def __init__(self, outline: Contour) -> None:
+        segments = list(outline.segments)
+        self.lengths = np.array([segment.length_mm for segment in segments])
+        self.ends = np.cumsum(self.lengths)
+        self.starts = self.ends - self.lengths
+        self.length = float(self.ends[-1])
+        self.turns = np.array([segment.turn_rad for segment in segments])
+        self.headings = np.array([segment.direction_rad() for segment in segments])
+        self.first = np.array([segment.start_mm for segment in segments])
+        after = np.roll(self.headings, -1)
+        gone = np.array([segment.direction_rad(at_end=True) for segment in segments])
+        corner = np.abs(np.remainder(after - gone + math.pi, math.tau) - math.pi) > _CORNER_RAD
+        self.corners = np.remainder(self.ends[corner], self.length)
+
+    def segment(self, place: Floats) -> Ints:
+        """Return the number of the segment at each distance."""
+        found = np.searchsorted(self.ends, place, side="right")
+        return np.minimum(found, len(self.ends) - 1)
+
+    def at(self, place: Floats) -> Floats:
+        """Return the points at distances along the curve, shape (k, 2), exact on arcs."""
+        place = np.remainder(place, self.length)
+        number = self.segment(place)
+        gone = place - self.starts[number]
+        # The chord from the start: 2 sin(t / 2) / curvature long, turned by t / 2.
+        turn = self.turns[number] * gone / self.lengths[number]
+        chord = gone * np.sinc(turn / math.tau)
+        heading = self.headings[number] + turn / 2.0
+        return self.first[number] + chord[:, None] * np.column_stack(
+            [np.cos(heading), np.sin(heading)]
+        )
+
+    def nearest(self, points: Floats) -> Floats:
+        """Return the distance along the curve of the line's point nearest to each point."""
+        best, found = np.full(len(points), math.inf), np.zeros(len(points))
+        for start, length, heading, first, turn in zip(
+            self.starts, self.lengths, self.headings, self.first, self.turns, strict=True
+        ):
+            if turn:
+                continue
+            away = points - first
+            along = np.clip(away @ np.array([math.cos(heading), math.sin(heading)]), 0.0, length)
+            off = np.hypot(*(away - along[:, None] * [math.cos(heading), math.sin(heading)]).T)
+            better = off < best - 1e-9
+            best, found = np.where(better, off, best), np.where(better, start + along, found)
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Row:
+    """The rows of points of one straight stretch."""
+
+    steps: int  # along it
+    step: float
+    inner: tuple[Floats, Floats]  # place along the axis, share of the half width
+
+
+def _rows(straight: Straight, across: int) -> _Row:
+    wide = (straight.half_begin + straight.half_end) / across
+    length = straight.end - straight.begin
+    steps = max(1, round(length / (LENGTHENED * wide)))
+    along, share = [], []
+    for row in range(1, across):
+        # Every second row is shifted by half a step.
+        shift = 0.5 * (row % 2)
+        places = straight.begin + (np.arange(steps + 1 - row % 2) + shift) * length / steps
+        along.append(places)
+        share.append(np.full(len(places), 2.0 * row / across - 1.0))
+    inner = np.concatenate(along), np.concatenate(share)
+    return _Row(steps=steps, step=length / steps, inner=inner)
+
+
+def _bounds(
+    curve: _Curve, straights: tuple[Straight, ...], rows: list[_Row]
+) -> tuple[Floats, dict[int, int]]:
+    """Return the places that must be points, and the steps of the sides that begin at some."""
+    ends, steps = [], []
+    for straight, row in zip(straights, rows, strict=True):
+        along = np.array([straight.begin, straight.end, straight.end, straight.begin])
+        right_left = curve.nearest(straight.points(along, np.array([-1.0, -1.0, 1.0, 1.0])))
+        ends.append(right_left)
+        steps += [(right_left[0], row.steps), (right_left[2], row.steps)]
+    places = np.concatenate([np.zeros(0), *ends])
+    kept = np.remainder(places, curve.length)
+    near = _around(curve.corners[:, None], kept[None], curve.length).min(axis=1, initial=math.inf)
+    bounds = np.unique(np.concatenate([kept, curve.corners[near > 1e-7 * curve.length]]))
+    if not len(bounds):
+        bounds = np.zeros(1)
+    marks = {
+        int(np.argmin(_around(bounds, place % curve.length, curve.length))): count
+        for place, count in steps
+    }
+    return bounds, marks
+
+
+def _around(one: Floats, two: Floats | float, length: float) -> Floats:
+    """Return the distance of places along a closed curve."""
+    off = np.abs(one - two)
+    nearer: Floats = np.minimum(off, length - off)
+    return nearer
+
+
+def _following(bounds: Floats, curve: _Curve) -> Floats:
+    return np.append(bounds[1:], bounds[0] + curve.length)
+
+
+class _Sizes:
+    """How far apart points should be."""
+
+    def __init__(self, curve: _Curve, spacing: Floats) -> None:
+        radius = curve.lengths / np.maximum(np.abs(curve.turns), 1e-12)
+        wanted = np.clip(FILLET_STEP_RAD * radius, FINEST * spacing, spacing)
+        step = float(wanted.min()) / 2.0
+        count = max(16, math.ceil(curve.length / step))
+        self.curve = curve
+        self.place = (np.arange(count) + 0.5) * curve.length / count
+        size = wanted[curve.segment(self.place)]
+        # No spacing grows faster than it may: both ways around, twice for the wrap.
+        away = GRADE * curve.length / count
+        ramp = away * np.arange(3 * count)
+        tiled = np.tile(size, 3)
+        forward = np.minimum.accumulate(tiled - ramp) + ramp
+        backward = (np.minimum.accumulate((tiled + ramp - ramp[-1])[::-1]))[::-1] - ramp + ramp[-1]
+        self.size = np.minimum(forward, backward)[count : 2 * count]
+        points = curve.at(self.place)
+        self.tree = cKDTree(points)
+        self.coarsest = float(wanted.max())
+
+    def along(self, place: Floats) -> Floats:
+        """Return the spacing at distances along the curve."""
+        size: Floats = np.interp(place, self.place, self.size, period=self.curve.length)
+        return size
+
+    def inside(self, points: Floats) -> Floats:
+        """Return the spacing at points within the outline."""
+        away, near = self.tree.query(points, k=4)
+        sizes: Floats = (self.size[near] + GRADE * away).min(axis=1)
+        return np.minimum(sizes, self.coarsest)
+
+
+def _places(low: float, high: float, steps: int | None, sizes: _Sizes) -> Floats:
+    """Return the points from one bound up to the next, without it, as places on the curve."""
+    if steps is not None:
+        return low + (high - low) * np.arange(steps) / steps
+    fine = np.linspace(low, high, max(9, math.ceil((high - low) / sizes.size.min() * 2)))
+    middle = (fine[1:] + fine[:-1]) / 2.0
+    gone = np.concatenate([[0.0], np.cumsum(np.diff(fine) / sizes.along(middle))])
+    count = max(1, math.ceil(gone[-1] - 0.2))
+    places: Floats = np.interp(gone[-1] * np.arange(count) / count, gone, fine)
+    return places
+
+
+# --- Points within --------------------------------------------------------------------------------
+
+
+def _lattice(
+    curve: _Curve,
+    places: Floats,
+    fixed: Floats,
+    straights: tuple[Straight, ...],
+    sizes: _Sizes,
+    across: int,
+) -> Floats:
+    """Return the points of the graded lattice: within the outline, outside straight stretches."""
+    seam = curve.at(places)
+    is_open = ~np.isin(np.arange(len(seam)), _covered(seam, straights))
+    smallest, largest = float(sizes.size.min()), sizes.coarsest
+    levels = max(0, round(math.log2(largest / smallest)))
+    boxes = _boxes(seam, is_open, across * sizes.along(places))
+    chosen, known = np.zeros((0, 2)), np.concatenate([seam, fixed])
+    for level in range(levels, -1, -1):
+        size = largest / 2.0**level
+        low = 0.0 if level == levels else size / math.sqrt(2.0)
+        high = math.inf if level == 0 else size * math.sqrt(2.0)
+        grid = _hexagonal(boxes, size)
+        grid = np.delete(grid, _covered(grid, straights), axis=0)
+        if not len(grid):
+            continue
+        wanted = sizes.inside(grid)
+        grid = grid[(wanted >= low) & (wanted < high)]
+        if not len(grid):
+            continue
+        grid = grid[cKDTree(known).query(grid)[0] > 0.65 * size]
+        grid = grid[_within(grid, seam)]
+        known, chosen = np.concatenate([known, grid]), np.concatenate([chosen, grid])
+    return chosen
+
+
+def _covered(points: Floats, straights: tuple[Straight, ...]) -> Ints:
+    """Return the numbers of the points on straight stretches, their sides included."""
+    tree, found = cKDTree(points) if len(points) else None, [np.zeros(0, dtype=np.int64)]
+    for straight in straights if tree else ():
+        half = max(straight.half_begin, straight.half_end) * (1.0 + 1e-6)
+        middle = straight.points(np.array([(straight.begin + straight.end) / 2.0]), np.zeros(1))[0]
+        reach = math.hypot(half, (straight.end - straight.begin) / 2.0)
+        near = np.array(tree.query_ball_point(middle, reach), dtype=np.int64)
+        along, off = straight.local(points[near]).T
+        slack = 1e-9 * (1.0 + abs(straight.end))
+        on = (along > straight.begin - slack) & (along < straight.end + slack)
+        found.append(near[on & (np.abs(off) < half)])
+    return np.concatenate(found)
+
+
+def _boxes(seam: Floats, is_open: NDArray[np.bool_], widths: Floats) -> list[Floats]:
+    """Return boxes, shape (2, 2), that hold all within the outline but the straight stretches."""
+    if not is_open.any():
+        return []
+    # Around each run of the seam between straight stretches, and half a tube farther.
+    turn = 0 if is_open.all() else int(np.flatnonzero(~is_open)[0])
+    order = np.roll(np.arange(len(seam)), -turn)
+    breaks = np.flatnonzero(np.diff(is_open[order].astype(int))) + 1
+    boxes = []
+    for run in np.split(order, breaks):
+        if is_open[run[0]]:
+            margin = 0.6 * float(widths[run].max())
+            boxes.append(np.array([seam[run].min(axis=0) - margin, seam[run].max(axis=0) + margin]))
+    return boxes
+
+
+def _hexagonal(boxes: list[Floats], size: float) -> Floats:
+    """Return the points of one lattice within boxes."""
+    row, found = size * math.sqrt(0.75), [np.zeros((0, 2), dtype=np.int64)]
+    for (x0, y0), (x1, y1) in boxes:
+        j = np.arange(math.floor(y0 / row), math.ceil(y1 / row) + 1)
+        i = np.arange(math.floor(x0 / size) - 1, math.ceil(x1 / size) + 1)
+        found.append(np.stack(np.meshgrid(i, j), axis=-1).reshape(-1, 2))
+    i, j = np.unique(np.concatenate(found), axis=0).T
+    return np.column_stack([i * size + 0.5 * size * (j % 2), j * row])
+
+
+def _within(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
+    """Return whether points lie within a polygon."""
+    inside = np.zeros(len(points), dtype=bool)
+    ends = np.roll(polygon, -1, axis=0)
+    for block in range(0, len(points), 2048):
+        x, y = points[block : block + 2048].T
+        (ax, ay), (bx, by) = polygon.T, ends.T
+        crosses = (ay[None] > y[:, None]) != (by[None] > y[:, None])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = ax + (y[:, None] - ay) * (bx - ax) / (by - ay)
+        inside[block : block + 2048] = (crosses & (x[:, None] < at)).sum(axis=1) % 2 == 1
+    return inside
+
+
+# --- Triangles ------------------------------------------------------------------------------------
+
+
+def _triangulated(
+    curve: _Curve, places: Floats, fixed: Floats, free: Floats
+) -> tuple[Floats, Ints, Ints]:
+    """Return points, triangles, and the pieces of the seam that are no edge."""
+    seam = curve.at(places)
+    kept = len(seam) + len(fixed)
+    points = np.concatenate([seam, fixed, free])
+    for turn in range(_SMOOTHINGS + 1):
+        triangles = _inside_triangles(points, len(seam))
+        if turn == _SMOOTHINGS or not len(free):
+            break
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        count = np.bincount(edges.ravel(), minlength=len(points))
+        mean = (
+            np.column_stack(
+                [
+                    np.bincount(edges[:, 0], points[edges[:, 1], axis], len(points))
+                    + np.bincount(edges[:, 1], points[edges[:, 0], axis], len(points))
+                    for axis in range(2)
+                ]
+            )
+            / np.maximum(count, 1)[:, None]
+        )
+        points[kept:] = mean[kept:]
+    size = len(points)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    here = np.arange(len(seam))
+    wanted = here * size + np.roll(here, -1)
+    missing = np.flatnonzero(~np.isin(wanted, edges[:, 0] * size + edges[:, 1]))
+    return points, triangles, missing
+
+
+def _inside_triangles(points: Floats, seam: int) -> Ints:
+    triangles = Delaunay(points).simplices.astype(np.int64)
+    corners = points[triangles]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    double = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    longest = np.maximum((a**2).sum(1), (b**2).sum(1))
+    triangles = np.where((double < 0.0)[:, None], triangles[:, ::-1], triangles)
+    kept = np.abs(double) > 1e-6 * longest
+    # A triangle with a corner within lies within.
+    doubtful = np.flatnonzero(kept & (triangles < seam).all(axis=1))
+    kept[doubtful] = _within(corners[doubtful].mean(axis=1), points[:seam])
+    return triangles[kept]
+
+
+def _angles(points: Floats, triangles: Ints) -> Floats:
+    corners = points[triangles]
+    sides = np.stack(
+        [np.hypot(*(corners[:, (k + 1) % 3] - corners[:, (k + 2) % 3]).T) for k in range(3)]
+    )
+    a, b, c = sides
+    cos = np.stack(
+        [
+            (b**2 + c**2 - a**2) / (2 * b * c),
+            (c**2 + a**2 - b**2) / (2 * c * a),
+            (a**2 + b**2 - c**2) / (2 * a * b),
+        ]
+    )
+    angles: Floats = np.arccos(np.clip(cos, -1.0, 1.0))
+    return angles
+
+
+def _sides(
+    seam: Floats, straights: tuple[Straight, ...], rows: list[_Row]
+) -> tuple[tuple[Ints, Ints], ...]:
+    tree, found = cKDTree(seam), []
+    for straight, row in zip(straights, rows, strict=True):
+        along = np.linspace(straight.begin, straight.end, row.steps + 1)
+        right, left = (
+            tree.query(straight.points(along, np.full(len(along), share)))[1].astype(np.int64)
+            for share in (-1.0, 1.0)
+        )
+        found.append((right, left))
+    return tuple(found)

@@ -19,7 +19,7 @@ from vinefab.cli.commands import Command, names_in
 from vinefab.cli.help import command_help, group_help
 from vinefab.core.table import DeclaredKey, Table, declared_keys
 from vinefab.core.units import deg
-from vinefab.fabrication.rule_listing import grouped_rules
+from vinefab.fabrication.rules.catalog import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile

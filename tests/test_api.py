@@ -829,7 +829,7 @@ WRONG = {
     "an unknown design to fix": (lambda _: vf.fix("plain_vin"), "did you mean 'plain_vine'"),
     "no such level": (lambda _: VINE.with_level(2, width_mm=3.0), "level is 2"),
     "a trunk with branches": (lambda _: VINE.with_level(1, branches=3), "branches is 3"),
-    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "widths_mm[1] is '3'"),
+    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "width_mm is '3'"),
     "a negative length": (lambda _: VINE.with_level(1, length_mm=-3), "length_mm is -3"),
     "a number as a name": (lambda _: VINE.with_level(1, name=3), "name is 3"),
     "a number as layers": (lambda _: vf.maps.import_("a.svg", layers=3), "layers is 3"),

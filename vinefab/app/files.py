@@ -11,7 +11,7 @@ from vinefab.model.inputs import FOLDER, PathText, all_names, as_path
 
 if TYPE_CHECKING:
     from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
-    from vinefab.fabrication.rule_listing import RuleBook
+    from vinefab.fabrication.rules.catalog import RuleBook
 
 _NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
@@ -232,6 +232,6 @@ def rules(
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 0.0, 'warning': 2.0})
     """
-    from vinefab.fabrication.rule_listing import RuleBook
+    from vinefab.fabrication.rules.catalog import RuleBook
 
     return RuleBook.of(rule)

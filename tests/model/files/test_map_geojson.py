@@ -174,8 +174,8 @@ BAD_CONTENT = [
     ("no geometry", collection({"type": "Feature", "geometry": None}), r"geometry is missing"),
     ("role", collection(BOUNDS, feature("Polygon", [BLOCK], role="wall")), r"role is 'wall'"),
     ("role missing", collection(BOUNDS, feature("Polygon", [BLOCK])), r"\[2\]\.\S+role is missing"),
-    ("in obstacle", collection(BOUNDS, OBSTACLE, start(50, 45)), r"\(50, 45\) is 'inside an obst"),
-    ("outside", collection(BOUNDS, OBSTACLE, start(150, 45)), r"\(150, 45\) is 'outside the bou"),
+    ("in obstacle", collection(BOUNDS, OBSTACLE, start(50, 45)), r"\(50, 45\) mm'.*inside an obst"),
+    ("outside", collection(BOUNDS, OBSTACLE, start(150, 45)), r"\(150, 45\) mm'.*outside the bou"),
     ("no heading", collection(BOUNDS, start(5, 5, heading_deg=None)), r"heading_deg is missing"),
     ("heading", collection(BOUNDS, start(5, 5, heading_deg="up")), r"heading_deg is 'up'"),
     ("spread", collection(BOUNDS, start(5, 5, spread_x_mm=-1)), r"spread_x_mm is -1"),
@@ -295,7 +295,10 @@ BAD_STARTS = [
     (start_of("LineString", LINE), r"features\[3\] is 'line 5,5 5,95'; .*15 mm from walls"),
     (start_of("Polygon", [BLOCK]), r"features\[3\] is 'area 40,40 60,60'; .*meets free space"),
     (start_of("LineString", [[-9, 0], [-9, 9]]), r"features\[3\] is .*meets free space"),
-    (start_of("LineString", LINE, heading_deg=0, x_mm=-5, y_mm=5), r"start at \(-5, 5\) is 'outsi"),
+    (
+        start_of("LineString", LINE, heading_deg=0, x_mm=-5, y_mm=5),
+        r"\(-5, 5\) mm'; .*outside the b",
+    ),
     (
         start_of("Point", [5, 5], heading_deg=0, inset_mm=5),
         r"inset_mm is 5.0; allowed: not beside a",

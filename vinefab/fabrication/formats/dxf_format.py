@@ -5,7 +5,6 @@ import logging
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 from ezdxf import options  # type: ignore[attr-defined]
@@ -115,11 +114,9 @@ def _fixed_metadata() -> Iterator[None]:
         _EZDXF_LOG.setLevel(level)
 
 
-def read_dxf(source: Path | str) -> ReadDrawing:
+def read_dxf(text: str) -> ReadDrawing:
     """Read a DXF file of ours."""
-    name = str(source) if isinstance(source, Path) else "DXF text"
     try:
-        text = source.read_text("utf-8") if isinstance(source, Path) else source
         document = read(io.StringIO(text))
         entities = list(document.modelspace())
         own = Polyline if document.dxfversion == AC1009 else LWPolyline
@@ -136,10 +133,8 @@ def read_dxf(source: Path | str) -> ReadDrawing:
                 if kind != own.DXFTYPE
             ),
         )
-    except (DXFError, BadInputError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(name, f"not a DXF file of ours: {error}") from error
-    except OSError as error:
-        raise UnreadableFileError(name, error.strerror or str(error)) from error
+    except (DXFError, BadInputError) as error:
+        raise UnreadableFileError("DXF text", f"not a DXF file of ours: {error}") from error
 
 
 def _unit(document: DxfDocument) -> str:

@@ -54,10 +54,17 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         MirrorY="False",
     )
     for priority, styled in enumerate(_layers(paths).values()):
-        root.append(_layer(styled, profile, priority))
+        index = layer_index(styled, profile)
+        tool = index in (TOOL_1, TOOL_2)
+        cut = ET.SubElement(root, "CutSetting", type="Tool" if tool else "Cut")
+        values = [] if tool else cut_values(styled.path.settings_in(profile))
+        head = [("index", str(index)), ("name", styled.style.layer)]
+        for name, value in [*head, *values, ("priority", str(priority))]:
+            ET.SubElement(cut, name, Value=value)
     for number, styled in enumerate(paths):
         # The numbers of the lists must differ: shapes with the same number share their lists.
-        shape = ET.Element(
+        shape = ET.SubElement(
+            root,
             "Shape",
             Type="Path",
             CutIndex=str(layer_index(styled, profile)),
@@ -72,7 +79,6 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         count = len(points)
         lines = (f"L{at} {(at + 1) % count}" for at in range(len(contour)))
         ET.SubElement(shape, "PrimList").text = "".join(lines)
-        root.append(shape)
     notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
     ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
     ET.indent(root, " ")
@@ -113,17 +119,6 @@ def cut_values(settings: OperationSettings) -> list[tuple[str, str]]:
         ("numPasses", str(settings.passes)),
         ("runBlower", str(int(settings.air_assist))),
     ]
-
-
-def _layer(styled: StyledPath, profile: LaserProfile, priority: int) -> ET.Element:
-    index = layer_index(styled, profile)
-    tool = index in (TOOL_1, TOOL_2)
-    cut = ET.Element("CutSetting", type="Tool" if tool else "Cut")
-    values = [] if tool else cut_values(styled.path.settings_in(profile))
-    head = [("index", str(index)), ("name", styled.style.layer)]
-    for name, value in [*head, *values, ("priority", str(priority))]:
-        ET.SubElement(cut, name, Value=value)
-    return cut
 
 
 def _number(value: float) -> str:

@@ -343,27 +343,20 @@ def _written(
     """Return the strokes of a text in a box, which is free no more."""
     height, box, upright = place
     free.take(shapely.box(*box))
-    strokes = _strokes(lines, height, box, upright=upright)
-    return tuple(
-        mark(Contour.polyline(stroke, closed=False), target.label, target.name)
-        for stroke in strokes
-    )
-
-
-def mark(contour: Contour, label: str, name: str) -> LaserPath:
-    """Return a contour as a path to be marked."""
-    return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
-
-
-def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) -> list[Floats]:
-    strokes = []
+    paths = []
     for row, line in enumerate(lines):
         rise = _LINE * height * (len(lines) - 1 - row)
         for stroke in text_strokes_mm(line, height):
             x, y = stroke[:, 0], stroke[:, 1] + rise
             placed = (box[2] - y, box[1] + x) if upright else (box[0] + x, box[1] + y)
-            strokes.append(np.column_stack(placed))
-    return strokes
+            contour = Contour.polyline(np.column_stack(placed), closed=False)
+            paths.append(mark(contour, target.label, target.name))
+    return tuple(paths)
+
+
+def mark(contour: Contour, label: str, name: str) -> LaserPath:
+    """Return a contour as a path to be marked."""
+    return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
 
 
 def region(contour: Contour) -> shapely.Geometry:

@@ -39,6 +39,12 @@ class BomLine:
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     """Return every line of a job's bill of materials; that of joints has `joint_lines`."""
+    parts: tuple[BomLine, ...] = ()
+    if job.sheets:
+        parts = (_computed("sheets", len(job.sheets), "1", "a film of its own each"),)
+    elif job.tiles:
+        basis = "on the same film, one after the other, aligned by targets"
+        parts = (_computed("tiles", len(job.tiles), "1", basis),)
     sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
     kinds = [
         ("weld length", sealed, "paths that seal, one pass"),
@@ -48,7 +54,7 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     twice = "; where tiles meet, both count" if job.tiles else ""
     return (
         *_film_lines(job, profile),
-        *_tile_lines(job),
+        *parts,
         *[
             _computed(
                 item,
@@ -241,15 +247,6 @@ def _roll_line(
         standing=standing,
         basis=basis,
     )
-
-
-def _tile_lines(job: Job) -> list[BomLine]:
-    if job.sheets:
-        return [_computed("sheets", len(job.sheets), "1", "a film of its own each")]
-    if not job.tiles:
-        return []
-    basis = "on the same film, one after the other, aligned by targets"
-    return [_computed("tiles", len(job.tiles), "1", basis)]
 
 
 def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:

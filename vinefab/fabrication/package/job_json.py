@@ -19,7 +19,6 @@ from vinefab.model.laser import (
     Material,
     OperationSettings,
     Quantity,
-    Recipe,
     quantities,
 )
 
@@ -80,7 +79,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "source": recipe.source,
                 "coupons": {k: q.content for k, q in quantities(recipe.coupons).items()},
                 "windows": [window.words() for window in recipe.coupons.windows],
-                **_lap(job, recipe),
+                **({"lap": recipe.lap and _record(recipe.lap)} if job.sheets else {}),
             },
             "operations": [
                 _operation(operation, job, profile, colours)
@@ -99,14 +98,6 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             **_sheets(job, colours),
         },
     )
-
-
-def _lap(job: Job, recipe: Recipe) -> dict[str, object]:
-    """Return the bond of the sleeves of a robot in pieces."""
-    if not job.sheets:
-        return {}
-    bond = recipe.lap
-    return {"lap": None if bond is None else _record(bond)}
 
 
 def _sheets(job: Job, colours: Colours) -> dict[str, object]:
@@ -163,17 +154,12 @@ def _operation(
     }
     if operation.is_machined:
         settings = profile.settings(operation)
-        content["settings"] = {**_record(settings), **_energy(profile.machine, settings)}
+        content["settings"] = record = {**_record(settings)}
+        if settings.by_laser:
+            energy = operation_energy_mj_mm(profile.machine, settings)
+            record["line_energy_mj_mm"] = energy.content
+            record["fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings).content
     return content
-
-
-def _energy(machine: Machine, settings: OperationSettings) -> dict[str, object]:
-    if not settings.by_laser:
-        return {}
-    return {
-        "line_energy_mj_mm": operation_energy_mj_mm(machine, settings).content,
-        "fluence_mj_mm2": fluence_mj_mm2(machine, settings).content,
-    }
 
 
 def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:

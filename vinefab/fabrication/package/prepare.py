@@ -286,12 +286,12 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
 def page_blocks(prepared: Prepared) -> Iterator[Block]:
     """Yield the page of a design without predictions."""
     design, profile = prepared.design, prepared.profile
-    words = prepared.report.verdict
-    yield Answer(
-        f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words,
-        _tone(prepared),
-    )
-    yield Notes(recipe_cautions(profile))
+    words, cautions = prepared.report.verdict, recipe_cautions(profile)
+    tone: Tone = "caution" if cautions else "good"
+    if any(report.blocking for report in (prepared.report, *prepared.beside)):
+        tone = "bad"
+    yield Answer(f"{words}; laser recipe unverified" if cautions else words, tone)
+    yield Notes(cautions)
     sections = making_sections(prepared)
     (sheet,) = (section for section in sections if section.title.startswith("The sheet"))
     yield from sheet.pictures
@@ -306,13 +306,6 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
     yield Section(title="Predictions", paragraphs=(note,))
 
 
-def _tone(prepared: Prepared) -> Tone:
-    """Return what kind of news the rules and the recipe are together."""
-    if any(report.blocking for report in (prepared.report, *prepared.beside)):
-        return "bad"
-    return "caution" if recipe_cautions(prepared.profile) else "good"
-
-
 def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
     """Return the reservations about a recipe, a sentence each."""
     if profile.recipe.status is RecipeStatus.UNVERIFIED:
@@ -322,7 +315,11 @@ def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     """Return the sections on manufacturing: rules, sheet, materials."""
-    job = prepared.job
+    job, joints = prepared.job, tuple[BomLine, ...]()
+    if prepared.partition is not None:
+        joints = joint_lines(
+            prepared.design, prepared.partition, prepared.profile, robots=robot_count(job)
+        )
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
     return (
@@ -336,7 +333,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         ),
         sheet_section(job, [finding for report in reports for finding in report.findings]),
         *_piece_sections(prepared),
-        bom_section(_bill(prepared), robot_count(job)),
+        bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
     )
 
 
@@ -352,20 +349,6 @@ def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
         for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
             sheets.setdefault(label, []).append(number)
     return (pieces_section(design, partition, outlines, prepared.profile, sheets=sheets),)
-
-
-def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
-    """Return every line of the bill of materials, that of the joints included."""
-    design, partition, profile, job = (
-        prepared.design,
-        prepared.partition,
-        prepared.profile,
-        prepared.job,
-    )
-    lines = bill_of_materials(job, profile)
-    if partition is None:
-        return lines
-    return *lines, *joint_lines(design, partition, profile, robots=robot_count(job))
 
 
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:

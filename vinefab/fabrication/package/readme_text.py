@@ -28,7 +28,7 @@ from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Quantity
+from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition
 from vinefab.physics.seam import lap_load_n_mm
 
@@ -161,10 +161,6 @@ def _corner(tile: Job) -> str:
     )
 
 
-def _in_unit(quantity: Quantity, unit: str) -> str:
-    return f"{quantity.words()} {unit} ({quantity.standing})"
-
-
 def _on_its_line(value: object) -> object:
     """Return a value that begins no line of the markup, whatever a user named a thing."""
     if not isinstance(value, str):
@@ -186,7 +182,11 @@ def _environment() -> Environment:
         trim_blocks=True,
         finalize=_on_its_line,
     )
-    environment.filters |= {"in_unit": _in_unit, "number": "{:g}".format, "corner": _corner}
+    environment.filters |= {
+        "in_unit": lambda quantity, unit: f"{quantity.words()} {unit} ({quantity.standing})",
+        "number": "{:g}".format,
+        "corner": _corner,
+    }
     environment.globals |= {"counted": counted, "generator": GENERATOR}
     return environment
 

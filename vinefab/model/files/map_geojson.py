@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import shapely
 from pydantic import ConfigDict, Field
-from shapely import LineString, Point, Polygon
+from shapely import LineString, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
@@ -70,24 +70,20 @@ def _polygons(key: str, feature: dict[str, Any]) -> list[Polygon]:
     raise BadInputError(f"{key}.geometry.type", kind, "Polygon or MultiPolygon")
 
 
-def _point(key: str, feature: dict[str, Any]) -> tuple[float, float]:
-    """Return the position of a Point feature, or raise BadInputError."""
-    kind, coordinates = _geometry(key, feature)
-    if kind != "Point":
-        raise BadInputError(f"{key}.geometry.type", kind, "Point")
-    x, y = _positions(key, [coordinates])[0]
-    return float(x), float(y)
+def _shape_text(shape: LineString | Polygon) -> str:
+    """Return a shape as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
 
+    def rounded(line: LineString) -> list[list[float]]:
+        points: list[list[float]] = (
+            np.round(shapely.get_coordinates(line), _DECIMALS) + 0.0
+        ).tolist()
+        return points
 
-def _polygon_text(polygon: Polygon) -> str:
-    """Return a polygon as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
-    oriented = shapely.orient_polygons(polygon)
-    rings = [oriented.exterior, *oriented.interiors]
-    coordinates = [np.round(shapely.get_coordinates(ring), _DECIMALS) + 0.0 for ring in rings]
-    return json.dumps(
-        {"type": "Polygon", "coordinates": [ring.tolist() for ring in coordinates]},
-        allow_nan=False,
-    )
+    if isinstance(shape, LineString):
+        return json.dumps({"type": "LineString", "coordinates": rounded(shape)}, allow_nan=False)
+    oriented = shapely.orient_polygons(shape)
+    rings = [rounded(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    return json.dumps({"type": "Polygon", "coordinates": rings}, allow_nan=False)
 
 
 def _geometry(key: str, feature: dict[str, Any]) -> tuple[object, Any]:
@@ -104,7 +100,11 @@ def _polygon(key: str, rings: object) -> Polygon:
     polygon = Polygon(shell, holes)
     refuse_jagged(key, polygon)
     if not are_valid(np.array([polygon], dtype=np.object_))[0]:
-        raise BadInputError(key, _reason(polygon), "rings that do not cross or touch themselves")
+        # What is wrong with it, and where: ``Self-intersection at (5, 5)``.
+        what, _, where = shapely.is_valid_reason(polygon).partition("[")
+        x, _, y = where.rstrip("]").partition(" ")
+        reason = f"{what} at ({x}, {y})" if where else what
+        raise BadInputError(key, reason, "rings that do not cross or touch themselves")
     return polygon
 
 
@@ -135,13 +135,6 @@ def _is_position(point: object) -> bool:
         and all(type(value) in (int, float) for value in point)
         and all(abs(value) <= LARGEST_MM for value in point[:2])
     )
-
-
-def _reason(polygon: Polygon) -> str:
-    """Return what is wrong with a polygon, and where: ``Self-intersection at (5, 5)``."""
-    what, _, where = shapely.is_valid_reason(polygon).partition("[")
-    x, _, y = where.rstrip("]").partition(" ")
-    return f"{what} at ({x}, {y})" if where else what
 
 
 MAP_SCHEMA = "vinefab/map-1"
@@ -202,9 +195,6 @@ def read_map(path: Path, made: "type[Map]") -> "Map":
             seed=about.seed,
             facts=about.facts or {},
         )
-        for _, start in starts:
-            if isinstance(start, Start):
-                _check_pose(world, start.pose)
         found = [one for key, start in starts for one in with_starts(world, (start,), key).starts]
         return replace(world, starts=tuple(found))
     except BadInputError as error:
@@ -232,7 +222,7 @@ def map_text(world: "Map") -> str:
 def _polygon_line(role: str, polygon: Polygon) -> str:
     return (
         f'{{"type": "Feature", "properties": {{"role": "{role}"}}, '
-        f'"geometry": {_polygon_text(polygon)}}}'
+        f'"geometry": {_shape_text(polygon)}}}'
     )
 
 
@@ -250,14 +240,6 @@ def _start_line(start: Start) -> str:
         shape = _shape_text(start.area)
     properties = json.dumps({"role": "start", **about}, allow_nan=False)
     return f'{{"type": "Feature", "properties": {properties}, "geometry": {shape}}}'
-
-
-def _shape_text(area: LineString | Polygon) -> str:
-    """Return the line or polygon of a start as GeoJSON."""
-    if isinstance(area, Polygon):
-        return _polygon_text(area)
-    points = np.round(shapely.get_coordinates(area), _DECIMALS) + 0.0
-    return json.dumps({"type": "LineString", "coordinates": points.tolist()}, allow_nan=False)
 
 
 def _about(document: dict[str, Any]) -> _About:
@@ -324,7 +306,9 @@ def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
     given = {name: properties[name] for name in names if properties.get(name) is not None}
     try:
         area = _start_area(key, feature)
-        point = _point(key, feature) if area is None and "side" not in properties else None
+        point = None
+        if area is None and "side" not in properties:
+            point = _positions(key, [_geometry(key, feature)[1]])[0].tolist()
     except BadInputError as error:
         if error.key.startswith(key):
             raise
@@ -373,12 +357,3 @@ def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start 
         area=area,
         clearance_mm=place.least_clearance_mm,
     )
-
-
-def _check_pose(world: "Map", pose: Pose) -> None:
-    spot = Point(pose.x_mm, pose.y_mm)
-    where = f"({spot.x:g}, {spot.y:g})"
-    if not world.bounds.covers(spot):
-        raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
-    if shapely.contains(list(world.obstacles), spot).any():
-        raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

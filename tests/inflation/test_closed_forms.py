@@ -24,12 +24,11 @@ def test_a_tube_is_round_and_its_wall_bears_hoop_and_half_as_much_along():
     loads = sheet.membrane.stresses(positions)[:, (straight > 0.5) & (straight < 2.5)].mean(axis=1)
     assert loads[1] == pytest.approx(1.0 / math.pi, rel=0.02)
     assert loads[0] == pytest.approx(0.5 / math.pi, rel=0.02)
-    seam = dict(zip(sheet.is_seam.tolist(), sheet.seam_loads(found).tolist(), strict=True))
-    assert seam[int(right[middle])] == pytest.approx(1.0 / math.pi, rel=0.02)
+    assert sheet.seam_loads(found)[right[middle]] == pytest.approx(1.0 / math.pi, rel=0.02)
 
 
 def test_a_disc_becomes_a_mylar_balloon():
-    sheet = shapes.disc(across=24, hoop_strain=0.0005, width=2.0)
+    sheet = shapes.disc(across=16, hoop_strain=0.0005, width=2.0)
     found = sheet.inflated()
     seam = found.positions[sheet.mesh.seam, :2]
     radius = np.hypot(*(seam - seam.mean(axis=0)).T).mean()

@@ -1,5 +1,6 @@
 """The program ``vinefab``: runs a command, and turns errors into one line and an exit code."""
 
+import gc
 import logging
 import os
 import shlex
@@ -115,6 +116,9 @@ def run() -> None:
     vinefab`` shows the warnings.
     """
     logging.getLogger().addHandler(logging.NullHandler())
+    # Imports make a hundred thousand objects that stay: looking for garbage among them, time and
+    # again, would take a tenth of a short command.
+    gc.set_threshold(100_000, 20, 20)
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")

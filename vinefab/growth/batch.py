@@ -67,10 +67,12 @@ class TerrainSet:
 class Workspace:
     """Arrays that are allocated once and reused: allocation costs as much as growth."""
 
-    __slots__ = ("_growth",)
+    __slots__ = ("_growth", "points_per_branch")
 
     def __init__(self) -> None:
         self._growth = Growth.empty(0, 0)
+        # As many as any block took so far: where one runs out it grows all over again.
+        self.points_per_branch = POINTS_PER_BRANCH
 
     def growth(self, jobs: int, branches: int, room: int) -> Growth:
         """Return cleared arrays for several jobs, concatenated."""
@@ -339,9 +341,8 @@ class Batch:
         except IndexError:
             scratch = Workspace()
         launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
-        room_each = POINTS_PER_BRANCH
-        while (block := self._grown(plan, launch, room_each, scratch)) is None:
-            room_each *= 2
+        while (block := self._grown(plan, launch, scratch.points_per_branch, scratch)) is None:
+            scratch.points_per_branch *= 2
         result = work(block)
         self._idle.append(scratch)
         return result

@@ -17,7 +17,7 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.outline.ends import round_tip
 from vinefab.fabrication.outline.gap import LEFT, RIGHT, Core, JointBranch, solve_gap
 from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
-from vinefab.inflation.membrane import Membrane
+from vinefab.inflation.membrane import Bools, Membrane
 from vinefab.inflation.mesh import Mesh, Straight, followed
 from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
 from vinefab.inflation.solve import Equilibrium, Tell
@@ -227,13 +227,17 @@ class InflatedJoint:
 
     @property
     def gap_loads(self) -> Floats:
-        """Largest weld load in each gap over that of the trunk's straight seam, shape (n + 1,)."""
+        """Largest weld load in each gap over that of the trunk's seam, shape (n + 1,).
+
+        The first and the last lie between the trunk's side and a child.
+        """
         return _gap_loads(self)
 
     @property
     def crotch_load(self) -> float:
-        """The largest of `gap_loads`."""
-        return float(self.gap_loads.max())
+        """The largest of `gap_loads` between two children; of a single child the largest of all."""
+        loads = self.gap_loads
+        return float((loads[1:-1] if len(loads) > 2 else loads).max())
 
     @property
     def passages(self) -> Floats:
@@ -336,7 +340,7 @@ def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float
 
 def _measured(mesh: Mesh, positions: Floats) -> tuple[Floats, Floats, Floats]:
     """Return deployed angles, pull-backs and side offsets of the children."""
-    axes = []
+    axes: list[Axis] = []
     for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
         width = 2.0 * straight.half_end
         # The trunk's stub begins at the mouth, which is no end.
@@ -355,22 +359,18 @@ def _measured(mesh: Mesh, positions: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _gap_loads(found: InflatedJoint) -> Floats:
     """Return the largest weld load in each gap, over that of a straight seam."""
-    sheet, mesh = found.sheet, found.sheet.mesh
-    loads = sheet.seam_loads(found.equilibrium)
-    load = dict(zip(sheet.is_seam.tolist(), loads.tolist(), strict=True))
-    # Walking around, a gap lies between the last straight side and the next.
-    place = {corner: number for number, corner in enumerate(mesh.seam.tolist())}
+    mesh = found.sheet.mesh
+    load = found.sheet.seam_loads(found.equilibrium)
     trunk, *children = mesh.sides
-    right, left = (side[len(side) // 4 : 3 * len(side) // 4 + 1] for side in trunk)
-    usual = float(np.mean([load[corner] for corner in [*right.tolist(), *left.tolist()]]))
+    straight = [side[len(side) // 4 : 3 * len(side) // 4 + 1] for side in trunk]
+    usual = float(np.nanmean(load[np.concatenate(straight)]))
+    # Walking around, a gap lies between the last straight side and the next.
     starts = [trunk[0][-1], *(side[1][0] for side in children)]
     ends = [*(side[0][0] for side in children), trunk[1][-1]]
     worst = []
     for start, end in zip(starts, ends, strict=True):
-        first, last = place[int(start)], place[int(end)]
-        count = (last - first) % len(mesh.seam) + 1
-        corners = mesh.seam[(first + np.arange(count)) % len(mesh.seam)]
-        worst.append(max(load[corner] for corner in corners.tolist() if corner in load) / usual)
+        count = int(end - start) % len(mesh.seam) + 1
+        worst.append(np.nanmax(load[(start + np.arange(count)) % len(mesh.seam)]) / usual)
     return np.array(worst)
 
 
@@ -387,7 +387,7 @@ def _passages(found: InflatedJoint) -> Floats:
     shares = [(a, b, 4 - a - b) for a in range(5) for b in range(5 - a)]
     cloud = np.concatenate([np.tensordot(np.array(s) / 4.0, corners, (0, 1)) for s in shares])
     flat = np.column_stack([grid.reshape(-1, 2), np.zeros(grid.shape[0] * grid.shape[1])])
-    room = cKDTree(cloud).query(flat)[0]
+    room = np.asarray(cKDTree(cloud).query(flat)[0], dtype=np.float64)
     within = _covered(corners[:, :, :2], (x, y))
     room = np.where(within, room.reshape(grid.shape[:2]), 0.0)
 
@@ -414,7 +414,7 @@ def _passages(found: InflatedJoint) -> Floats:
     return np.array(passages)
 
 
-def _covered(triangles: Floats, axes: tuple[Floats, Floats]) -> "Floats":
+def _covered(triangles: Floats, axes: tuple[Floats, Floats]) -> Bools:
     """Return whether points of a grid lie under triangles, shape (m, 3, 2)."""
     x, y = axes
     covered = np.zeros((len(x), len(y)), dtype=np.bool_)

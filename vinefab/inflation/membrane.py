@@ -10,7 +10,6 @@ the material is left, the hoop strain p W / (pi E t).
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -24,13 +23,6 @@ POISSON = 0.45
 """Poisson's ratio of the film (assumed)."""
 
 Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Curvature:
-    """The second derivatives of the energy, one symmetric matrix of 9 x 9 for each triangle."""
-
-    upper: Floats  # entries on and above the diagonal, row by row, shape (45, m)
 
 
 class Membrane:
@@ -129,20 +121,12 @@ class Membrane:
             )
         return total
 
-    def film_gradient(self, positions: Floats) -> Floats:
-        """Return the derivative of each triangle's film energy by its corners, shape (3, 3, m).
-
-        First index: corner, second: coordinate.
-        """
-        f1, f2 = self._stretch(self._corners(positions))
-        return self._film_gradient(f1, f2, self._stress(f1, f2))
-
     def hessian(self, positions: Floats) -> "sparse.csc_array":
         """Return the second derivatives by the free coordinates, symmetric, shape (k, k)."""
-        return self.scatter.matrix(self.curvature(positions).upper)
+        return self.scatter.matrix(self._curvature(positions))
 
-    def curvature(self, positions: Floats) -> Curvature:
-        """Return the second derivatives of each triangle's energy."""
+    def _curvature(self, positions: Floats) -> Floats:
+        """Return the upper entries of each triangle's second derivatives, shape (45, m)."""
         x = self._corners(positions)
         f1, f2 = self._stretch(x)
         strain = self._strain(f1, f2)
@@ -150,7 +134,7 @@ class Membrane:
         stress, moduli = _moduli(strain, self.poisson)
         stress, moduli = stress * weight, moduli * weight
         blocks = _film_blocks(f1, f2, (self._g1, self._g2), stress, moduli)
-        return Curvature(upper=_less_volume(_upper(blocks), x))
+        return _less_volume(_upper(blocks), x)
 
     def states(self, positions: Floats) -> Ints:
         """Return the state of each triangle, shape (m,): 0 slack, 1 wrinkled, 2 taut."""
@@ -164,7 +148,8 @@ class Membrane:
         Second Piola-Kirchhoff stress times thickness: force per length of the flat sheet, to first
         order in the strain.
         """
-        return self._stress(*self._stretch(self._corners(positions))) / self.area
+        stresses: Floats = self._stress(*self._stretch(self._corners(positions))) / self.area
+        return stresses
 
     def _corners(self, positions: Floats) -> Floats:
         """Return the corners' coordinates, shape (3, 3, m): corner, coordinate, triangle."""
@@ -178,10 +163,15 @@ class Membrane:
 
     def _strain(self, f1: Floats, f2: Floats) -> Floats:
         """Return the Green strain, shape (3, m): xx, yy, xy."""
-        return 0.5 * np.stack([(f1 * f1).sum(0) - 1.0, (f2 * f2).sum(0) - 1.0, (f1 * f2).sum(0)])
+        strain: Floats = np.stack(
+            [(f1 * f1).sum(0) - 1.0, (f2 * f2).sum(0) - 1.0, (f1 * f2).sum(0)]
+        )
+        return 0.5 * strain
 
     def _stress(self, f1: Floats, f2: Floats) -> Floats:
-        return _stress(self._strain(f1, f2), self.poisson) * (self.area * self.stiffness)
+        weight: Floats = self.area * self.stiffness
+        stress: Floats = _stress(self._strain(f1, f2), self.poisson) * weight
+        return stress
 
     def _film_gradient(self, f1: Floats, f2: Floats, stress: Floats) -> Floats:
         xx, yy, xy = stress

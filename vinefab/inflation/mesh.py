@@ -61,7 +61,8 @@ class Straight:
     def local(self, points: Floats) -> Floats:
         """Return points along and across the axis, shape (k, 2)."""
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
-        return (points - np.array(self.origin)) @ np.array([[cos, -sin], [sin, cos]])
+        turned: Floats = (points - np.array(self.origin)) @ np.array([[cos, -sin], [sin, cos]])
+        return turned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,7 +109,7 @@ def mesh_of(
         raise BadInputError("across", across, "an even number, at least 2")
     curve = _Curve(outline)
     rows = [_rows(straight, across) for straight in straights]
-    bounds, marks = _bounds(curve, straights, rows)
+    bounds, marks = _bounds(curve, straights, rows, across)
     sizes = _Sizes(curve, spacing)
     places = np.concatenate(
         [
@@ -126,15 +127,15 @@ def mesh_of(
     free = _lattice(curve, places, fixed, straights, sizes, across)
     for _ in range(_MOST_REPAIRS):
         points, triangles, missing = _triangulated(curve, places, fixed, free)
-        if not len(missing):
+        if not len(missing) and len(np.unique(triangles)) == len(points):
             break
         after = np.append(places[1:], places[0] + curve.length)
         places = np.sort(
             np.concatenate([places, (places[missing] + after[missing]) / 2.0]) % curve.length
         )
         seam = curve.at(places)
-        keep = cKDTree(seam).query(free)[0] > 0.3 * sizes.inside(free) if len(free) else []
-        free = free[keep]
+        if len(free):
+            free = free[cKDTree(seam).query(free)[0] > 0.3 * sizes.inside(free)]
     else:
         raise BadInputError(
             "outline", "crosses itself or is too narrow", "an outline that triangles fill"
@@ -217,9 +218,9 @@ class _Curve:
         turn = self.turns[number] * gone / self.lengths[number]
         chord = gone * np.sinc(turn / math.tau)
         heading = self.headings[number] + turn / 2.0
-        return self.first[number] + chord[:, None] * np.column_stack(
-            [np.cos(heading), np.sin(heading)]
-        )
+        way = np.column_stack([np.cos(heading), np.sin(heading)])
+        points: Floats = self.first[number] + chord[:, None] * way
+        return points
 
     def nearest(self, points: Floats) -> Floats:
         """Return the distance along the curve of the line's point nearest to each point."""
@@ -262,7 +263,7 @@ def _rows(straight: Straight, across: int) -> _Row:
 
 
 def _bounds(
-    curve: _Curve, straights: tuple[Straight, ...], rows: list[_Row]
+    curve: _Curve, straights: tuple[Straight, ...], rows: list[_Row], across: int
 ) -> tuple[Floats, dict[int, int]]:
     """Return the places that must be points, and the steps of the sides that begin at some."""
     ends, steps = [], []
@@ -277,10 +278,15 @@ def _bounds(
     bounds = np.unique(np.concatenate([kept, curve.corners[near > 1e-7 * curve.length]]))
     if not len(bounds):
         bounds = np.zeros(1)
-    marks = {
-        int(np.argmin(_around(bounds, place % curve.length, curve.length))): count
-        for place, count in steps
-    }
+
+    def number(place: float) -> int:
+        return int(np.argmin(_around(bounds, place % curve.length, curve.length)))
+
+    marks = {number(place): count for place, count in steps}
+    for right_left in ends:
+        # Straight across from the left side's beginning to the right one's: a mouth.
+        if (number(right_left[3]) + 1) % len(bounds) == number(right_left[0]):
+            marks[number(right_left[3])] = across
     return bounds, marks
 
 
@@ -379,8 +385,11 @@ def _lattice(
 
 def _covered(points: Floats, straights: tuple[Straight, ...]) -> Ints:
     """Return the numbers of the points on straight stretches, their sides included."""
-    tree, found = cKDTree(points) if len(points) else None, [np.zeros(0, dtype=np.int64)]
-    for straight in straights if tree else ():
+    found = [np.zeros(0, dtype=np.int64)]
+    if not len(points):
+        return found[0]
+    tree = cKDTree(points)
+    for straight in straights:
         half = max(straight.half_begin, straight.half_end) * (1.0 + 1e-6)
         middle = straight.points(np.array([(straight.begin + straight.end) / 2.0]), np.zeros(1))[0]
         reach = math.hypot(half, (straight.end - straight.begin) / 2.0)
@@ -479,7 +488,8 @@ def _inside_triangles(points: Floats, seam: int) -> Ints:
     # A triangle with a corner within lies within.
     doubtful = np.flatnonzero(kept & (triangles < seam).all(axis=1))
     kept[doubtful] = _within(corners[doubtful].mean(axis=1), points[:seam])
-    return triangles[kept]
+    within: Ints = triangles[kept]
+    return within
 
 
 def _angles(points: Floats, triangles: Ints) -> Floats:
@@ -502,12 +512,14 @@ def _angles(points: Floats, triangles: Ints) -> Floats:
 def _sides(
     seam: Floats, straights: tuple[Straight, ...], rows: list[_Row]
 ) -> tuple[tuple[Ints, Ints], ...]:
-    tree, found = cKDTree(seam), []
-    for straight, row in zip(straights, rows, strict=True):
-        along = np.linspace(straight.begin, straight.end, row.steps + 1)
-        right, left = (
-            tree.query(straight.points(along, np.full(len(along), share)))[1].astype(np.int64)
-            for share in (-1.0, 1.0)
-        )
-        found.append((right, left))
-    return tuple(found)
+    tree = cKDTree(seam)
+
+    def side(straight: Straight, steps: int, share: float) -> Ints:
+        along = np.linspace(straight.begin, straight.end, steps + 1)
+        nearest = tree.query(straight.points(along, np.full(len(along), share)))[1]
+        return np.asarray(nearest, dtype=np.int64)
+
+    return tuple(
+        (side(straight, row.steps, -1.0), side(straight, row.steps, 1.0))
+        for straight, row in zip(straights, rows, strict=True)
+    )

@@ -1,4 +1,4 @@
-"""A whole pattern under pressure: the deployed centre line of every branch, and how far tips are off.
+"""A whole pattern under pressure: the deployed centre line of every branch, and its tips.
 
 Siblings that touch or overlap under pressure do not feel each other (no contact).
 """

@@ -13,6 +13,19 @@ from vinefab.inflation.mesh import Mesh, Straight, mesh_of
 from vinefab.inflation.solve import Equilibrium, Tell, at_rest
 from vinefab.model.outline import Contour, Part
 
+LOAD_LENGTH = 0.1
+"""Length of seam, in widths of the trunk, over which a load is a mean: about that of a weld band.
+
+The load at a single point of a tight crotch grows with the fineness of the triangles.
+"""
+
+FINER = 0.65
+"""Spacing in joints and ends over that across straight tubes.
+
+There, edges do not lie along the lines about which the sheet bends, which makes coarse triangles
+too stiff.
+"""
+
 _START_SLOPE = 0.45  # height of the start over the distance from the seam
 
 
@@ -52,17 +65,27 @@ class Sheet:
         return np.column_stack([points, np.where(held, 0.0, _START_SLOPE * away)])
 
     def seam_loads(self, found: Equilibrium) -> Floats:
-        """Return the load that opens the weld at each point of `is_seam`, over p W, shape (k,).
+        """Return the load that opens the weld at each corner of `Mesh.seam`, over p W, shape (k,).
 
-        Force per length of flat seam; 1 / pi on a straight tube of width 1.
+        Force per length of flat seam, the mean over `LOAD_LENGTH` of it; 1 / pi on a straight tube
+        of width 1, NaN at a mouth.
         """
-        forces = self.membrane.forces(found.positions)[:, 2]
-        loop = self.mesh.points[self.mesh.seam]
+        seam = self.mesh.seam
+        force = np.abs(self.membrane.forces(found.positions)[seam, 2])
+        loop = self.mesh.points[seam]
         ahead = np.hypot(*(np.roll(loop, -1, axis=0) - loop).T)
-        length = np.zeros(len(self.mesh.points))
-        length[self.mesh.seam] = (ahead + np.roll(ahead, 1)) / 2.0
-        loads: Floats = np.abs(forces[self.is_seam]) / length[self.is_seam]
-        return loads
+        # Each corner bears the half of both edges: the force up to the middle of every edge.
+        bounds = np.concatenate([[-ahead[-1] / 2.0], np.cumsum(ahead) - ahead / 2.0])
+        total = np.concatenate([[0.0], np.cumsum(force)])
+        length = float(ahead.sum())
+        bounds = np.concatenate([bounds[:-1] - length, bounds, bounds[1:] + length])
+        total = np.concatenate([total[:-1] - total[-1], total, total[1:] + total[-1]])
+        here = np.concatenate([[0.0], np.cumsum(ahead)[:-1]])
+        half = LOAD_LENGTH / 2.0
+        loads = np.interp(here + half, bounds, total) - np.interp(here - half, bounds, total)
+        loads[~np.isin(seam, self.is_seam)] = np.nan
+        mean: Floats = loads / LOAD_LENGTH
+        return mean
 
 
 def sheet_of(
@@ -93,7 +116,7 @@ def sheet_of(
     BadInputError
         If the outline cannot be filled with triangles.
     """
-    spacing = np.array([widths[branch] for branch in outline.branches]) / across
+    spacing = FINER * np.array([widths[branch] for branch in outline.branches]) / across
     mesh = mesh_of(outline, straights, spacing, across=across)
     points = mesh.points
     free = np.ones((len(points), 3), dtype=np.bool_)

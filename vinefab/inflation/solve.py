@@ -182,7 +182,8 @@ def _minimum(
                 )
             # A saddle: leave it along a direction of no symmetry.
             shift = max(shift, _LEAST_SHIFT)
-            gradient = gradient + 1e-5 * np.cos(np.arange(len(gradient)))
+            aside: Floats = np.cos(np.linspace(0.0, len(gradient), len(gradient)))
+            gradient = gradient + 1e-5 * aside
         move, shift = _descent(membrane, matrix, gradient, (weight, shift, order))
         slope = float(gradient @ move)
         share = min(1.0, _LONGEST_STEP / float(np.abs(move).max()))
@@ -217,7 +218,8 @@ def _share(residual: float) -> float:
 def _corner_areas(membrane: Membrane) -> Floats:
     """Return the flat area around the corner of each free coordinate, shape (k,)."""
     corners = membrane.triangles.ravel()
-    area = np.bincount(corners, np.repeat(membrane.area, 3) / 3.0, len(membrane.points))
+    weights = np.repeat(membrane.area, 3) / 3.0
+    area = np.asarray(np.bincount(corners, weights, len(membrane.points)), dtype=np.float64)
     spread: Floats = np.repeat(area, 3).reshape(-1, 3)[membrane.free]
     return spread
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
 from vinefab.core.limits import DEFAULT_MARKER_MM
-from vinefab.core.validation import Floats
 from vinefab.core.view import (
     Answer,
     Block,
@@ -464,29 +463,23 @@ def _overlay_picture(seen: Observation) -> bytes:
     """Return the photo from straight above, with the lines seen and predicted."""
     panel = _photo_panel(seen, seen.film.view.pixels, 576.0)
     for branch in seen.compared.branches:
-        _draw_branch(panel, seen, branch)
+        z_mm = branch.nominal_width_mm / 2.0
+        shown = partial(seen.film.moved, from_mm=z_mm, to_mm=seen.film.sight.plane_mm)
+        if len(branch.predicted_points_mm) > 1:
+            dashed = Ink(line=PREDICTED, width_pt=1.3, dash_pt=(5.2, 3.9))
+            panel.line(shown(branch.predicted_points_mm), dashed, rank=4.0)
+        if not branch.deployed_observed:
+            continue
+        places = shown(branch.points_mm)
+        panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
+        panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
+        x, y = places[len(places) // 2].tolist()
+        panel.words((x, y), branch.id, 6.5, shift_pt=(3.0, 5.5), halo=True)
+        contacts = [(c.x_mm, c.y_mm) for c in branch.contacts if c.outcome != "unclear"]
+        if contacts:
+            cross = Ink(line=ALERT, width_pt=1.4)
+            panel.marks(shown(np.array(contacts)), "x", 5.0, cross, rank=5.0)
     return page_png(page_of(panel), dpi=130)
-
-
-def _draw_branch(panel: Panel, seen: Observation, branch: ComparedBranch) -> None:
-    z_mm = branch.nominal_width_mm / 2.0
-
-    def shown(points: Floats) -> Floats:
-        return seen.film.moved(points, z_mm, seen.film.sight.plane_mm)
-
-    if len(branch.predicted_points_mm) > 1:
-        dashed = Ink(line=PREDICTED, width_pt=1.3, dash_pt=(5.2, 3.9))
-        panel.line(shown(branch.predicted_points_mm), dashed, rank=4.0)
-    if not branch.deployed_observed:
-        return
-    places = shown(branch.points_mm)
-    panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
-    panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
-    x, y = places[len(places) // 2].tolist()
-    panel.words((x, y), branch.id, 6.5, shift_pt=(3.0, 5.5), halo=True)
-    contacts = [(c.x_mm, c.y_mm) for c in branch.contacts if c.outcome != "unclear"]
-    if contacts:
-        panel.marks(shown(np.array(contacts)), "x", 5.0, Ink(line=ALERT, width_pt=1.4), rank=5.0)
 
 
 def _film_picture(seen: Observation) -> bytes:

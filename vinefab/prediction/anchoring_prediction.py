@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from vinefab.core.jsontext import rounded
-from vinefab.core.statistics import group_means
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Fact, Number, Rows, Section
 from vinefab.model.design import Design
@@ -15,6 +14,7 @@ from vinefab.model.laser import Material
 from vinefab.physics.anchoring import payload_over_mass
 from vinefab.physics.seam import seam_load_n_mm
 from vinefab.prediction.family_deployments import FamilyDeployments
+from vinefab.prediction.measures import means_by_map
 from vinefab.tasks.anchoring_force import IDLE_SHARE, Anchoring
 
 
@@ -30,8 +30,7 @@ class OverMaps:
     @classmethod
     def of(cls, values: Floats, maps: Sequence[str]) -> "OverMaps":
         """Return the spread of one value per deployment; ``maps`` has the map of each."""
-        means = group_means(values, maps) if len(set(maps)) > 1 else values
-        low, median, high = np.percentile(means, [5.0, 50.0, 95.0]).tolist()
+        low, median, high = np.percentile(means_by_map(values, maps), [5.0, 50.0, 95.0]).tolist()
         return cls(median=median, low=low, high=high)
 
     def text(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
+from vinefab.core.statistics import holm, mean_interval, sign_flip_p
 from vinefab.core.view import (
     Answer,
     Block,
@@ -47,6 +47,7 @@ from vinefab.prediction.measures import (
     MEASURES,
     Measure,
     MeasureTable,
+    means_by_map,
     spreads_content,
 )
 from vinefab.prediction.pictures import contact_chart, paired_difference_chart
@@ -359,9 +360,7 @@ def paired_differences(
     found = []
     for one, two in combinations(range(len(names)), 2):
         apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
-        groups = outcomes[one].maps
-        # Differences on one map are alike; where there is one map, poses have to do.
-        means = group_means(apart, groups) if len(set(groups)) > 1 else apart[np.isfinite(apart)]
+        means = means_by_map(apart, outcomes[one].maps)
         if len(means):
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]

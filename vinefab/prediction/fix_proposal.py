@@ -24,7 +24,6 @@ from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.model.score import Score
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -253,20 +252,15 @@ def score_change_lines(
             score_design_on_task(design, maps, ScorePlan(task=task), options)
             for design in (before, after)
         )
+        # The difference of two scores from the same poses.
+        names = [evaluation.map_name for evaluation in old.evaluations]
+        several = len(set(names)) > 1
+        means = group_means(new.scores - old.scores, names if several else range(len(names)))
+        low, high = mean_interval(means)
+        pairs = f"{len(means)} {'maps' if several else 'poses'}"
+        interval = f"95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
+        interval = "one pose: no interval" if math.isnan(low) else interval
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
         where = f"mean over {counted(len(maps), 'map')}"
-        lines.append(f"  {task}, {where}: {scores} (simulated; {_difference_text(old, new)})")
+        lines.append(f"  {task}, {where}: {scores} (simulated; {means.mean():+.4f}, {interval})")
     return lines
-
-
-def _difference_text(old: Score, new: Score) -> str:
-    """Return the mean difference of two scores from the same poses, with its interval."""
-    names = [evaluation.map_name for evaluation in old.evaluations]
-    several = len(set(names)) > 1
-    groups = names if several else list(range(len(names)))
-    differences = group_means(new.scores - old.scores, groups)
-    pairs = f"{len(differences)} {'maps' if several else 'poses'}"
-    low, high = mean_interval(differences)
-    if math.isnan(low):
-        return f"{differences.mean():+.4f}, one pose: no interval"
-    return f"{differences.mean():+.4f}, 95 % interval {low:+.4f} to {high:+.4f} over {pairs}"

@@ -20,7 +20,7 @@ from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import PredictionPlan
@@ -104,6 +104,11 @@ def heat_map_of(
     passed = np.zeros(shape)
     for deployment in deployments:
         passed += body_cells(deployment, design.build.widths_mm, low_mm, cell_mm, shape)
+    start = varied.starts[0]
+    where = f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map"
+    if start.area is not None:
+        kind = "line" if isinstance(start.area, LineString) else "area"
+        where = f"from the free part of the start's {kind}"
     return HeatMap(
         world=world,
         low_mm=low_mm,
@@ -111,17 +116,8 @@ def heat_map_of(
         share=passed / len(deployments),
         deployments=len(deployments),
         spots=stuck_spots(deployments, SPOT_SHARE * max(world.size_mm)),
-        spread=_spread_text(varied.starts[0]),
+        spread=f"{where} and {deg(start.spread_heading_rad):g} degrees either way",
     )
-
-
-def _spread_text(start: Start) -> str:
-    """Return the range that poses are drawn from, in words."""
-    turn = f"{deg(start.spread_heading_rad):g} degrees either way"
-    if start.area is not None:
-        kind = "line" if isinstance(start.area, LineString) else "area"
-        return f"from the free part of the start's {kind} and {turn}"
-    return f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map and {turn}"
 
 
 def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[StuckSpot, ...]:

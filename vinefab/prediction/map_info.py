@@ -1,7 +1,7 @@
 """Size, passages and room of a map, ``vinefab/map-info-1``."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from os import PathLike
@@ -113,7 +113,19 @@ def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[flo
     def share_of(radius_mm: float) -> float:
         return float(_swept(home, start, radius_mm).area / free.area)
 
-    return {share: _widest_mm(share_of, share, start.clearance_mm) for share in SHARES}
+    found = dict[float, float | None]()
+    for share in SHARES:
+        low_mm, high_mm = 0.0, start.clearance_mm
+        if share_of(high_mm) >= share:
+            low_mm = high_mm
+        for _ in range(_HALVINGS if low_mm < high_mm else 0):
+            middle_mm = 0.5 * (low_mm + high_mm)
+            if share_of(middle_mm) >= share:
+                low_mm = middle_mm
+            else:
+                high_mm = middle_mm
+        found[share] = math.pi * low_mm if low_mm > 0.0 else None
+    return found
 
 
 def body_room(free: BaseGeometry, starts: tuple[StartRoom, ...], width_mm: float) -> Body:
@@ -152,21 +164,6 @@ def _home(free: BaseGeometry, start: StartRoom) -> BaseGeometry:
     """Return the part of the free space that a start is in."""
     point = Point(start.pose.x_mm, start.pose.y_mm)
     return next((part for part in shapely.get_parts(free) if part.intersects(point)), Point())
-
-
-def _widest_mm(
-    share_of: Callable[[float], float], share: float, clearance_mm: float
-) -> float | None:
-    low_mm, high_mm = 0.0, clearance_mm
-    if share_of(high_mm) >= share:
-        return math.pi * high_mm
-    for _ in range(_HALVINGS):
-        middle_mm = 0.5 * (low_mm + high_mm)
-        if share_of(middle_mm) >= share:
-            low_mm = middle_mm
-        else:
-            high_mm = middle_mm
-    return math.pi * low_mm if low_mm > 0.0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ pose comes from draws that no choice has seen (`vinefab.prediction.aiming`).
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,9 +64,7 @@ class PoseDraws:
 
     def with_contacts_of(self, other: "PoseDraws") -> "PoseDraws":
         """Return the same placing errors with the contacts of other draws."""
-        return PoseDraws(
-            offset_mm=self.offset_mm, turn_rad=self.turn_rad, half_angle_rad=other.half_angle_rad
-        )
+        return replace(self, half_angle_rad=other.half_angle_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

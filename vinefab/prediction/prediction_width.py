@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
@@ -34,6 +34,7 @@ from vinefab.prediction.measures import (
     TIGHT_PRESSURE,
     Measure,
     MeasureTable,
+    means_by_map,
 )
 from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
@@ -119,7 +120,7 @@ def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthO
 
 def contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
     """Return the mean of values with its interval, each under the name of its map."""
-    means = group_means(values, names) if len(set(names)) > 1 else values
+    means = means_by_map(values, names)
     low, high = mean_interval(means)
     return ContactValue(mean=float(means.mean()), low=low, high=high)
 

@@ -9,7 +9,7 @@ which is much closer.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,11 +201,9 @@ class TeamSearch:
         for shift in range(SET_DRAWS):
             rows: Ints = np.arange(shift, len(poses), SET_DRAWS)
             if len(rows):
-                other_contacts = PoseDraws(
-                    offset_mm=np.roll(draws.offset_mm, shift, axis=0),
-                    turn_rad=np.roll(draws.turn_rad, shift),
-                    half_angle_rad=draws.half_angle_rad,
-                )
+                offset_mm = np.roll(draws.offset_mm, shift, axis=0)
+                turn_rad = np.roll(draws.turn_rad, shift)
+                other_contacts = replace(draws, offset_mm=offset_mm, turn_rad=turn_rad)
                 bits[rows] = self._covered_bits(poses[rows], other_contacts)
         choice = chosen_greedily(CoveredSets(bits=bits, weight=weight), count)
         chosen = np.array([printed_pose(self.trial, poses[index]) for index in choice.chosen])

@@ -6,7 +6,6 @@ A winner is tried on unseen maps, over what contacts may be like, and placed off
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +33,7 @@ from vinefab.prediction.prediction_width import (
     ContactValue,
     contact_value,
 )
-from vinefab.prediction.sensitivity import (
-    HEADING_STEPS_DEG,
-    SIDEWAYS_STEPS_MM,
-    moved_poses,
-    shifted_pose,
-    turned_pose,
-)
+from vinefab.prediction.sensitivity import moved_poses, placings
 from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.live_page import LivePage
 from vinefab.search.loop import Search
@@ -142,16 +135,9 @@ class WinnerTrial:
     def placed_off(self, family: PreparedFamily) -> tuple[dict[str, Any], ...]:
         """Return what placing the body elsewhere does, a step each, from the same poses."""
         exact = self.scores(family)
-        moves = [
-            *(
-                ("heading", d, "deg", partial(turned_pose, turn_rad=rad(d)))
-                for d in HEADING_STEPS_DEG
-            ),
-            *(("position", d, "mm", partial(shifted_pose, step_mm=d)) for d in SIDEWAYS_STEPS_MM),
-        ]
         return tuple(
             {"knob": knob, "step": step, "unit": unit, **self._change(family, move, exact)}
-            for knob, step, unit, move in moves
+            for knob, step, unit, move in placings()
         )
 
     def _change(

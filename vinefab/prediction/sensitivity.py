@@ -14,7 +14,7 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Picture, Rows, Section
-from vinefab.growth.batch import Batch, Block, Launches
+from vinefab.growth.batch import Batch, Block, Launches, Workspace
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
@@ -135,6 +135,9 @@ ANGLE_TOLERANCE_DEG = 2.0
 
 ROBOTS = 40
 
+ROBOTS_TOGETHER = 8
+"""So many are grown at once: what a map costs is paid once for all of them."""
+
 _STREAM = 1703
 
 
@@ -165,6 +168,7 @@ class VariantEvaluator:
         self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
         self.launches = self.prepared.launches()
         # Deployments on one map are alike; where there is one map, poses have to do.
+        self._workspaces = list[Workspace]()  # of all batches: what one allocated, others use
         alike = self.launches.terrain if len(maps) > 1 else np.arange(len(self.launches))
         self.groups = [str(index) for index in alike.tolist()]
         self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
@@ -187,7 +191,8 @@ class VariantEvaluator:
             shares = np.array([shares_percent(deployment)[:2] for deployment in deployments])
             return np.column_stack([100.0 * seen, 100.0 * reached, shares])
 
-        rows = np.concatenate(list(Batch(Plans.joined(plans), launches, options).each(measured)))
+        batch = Batch(Plans.joined(plans), launches, options, self._workspaces)
+        rows = np.concatenate(list(batch.each(measured)))
         if any((deployment.stop == Stop.PRESSURE).any() for deployment in unpressed):
             free = Plans.joined([plan.without_pressure for plan in plans])
             unpressed = Batch(free, launches, options).deployments()
@@ -238,10 +243,15 @@ def tolerance(
     """Return how robots of the same design differ when each branch is made a little off."""
     options, tree = evaluator.plan.options, branch_tree(evaluator.design)
     rows = []
-    for robot in range(ROBOTS):
-        made = made_tree(tree, child(seed, _STREAM, robot))
-        rows.append(evaluator.grow([Plan.of(evaluator.design, options, made)], options)[0])
-        progress((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
+    for first in range(0, ROBOTS, ROBOTS_TOGETHER):
+        made = [
+            made_tree(tree, child(seed, _STREAM, robot))
+            for robot in range(first, min(first + ROBOTS_TOGETHER, ROBOTS))
+        ]
+        rows += [
+            *evaluator.grow([Plan.of(evaluator.design, options, one) for one in made], options)
+        ]
+        progress(len(rows) / ROBOTS, f"{len(rows)} of {ROBOTS} robots as made")
     values = np.array(rows)
     return Tolerance(
         length_percent=LENGTH_TOLERANCE_PERCENT,
@@ -274,30 +284,29 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
 
 def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
     design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
-    for step in HEADING_STEPS_DEG:
-        moved = moved_poses(evaluator.prepared, partial(turned_pose, turn_rad=rad(step)))
-        yield PredictionVariant(
-            knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
-        )
-    for step in SIDEWAYS_STEPS_MM:
-        moved = moved_poses(evaluator.prepared, partial(shifted_pose, step_mm=step))
-        yield PredictionVariant(
-            knob="position", step=step, unit="mm", design=design, options=options, poses=moved
-        )
+    exact = PredictionVariant(
+        knob="", step=0.0, unit="", design=design, options=options, poses=poses
+    )
+    for knob, step, unit, move in placings():
+        moved = moved_poses(evaluator.prepared, move)
+        yield replace(exact, knob=knob, step=step, unit=unit, poses=moved)
     for step in LENGTH_STEPS_PERCENT:
         other = scaled_tree(design, 1.0 + step / 100.0)
-        yield PredictionVariant(
-            knob="lengths", step=step, unit="%", design=other, options=options, poses=poses
-        )
+        yield replace(exact, knob="lengths", step=step, unit="%", design=other)
     for step in HEAD_ON_STEPS_DEG:
         low_rad, high_rad = (
             min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
         )
         wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
-        yield PredictionVariant(
-            knob="head-on half-angle", step=step, unit="deg",
-            design=design, options=wider, poses=poses,
-        )  # fmt: skip
+        yield replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
+
+
+def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
+    """Yield how a base may be placed off: knob, step, unit, and what moves a pose so."""
+    for step in HEADING_STEPS_DEG:
+        yield "heading", step, "deg", partial(turned_pose, turn_rad=rad(step))
+    for step in SIDEWAYS_STEPS_MM:
+        yield "position", step, "mm", partial(shifted_pose, step_mm=step)
 
 
 def scaled_tree(design: Design, factor: float) -> Design:

@@ -70,25 +70,17 @@ class Printer(Table):
 
 def _form_of_printers() -> type[Table]:
     """Return the form of a printer's file: every number of `Printer` with its standing."""
-    keys = [key for key in declared_keys(Printer) if key.field != "name"]
-    optional = [key.field for key in keys].index("layer_mm")
+    version = Doc("kind of file and its version")
     fields: dict[str, Any] = {
-        "schema_": (
-            Annotated[
-                Literal["vinefab/printer-1"],
-                Field(alias="schema"),
-                Doc("kind of file and its version"),
-            ],
-            ...,
-        ),
+        "schema_": (Annotated[Literal["vinefab/printer-1"], Field(alias="schema"), version], ...),
         "title": (Annotated[str, Doc("for people")], ...),
     }
-    fields |= {
-        key.field: (Annotated[Quantity, Unit(key.unit), Doc(key.meaning)], ...)
-        if index < optional
-        else (Annotated[Quantity | None, Unit(key.unit), Doc(key.meaning)], None)
-        for index, key in enumerate(keys)
-    }
+    held: tuple[Any, Any] = (Quantity, ...)
+    for key in declared_keys(Printer):
+        if key.field == "layer_mm":  # from here on for estimates only
+            held = (Quantity | None, None)
+        if key.field != "name":
+            fields[key.field] = (Annotated[held[0], Unit(key.unit), Doc(key.meaning)], held[1])
     doc = "A file in ``laser_profiles/printers``; what is for estimates only may be left out."
     return create_model("PrinterForm", __base__=Table, __doc__=doc, **fields)
 

@@ -18,7 +18,6 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
-from vinefab.model.score import Score
 from vinefab.pages.charts import ends_of
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.page_png import page_png
@@ -27,6 +26,7 @@ from vinefab.pages.panel import Ink, Page, Panel, Primitive, page_of_rows, plan_
 from vinefab.pages.plan import draw_deployment, draw_map, draw_targets
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
+from vinefab.search.record.generations import Finalist
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings, targets_mm
@@ -121,15 +121,11 @@ MOST_ROBOTS = 4
 """Most designs of the front that are drawn, the knee among them if there is one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrontMember:
-    """One design of a front."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontMember(Finalist):
+    """One design of a front, named after the run, with its place on the front."""
 
-    design: Design  # named after the run, with its place on the front
-    score: Score  # on fresh poses
-    fitness: float  # on fresh poses
     further: tuple[float, ...]  # values of the run's further objectives, in their order
-    penalty: float  # 0 if manufacturable, or not checked, and within the limits
     is_knee: bool  # against the run's `front_axis`; a front may have no knee
 
 
@@ -153,11 +149,12 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     bend = knee(fitness[rows], along[rows])
     return tuple(
         FrontMember(
+            x=finalists[row].x,
             design=_named(finalists[row].design, settings, result, place + 1),
             score=finalists[row].score,
             fitness=float(fitness[row]),
-            further=tuple((signs * costs[row]).tolist()),
             penalty=finalists[row].penalty,
+            further=tuple((signs * costs[row]).tolist()),
             is_knee=place == bend,
         )
         for place, row in enumerate(rows.tolist())

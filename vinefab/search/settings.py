@@ -196,18 +196,23 @@ class EvaluationSettings(Table):
         return self
 
 
-class RunSettings(Table):
-    """A whole run; `changed` gives another one."""
+class RunTables(Table):
+    """The tables of a run that are the same in files and in Python."""
 
-    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
     maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
-    task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
     space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
     build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
     growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
+    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
+
+
+class RunSettings(RunTables):
+    """A whole run; `changed` gives another one."""
+
+    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
+    task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
     optimizer: Annotated[PartSettings, Doc("what searches")] = PartSettings(name="islands")
     search: Annotated[SearchSettings, Doc("how long it searches")] = SearchSettings()
-    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
     objectives: Annotated[
         tuple[str, ...], Field(strict=False), Doc("for a front: the task, other tasks and costs")
     ] = ()
@@ -393,20 +398,15 @@ class OptimizerTable(SearchSettings):
     ] = ()
 
 
-class RunFile(Table):
+class RunFile(RunTables):
     """A whole run file."""
 
     schema_: Annotated[
         Literal["vinefab/run-1"], Field(alias="schema"), Doc("kind of file and its version")
     ] = "vinefab/run-1"
     name: Annotated[str | None, Doc("of the run and its best design; default: the file's")] = None
-    maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
     task: Annotated[TaskTable, Doc("what is scored")] = TaskTable()
-    space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
-    build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
-    growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
     optimizer: Annotated[OptimizerTable, Doc("how it is searched")] = OptimizerTable()
-    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
 
 
 _MOST_LETTERS = 90

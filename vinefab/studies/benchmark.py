@@ -613,38 +613,24 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
 
 def _compared(result: BenchmarkResult) -> Iterator[tuple[Value, ...]]:
     """Yield what was measured, its rate or time, and what that means."""
-
-    def row(
-        name: str, value: float, unit: str, words: str, form: str = ",.0f"
-    ) -> tuple[Value, ...]:
-        return name, Number(value, unit, form), words
-
     growths_per_s = result.branches_per_s / 40.0
     slower = result.branches_per_s / result.interpreted_branches_per_s
     search, penalty = result.search, result.penalty
-    yield row(
-        "growth", result.branches_per_s, "branches/s",
-        f"{growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch",
-    )  # fmt: skip
-    yield row(
-        "Shapely reference", result.reference_branches_per_s, "branches/s",
-        f"{result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm",
-    )  # fmt: skip
-    yield row(
-        "interpreted kernel", result.interpreted_branches_per_s, "branches/s",
-        f"{slower:,.0f} times slower",
-    )  # fmt: skip
-    yield row(
-        "full evaluation", result.evaluations_per_s, "trees/s",
-        f"scored for coverage, {result.evaluation_over_growth:.2f} times the time of growth alone",
-    )  # fmt: skip
-    yield row(
-        "full evaluation in a search", search.trees_per_s, "trees/s",
-        f"growth {search.growth_us:.1f} us, scoring {search.scoring_us:.1f} us",
-    )  # fmt: skip
-    yield row(
-        "penalty", penalty.at_once_us, "us", "for each design of a generation, "
-        f"{penalty.alone_us / penalty.at_once_us:,.0f} times longer one by one", ".1f",
-    )  # fmt: skip
+    for name, rate, unit, words in (
+        ("growth", result.branches_per_s, "branches/s",
+         f"{growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch"),
+        ("Shapely reference", result.reference_branches_per_s, "branches/s",
+         f"{result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm"),
+        ("interpreted kernel", result.interpreted_branches_per_s, "branches/s",
+         f"{slower:,.0f} times slower"),
+        ("full evaluation", result.evaluations_per_s, "trees/s", "scored for coverage, "
+         f"{result.evaluation_over_growth:.2f} times the time of growth alone"),
+        ("full evaluation in a search", search.trees_per_s, "trees/s",
+         f"growth {search.growth_us:.1f} us, scoring {search.scoring_us:.1f} us"),
+    ):  # fmt: skip
+        yield name, Number(rate, unit, ",.0f"), words
+    longer = f"{penalty.alone_us / penalty.at_once_us:,.0f} times longer one by one"
+    each = Number(penalty.at_once_us, "us", ".1f")
+    yield "penalty", each, f"for each design of a generation, {longer}"
     for name, taken_s in result.first_grow_s.items():
-        yield row("first grow ever", taken_s, "s", name, ".2f")
+        yield "first grow ever", Number(taken_s, "s", ".2f"), name

@@ -230,7 +230,10 @@ class PictureExport:
         world, suffix = _map_of(source), Path(source.out).suffix
         whole("frames", self.frames, 1, MOST_FRAMES)
         tell(0.1, "growing")
-        found = deploy(source.design, world, _pose_typed(source.pose), source.growth_given)
+        pose = source.pose
+        if pose is not None:  # the command reads its heading in degrees
+            pose = Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
+        found = deploy(source.design, world, pose, source.growth_given)
         tell(0.3, "drawing")
         if self._moves(source):
             data = found.animation(suffix, self.frames)
@@ -321,11 +324,6 @@ def command_of(kind: Export, source: ExportSource) -> str:
 def _without_contacts(growth: Mapping[str, object]) -> dict[str, object]:
     """Return growth options without the contacts, which are a file of their own."""
     return {name: value for name, value in growth.items() if name != "contacts"}
-
-
-def _pose_typed(pose: Pose | None) -> Pose | None:
-    """Return the pose that the command reads: its heading went through degrees."""
-    return None if pose is None else Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
 
 
 def _map_of(source: ExportSource) -> Map:

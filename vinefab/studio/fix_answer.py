@@ -36,7 +36,9 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[s
         ``keep``: words of `KEEPS`, besides those that the page's locks ask for.
     """
     keep, words = kept_kinds(state.locks, ask.get("keep") or [])
-    maps = _maps(state)
+    maps: tuple[Map, ...] = ()
+    if state.world is not None and state.start is not None:  # the page's start is the only one
+        maps = (replace(state.world, starts=(Start(pose=state.start),)),)
     tell(0.0, "looking for the smallest change")
     proposal = propose_fix(
         state.design,
@@ -68,13 +70,6 @@ def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], li
 
 
 _ONE = {"branches": "number of branches", "length": "length", "angle": "angle", "width": "width"}
-
-
-def _maps(state: StudioState) -> tuple[Map, ...]:
-    """Return the open map with the page's start as its only one; none where the robot has none."""
-    if state.world is None or state.start is None:
-        return ()
-    return (replace(state.world, starts=(Start(pose=state.start),)),)
 
 
 def _proposal_content(proposal: ProposedFix, state: StudioState) -> dict[str, Any]:

@@ -122,11 +122,12 @@ def snapshot_html(
         "form": design_form(),
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
+    source = _source(state)  # of the map that the state's edits are made to
     stored = {
         "schema": _SCHEMA,
         "date": options.date,
         "hello": hello,
-        "map": _source_map(state),
+        "map": map_text(world_of({"source": source})) if "file" in source else None,
         "answers": answers,
     }
     page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
@@ -252,12 +253,6 @@ def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
     if given.get("recipe"):
         given["recipe"] = Path(str(given["recipe"])).name
     return given
-
-
-def _source_map(state: Mapping[str, Any]) -> str | None:
-    """Return the text of the map that a state's edits are made to, if it came from a file."""
-    source = _source(state)
-    return map_text(world_of({"source": source})) if "file" in source else None
 
 
 def _stored_script(value: object) -> str:

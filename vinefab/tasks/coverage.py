@@ -1,5 +1,6 @@
 """The coverage task: as much seen area as possible from as simple a robot as possible."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
@@ -13,10 +14,15 @@ from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
-from vinefab.tasks.exact_areas import disc_union, free_disc_areas_mm2, seen_areas
+from vinefab.tasks.exact_areas import (
+    disc_polygons,
+    disc_union,
+    free_disc_areas_mm2,
+    seen_areas,
+)
 from vinefab.tasks.fast_areas import FreeArea, SightLines
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
+from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 _ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
@@ -108,17 +114,21 @@ class Coverage(Table):
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area != "fast":
+        is_fast = self.area == "fast"
+        if not is_fast and (self.clip != "free" or not are_many(block, contexts)):
             return one_by_one(self, block, contexts)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         parts: list[TaskOutcomes] = []
         for terrain, one, two in block.by_terrain():
-            strips = self._strips(contexts[terrain])
-            if strips is None:
+            strips = self._strips(contexts[terrain]) if is_fast else None
+            if is_fast and strips is None:
                 return one_by_one(self, block, contexts)
-            begins = first[one : two + 1] - first[one]
-            seen, summed = strips.covered_mm2(tips_mm[first[one] : first[two]], begins)
+            begins, own_mm = first[one : two + 1] - first[one], tips_mm[first[one] : first[two]]
+            if strips is None:
+                seen, summed = self._free_areas_mm2(own_mm, begins, contexts[terrain])
+            else:
+                seen, summed = strips.covered_mm2(own_mm, begins)
             counts = np.diff(begins)
             parts.append(
                 self._outcomes(seen, summed, counts, lengths_mm[one:two], contexts[terrain])
@@ -168,6 +178,22 @@ class Coverage(Table):
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
         return context.free_area_mm2(union), float(each_mm2.sum())
+
+    def _free_areas_mm2(
+        self, tips_mm: Floats, begins: Ints, context: MapContext
+    ) -> tuple[Floats, Floats]:
+        """Return what `_areas_mm2` would within free space for several final states on one map."""
+        discs = disc_polygons(tips_mm, self.radius_mm)
+        lines = np.arange(len(tips_mm) + 1)
+        seen = context.rows.areas_mm2(discs, begins, tips_mm, lines, self.radius_mm)
+        summed = np.zeros_like(seen)
+        for index, (one, two) in enumerate(itertools.pairwise(begins.tolist())):
+            each_mm2 = free_disc_areas_mm2(tips_mm[one:two], self.radius_mm, context.edges_mm)
+            summed[index] = each_mm2.sum()
+        for index in np.flatnonzero(np.isnan(seen)).tolist():
+            union = disc_union(tips_mm[begins[index] : begins[index + 1]], self.radius_mm)
+            seen[index] = context.free_area_mm2(union)
+        return seen, summed
 
     def _strips(self, context: MapContext) -> FreeArea | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""

@@ -15,6 +15,7 @@ from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.map import Map
 from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.fast_areas import FreeArea, SightLines, WallCells
+from vinefab.tasks.union_areas import FreeRows
 
 Key = TypeVar("Key")
 Part = TypeVar("Part")
@@ -49,6 +50,7 @@ class MapContext:
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
     _cells: dict[str, WallCells] = field(default_factory=dict)
     _tiles: dict[str, shapely.STRtree] = field(default_factory=dict)
+    _rows: dict[str, FreeRows] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
@@ -93,6 +95,11 @@ class MapContext:
         return _cached(
             self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm)
         )
+
+    @property
+    def rows(self) -> FreeRows:
+        """The edges row by row, for exact areas of many growths; cached."""
+        return _cached(self._rows, "all", lambda: FreeRows.of(self.edges_mm))
 
     @property
     def cells(self) -> WallCells:

@@ -20,7 +20,7 @@ from vinefab.model.map import Map
 from vinefab.tasks.covered_cells import BodyCover, CellGrid, Cover, TargetCover
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
+from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
 """Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
@@ -140,7 +140,11 @@ class Reach(Table):
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         if self.area != "fast" and not self.target_mm:
-            return one_by_one(self, block, contexts)
+            if not are_many(block, contexts):
+                return one_by_one(self, block, contexts)
+            return concatenated_outcomes(
+                [self._of_bodies(block, *part, contexts[part[0]]) for part in block.by_terrain()]
+            )
         growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():
             context = contexts[terrain]
@@ -160,6 +164,30 @@ class Reach(Table):
             else:
                 parts.append(_outcomes(raster.reached_mm2(chains), grown_mm, context))
         return concatenated_outcomes(parts)
+
+    def _of_bodies(
+        self, block: Block, _terrain: int, one: int, two: int, context: MapContext
+    ) -> TaskOutcomes:
+        """Return what `evaluate` would for the growths ``one .. two - 1``, on one map."""
+        growth, branches = block.growth, np.arange(block.branch[one], block.branch[two])
+        of_growth = np.repeat(np.arange(one, two), np.diff(block.branch[one : two + 1]))
+        first = block.room[of_growth] + growth.first_point[branches + of_growth]
+        count = np.diff(growth.first_point)[branches + of_growth]
+        out = np.flatnonzero(count)
+        line_first = np.concatenate([[0], np.cumsum(count[out])])
+        at = np.repeat(first[out] - line_first[:-1], count[out]) + np.arange(line_first[-1])
+        lines_mm = growth.points[at]
+        near = shapely.buffer(
+            shapely.linestrings(lines_mm, indices=np.repeat(np.arange(len(out)), count[out])),
+            self.buffer_mm,
+            quad_segs=QUARTER_SEGMENTS,
+        )
+        begins = np.searchsorted(of_growth[out], np.arange(one, two + 1))
+        reached_mm2 = context.rows.areas_mm2(near, begins, lines_mm, line_first, self.buffer_mm)
+        for index in np.flatnonzero(np.isnan(reached_mm2)).tolist():
+            union = shapely.union_all(near[begins[index] : begins[index + 1]])
+            reached_mm2[index] = context.free_area_mm2(union)
+        return _outcomes(reached_mm2, _sums(growth.grown, block.branch[one : two + 1]), context)
 
     def _of_targets(self, chains: Chains, grown_mm: Floats, context: MapContext) -> TaskOutcomes:
         """Return the share of the targets that is reached, and as terms how many and how near."""

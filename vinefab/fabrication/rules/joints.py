@@ -114,7 +114,8 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        shortest_mm = float(child_lengths_mm(level).min())
+        # A single child counts with its level's growth too, as in the compiled penalty.
+        shortest_mm = min(float(child_lengths_mm(level).min()), level.length_mm * level.growth)
         disc = max(wide, narrow)
         beside, *between = gap_angles_rad(design, number)
         reach = _bare_reach_mm(beside, (wide, narrow), disc)

@@ -158,17 +158,16 @@ def straighten(loops: list[Floats], tolerance: float) -> Straightened:
     rough = [loop for loop, rectangle in zip(loops, rectangles, strict=True) if rectangle is None]
     if not rough:
         return Straightened(_polygon(fixed), 0.0)
-    walls = _split_loops(rough, np.array([_tolerance_for(loop, tolerance) for loop in rough]))
+    own = list[float]()  # small and thin loops have tolerances of their own
+    for loop in rough:
+        size = float(np.ptp(loop, axis=0).max())
+        thickness = 2.0 * float(Polygon(loop).area) / len(loop)
+        least = min(tolerance, _SMALL_SHARE * size, _THIN_SHARE * thickness)
+        own.append(max(_LEAST_TOLERANCE, least))
+    walls = _split_loops(rough, np.array(own))
     while _refine(walls, fixed):
         pass
     return Straightened(_polygon(_rings(walls, fixed)), float(walls.deviation().max()))
-
-
-def _tolerance_for(loop: Floats, tolerance: float) -> float:
-    size = float(np.ptp(loop, axis=0).max())
-    thickness = 2.0 * float(Polygon(loop).area) / len(loop)
-    own = min(_SMALL_SHARE * size, _THIN_SHARE * thickness)
-    return max(_LEAST_TOLERANCE, min(tolerance, own))
 
 
 def _rectangle(loop: Floats) -> Floats | None:
@@ -328,11 +327,18 @@ def raster_map(
     result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, _LEAST_TOLERANCE))
     walls = placement.to_map(shapely.transform(result.polygon, lambda cells: cells + corner))
     rings = 1 + len(result.polygon.interiors)
+    if (pose := options.start) is None:
+        start = roomiest_start(walls, shapely.maximum_inscribed_circle(walls, tolerance_mm))
+    elif shapely.intersects_xy(walls, pose.x_mm, pose.y_mm):
+        start = Start(pose=pose)
+    else:
+        allowed = f"a place farther than {tolerance_mm:g} mm from walls"
+        raise BadInputError("start", f"({pose.x_mm:g}, {pose.y_mm:g}) mm", allowed)
     return Map(
         name=name,
         bounds=Polygon(walls.exterior),
         obstacles=tuple(Polygon(ring) for ring in walls.interiors),
-        starts=(_start(walls, options.start, tolerance_mm),),
+        starts=(start,),
         environment="raster",
         facts={
             **facts,
@@ -405,15 +411,3 @@ def _region(
     corner = np.array([columns.start, rows.start], dtype=np.float64)
     region = np.asarray(labels[rows, columns] == wanted, dtype=np.bool_)
     return region, corner, left_out
-
-
-def _start(free: Polygon, start: Pose | None, tolerance_mm: float) -> Start:
-    if start is None:
-        return roomiest_start(free, shapely.maximum_inscribed_circle(free, tolerance_mm))
-    if not shapely.intersects_xy(free, start.x_mm, start.y_mm):
-        raise BadInputError(
-            "start",
-            f"({start.x_mm:g}, {start.y_mm:g}) mm",
-            f"a place farther than {tolerance_mm:g} mm from walls",
-        )
-    return Start(pose=start)

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.robot import inflated_robot
+from vinefab.model.design import Build, Design, Level
+
+
+def test_a_plain_vine_stays_where_it_is():
+    vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1, trunk_width_mm=24.0))
+    found = inflated_robot(vine)
+    assert found.center_lines_mm[0, :, 1] == pytest.approx(0.0, abs=0.01)
+    # A rounded tip is pulled back by a part of the width.
+    assert found.tip_errors_mm()[0] < 0.15 * 24.0
+
+
+def test_a_robot_of_one_joint_deploys_as_its_joint():
+    fork = Level(branches=2, length_mm=80.0, fan_rad=np.radians(100.0))
+    build = Build(widths_mm=(24.0, 14.4), fillet_mm=(4.8,), tail_mm=40.0)
+    design = Design(name="y", trunk_length_mm=60.0, levels=(fork,), build=build)
+    found = inflated_robot(design, across=8)
+    joint = inflated_joint(Joint.fan(2, 100.0, width=0.6, fillet=0.2))
+    assert np.degrees(found.deployed_offsets_rad[1:]) == pytest.approx(joint.angles_deg, abs=0.6)
+    assert found.center_lines_mm.shape == (3, 33, 2)
+    assert found.center_lines_mm[0, 0] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("name", "mean_mm", "most_mm"),
+    [
+        ("cave_explorer", 45.0, 83.0),
+        ("grid_explorer", 19.0, 27.0),
+        ("three_level_tree", 14.0, 23.0),
+    ],
+)
+def test_tips_of_shipped_designs_are_off_as_the_trial_says(name, mean_mm, most_mm):
+    errors = inflated_robot(Design.read(name)).tip_errors_mm()
+    assert errors.mean() == pytest.approx(mean_mm, abs=3.0)
+    assert errors.max() == pytest.approx(most_mm, abs=6.0)
+
+
+def test_a_pattern_that_overlaps_itself_is_refused():
+    around = Level(branches=3, length_mm=60.0, fan_rad=np.radians(359.0))
+    design = Design(name="round", trunk_length_mm=120.0, levels=(around,), build=Build.standard(2))
+    with pytest.raises(BadInputError):
+        inflated_robot(design)

@@ -294,11 +294,6 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     )
 
 
-def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
-    """Return which branch takes the most pressure to grow, over all deployments."""
-    return worst_growths(subject, (constants,), fitted_mm)[0]
-
-
 def worst_growths(
     subject: Subject, several: Sequence[GrowthConstants], fitted_mm: float
 ) -> list[WorstBranch]:

@@ -10,7 +10,7 @@ import vinefab as vf
 from vinefab.app.verbs import OLDER, VERBS
 from vinefab.cli.commands import Command, all_options, flags_of
 from vinefab.cli.completion import completions
-from vinefab.core.verbs import REQUIRED, Call, Shell, options_of
+from vinefab.core.verbs import REQUIRED, Call, Shell, options_of, parameter_words
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.tasks.shipped_tasks import TASKS
@@ -36,6 +36,7 @@ def test_a_verb_is_one_function_with_one_set_of_words(name):
         assert option.help, f"{option.name} of {name} is not documented"
         assert option.name in typed or option.kind.in_python, option.name
     parameters = inspect.signature(function).parameters
+    assert list(parameter_words(command.function)) == list(parameters), "what help() lists"
     for option in command.options:
         if option.name in parameters:
             assert option.default is parameters[option.name].default or option.starred

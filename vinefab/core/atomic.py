@@ -42,11 +42,8 @@ def is_ours(path: Path) -> bool:
 def _authorship(path: Path) -> Authorship:
     if not is_ours(path):
         return Authorship.FOREIGN
-    return authorship(path.read_bytes()) if _is_small(path) else Authorship.CHANGED
-
-
-def _is_small(path: Path) -> bool:
-    return path.stat().st_size <= _MOST_BYTES
+    is_small = path.stat().st_size <= _MOST_BYTES
+    return authorship(path.read_bytes()) if is_small else Authorship.CHANGED
 
 
 def ensure_writable(path: Path, *, force: bool = False) -> None:

@@ -50,17 +50,20 @@ def _plain(text: str) -> object:
     return text
 
 
-def _pair(text: str) -> tuple[str, object]:
+def _named(text: str, allowed: str = "NAME=VALUE") -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not name or not equals:
-        raise BadInputError("", text, "NAME=VALUE")
+        raise BadInputError("", text, allowed)
+    return name, value
+
+
+def _pair(text: str) -> tuple[str, object]:
+    name, value = _named(text)
     return name, _plain(value)
 
 
 def _growth_pair(text: str) -> tuple[str, object]:
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise BadInputError("", text, "NAME=VALUE, such as pressure_stop=false")
+    name, value = _named(text, "NAME=VALUE, such as pressure_stop=false")
     parts = [_plain(part) for part in value.split(",")]
     return name, parts if len(parts) > 1 else parts[0]
 
@@ -75,11 +78,11 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _pair_words(pairs: Mapping[str, object]) -> list[str]:
-    return [f"{name}={_value_text(value)}" for name, value in pairs.items()]
-
-
-def _value_text(value: object) -> str:
-    return json.dumps(value) if isinstance(value, list | tuple) else text_of(value)
+    shown = {
+        name: json.dumps(value) if isinstance(value, list | tuple) else text_of(value)
+        for name, value in pairs.items()
+    }
+    return [f"{name}={text}" for name, text in shown.items()]
 
 
 def _growth_words(pairs: Mapping[str, object]) -> list[str]:

@@ -14,10 +14,9 @@ from PIL import Image
 from PIL.ExifTags import IFD, Base
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.starters import starter_map
 from vinefab.model.map import Pose
 
@@ -38,13 +37,13 @@ POSES = {
 def main() -> None:
     sys.path.insert(0, str(ROOT / "tests" / "observation"))
     renderer = import_module("rendered_photo")
-    world, robot = starter_map("table"), read_design(ARENA / "sprig.toml")
+    world, robot = starter_map("table"), Design.read(ARENA / "sprig.toml")
     options = GrowthOptions.of({"head_on_half_angle_deg": HALF_ANGLE_DEG})
     bare = Design(name="none", trunk_length_mm=0.2, build=Build.standard(1, 0.5))
     scenes = {"table": (bare, Pose.of((20, 20, 180)), 9.0)}
     scenes |= {name: (robot, Pose.of(pose), 12.0) for name, pose in POSES.items()}
     for seed, (name, (design, pose, tilt_deg)) in enumerate(scenes.items(), 1):
-        deployment = grow(design, Terrain.of(world), pose, options)
+        deployment = grow_on(design, Terrain.of(world), pose, options)
         look = renderer.Look(
             tilt_deg=tilt_deg,
             turn_deg=70.0 * seed,

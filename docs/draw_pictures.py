@@ -11,7 +11,7 @@ from draw_words import word_pictures
 from rule_sketch import WIDTH_PX
 
 import vinefab as vf
-from vinefab.pages import plan_document
+from vinefab.noun_methods import svg_of
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 
@@ -29,15 +29,16 @@ def main() -> None:
 
 def gallery_pictures() -> dict[str, str]:
     """Return every shipped design on a map and flat, and a map of every environment."""
-    plan_document.LONGEST_PX = WIDTH_PX
+    longest_pt = 0.65 * WIDTH_PX  # with names and ticks as wide as the other pictures
     found = {}
     for name in vf.designs():
         design = vf.Design.read(name)
         world = vf.maps.generate(HOMES.get(name, "grid"), seed=3)
-        found[f"gallery/{name}.svg"] = str(design.grow(world)._repr_svg_())
-        found[f"gallery/{name}_flat.svg"] = str(design._repr_svg_())
+        found[f"gallery/{name}.svg"] = str(svg_of(design.grow(world), longest_pt=longest_pt))
+        found[f"gallery/{name}_flat.svg"] = str(svg_of(design, longest_pt=longest_pt))
     for name in ("grid", "cave", "rubble", "corridors", "pegs"):
-        found[f"gallery/{name}.svg"] = str(vf.maps.generate(name, seed=3)._repr_svg_())
+        world = vf.maps.generate(name, seed=3)
+        found[f"gallery/{name}.svg"] = str(svg_of(world, longest_pt=longest_pt))
     return found
 
 

@@ -7,7 +7,7 @@ parts from their registries. A key without a meaning is refused: `tests/test_doc
 import inspect
 import types
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -19,8 +19,7 @@ from vinefab.cli.commands import Command, names_in
 from vinefab.cli.help import command_help, group_help
 from vinefab.core.table import DeclaredKey, Table, declared_keys
 from vinefab.core.units import deg
-from vinefab.core.verbs import parameter_words
-from vinefab.fabrication.rule_listing import grouped_rules
+from vinefab.fabrication.rules.catalog import grouped_rules
 from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile
@@ -351,26 +350,14 @@ def parts_page() -> str:
     return "\n".join(parts)
 
 
-def _part(name: str, kind: type) -> str:
+def _part(name: str, kind: type[Table]) -> str:
     first = (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
-    if not is_dataclass(kind):
-        return f"### {name}\n\n{first}\n"
-    said = {name: words.replace("``", "`") for name, words in parameter_words(kind).items()}
     rows = [
-        f"| `{one.name}` | {_field_default(one)} | {said.get(one.name, '')} |"
-        for one in fields(kind)
+        f"| `{key.name}` | {key.kind} | {key.default} | {key.meaning} |" for key in keys_of(kind)
     ]
-    table = (
-        ["| parameter | default | meaning |\n|---|---|---|", *rows] if rows else ["No parameters."]
-    )
+    head = "| parameter | kind | default | meaning |\n|---|---|---|---|"
+    table = [head, *rows] if rows else ["No parameters."]
     return "\n".join([f"### {name}\n", first, "", *table, ""])
-
-
-def _field_default(one: Any) -> str:  # noqa: ANN401  a field of a dataclass
-    if one.default is not MISSING:
-        value = f"{one.default:.6g}" if isinstance(one.default, float) else repr(one.default)
-        return f"`{value}`".replace("'", '"')
-    return "as made" if one.default_factory is not MISSING else "required"
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ object in `vinefab/fabrication/rules/` and a line in its `catalog.py`.
 from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.tree import branch_tree
@@ -42,7 +42,7 @@ RULE = Rule(
 def main() -> None:
     profile = read_profile(DEFAULT_RECIPE)
     for name in ("plain_vine", "three_level_tree", "grid_explorer"):
-        subject = subject_of(read_design(name), profile)
+        subject = subject_of(Design.read(name), profile)
         applied = RULE.check(subject, RULE.limits_with({}))
         found = [
             f"{v.severity}: {v.measured:.2f} {RULE.unit}, {v.message}" for v in applied.violations

@@ -115,7 +115,9 @@ def _run(step: str) -> int:
 
 
 def show(name: str, value: object) -> None:
-    """Write the public attributes of a value as ``name.json``."""
+    """Write the public attributes of a value as ``name.json``; of a result on file its numbers."""
+    if isinstance(value, os.PathLike) and hasattr(value, "numbers"):
+        value = {key: getattr(value, key) for key in ("path", "summary", "numbers")}
     Path(f"{name}.json").write_text(json.dumps(plain(value), indent=1))
 
 

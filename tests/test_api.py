@@ -10,7 +10,7 @@ import json
 import re
 import subprocess
 import sys
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -26,15 +26,14 @@ import vinefab as vf
 from vinefab.app import making
 from vinefab.cli.main import main
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.pages.map_view import lost_places
-from vinefab.pages.plan_svg import contour_path
+from vinefab.pages.colours import INK, LEVEL_COLOURS, ROCK
 from vinefab.rig.rig_options import read_printer
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
@@ -212,7 +211,7 @@ def same_map(one, other):
 
 def test_a_design_is_read_by_name_and_path_and_written_as_it_was(tmp_path):
     design = vf.Design.read("grid_explorer")
-    assert design == read_design("grid_explorer")
+    assert design == Design.read("grid_explorer")
     path = design.write(tmp_path / "own" / "copy.toml")
     assert vf.Design.read(path) == vf.Design.read(str(path)) == design
 
@@ -300,7 +299,7 @@ def test_what_became_of_a_robot_is_said_as_by_the_command(map_file, capsys):
 
 def test_a_growth_takes_a_map_or_a_path_and_a_pose_of_any_form(vine, world, map_file):
     start = world.starts[0].pose
-    wanted = grow(vine, Terrain.of(world), start).tips_mm
+    wanted = grow_on(vine, Terrain.of(world), start).tips_mm
     degrees = (start.x_mm, start.y_mm, start.heading_deg)
     for place in (world, map_file, str(map_file)):
         for pose in (None, start, degrees, np.array(degrees)):
@@ -558,8 +557,9 @@ def test_a_run_is_read_again_listed_and_seeded(tmp_path):
     result = vf.optimize(run_settings(), out=tmp_path / "one", seed=7, page=False)
     again = vf.RunResult.read(tmp_path / "one")
     assert (again.best, again.run_id) == (result.best, result.run_id)
-    assert repr(again) == repr(result)
-    assert "on fresh poses of the training maps (simulated)>" in repr(again)
+    assert repr(dataclasses.replace(again, again=result.again)) == repr(result)
+    assert f"vf.score('{tmp_path / 'one' / 'best.toml'}', maps=('pegs_" in result.again
+    assert "on 3 unseen pegs maps (simulated); " in repr(again)
     assert f">{again.finalists[0].fitness:.4f}</td>" in again._repr_html_()
     assert "unseen pegs maps" in again._repr_html_()
     listing = vf.runs(tmp_path)
@@ -634,76 +634,79 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def shown(noun):
-    """Return a noun's picture: its root, how often each class occurs, all words."""
+    """Return a noun's picture: its root, the paths painted in a colour, all words."""
     root = parsed(noun._repr_svg_())
     assert root.tag == f"{SVG}svg"
-    kinds = Counter(kind for node in root.iter() for kind in (node.get("class") or "").split())
-    return root, kinds, [node.text for node in root.iter(f"{SVG}text")]
+    painted = defaultdict(list)
+    for node in root.iter(f"{SVG}path"):
+        painted[node.get("fill")].append(node.get("d"))
+    return root, painted, [node.text for node in root.iter(f"{SVG}text")]
 
 
 def test_a_map_shows_its_obstacles_and_starts_in_a_notebook(nouns):
     world = nouns["map"]
-    root, kinds, words = shown(world)
+    _, painted, words = shown(world)
     assert f"{world.name}: 260 x 260 mm" in words
-    rock = next(node for node in root.iter(f"{SVG}path") if "rock" in (node.get("class") or ""))
-    assert rock.get("d").count("Z") == len(world.obstacles) > 10
-    assert kinds["pose"] == len(world.starts) + 1  # and one in the legend
-    bare = dataclasses.replace(world, starts=())
+    assert painted[ROCK][0].count("Z") == len(world.obstacles) > 10
+    assert len(painted[INK]) == len(world.starts)  # heads of arrows
+    bare = shown(dataclasses.replace(world, starts=()))
     assert "start" in words
-    assert shown(bare)[1]["pose"] == 0
+    assert "start" not in bare[2]
+    assert not bare[1][INK]
 
 
 def test_a_robot_shows_levels_tips_and_reasons_in_a_notebook(nouns):
     for name in ("grown", "bare"):
-        grown, (_, kinds, words) = nouns[name], shown(nouns[name])
-        out = int(np.count_nonzero(grown.deployed))
-        assert out > 3
-        for stop, count in grown.stops.items():
-            seen = kinds[f"stop-{stop.replace('_', '-')}"]
-            rings = len(lost_places(grown)) if stop == "not_deployed" else count
-            assert seen == (rings + 1 if count else 0)
+        grown, (_, painted, words) = nouns[name], shown(nouns[name])
+        assert int(np.count_nonzero(grown.deployed)) > 3
+        for count in grown.stops.values():
             assert any(word.endswith(f" ({count})") for word in words) or not count
         for level in (1, 2, 3):
             here = grown.tree.level == level
             entry = f"level {level} ({np.count_nonzero(here & grown.deployed)} of {here.sum()})"
             assert entry in words
-        assert kinds["line"] == 3
-        assert kinds["body"] == (3 if name == "grown" else 0)  # no design, no widths
-        assert kinds["ground"] == (1 if name == "grown" else 0)
+            bodies = painted[LEVEL_COLOURS[level - 1]]  # no design, no widths
+            assert len(bodies) == (name == "grown" and (here & grown.deployed).any())
+        assert (ROCK in painted) == (name == "grown")
         assert any("(simulated)" in word for word in words)
 
 
 def test_a_robot_on_a_much_larger_map_is_shown_with_its_surroundings_only():
     design, world = vf.Design.read("three_level_tree"), vf.maps.grid(seed=1, size_mm=3000)
-    root, _, words = shown(design.grow(world))
-    plan = root.find(f"{SVG}svg").get("viewBox").split()
-    assert float(plan[2]) < 1200
+    _, _, words = shown(design.grow(world))
+    ticks = [float(word) for word in words if re.fullmatch(r"-?\d+", word)]
+    assert max(ticks) < 2200
     assert any("part of grid_1, 3000 x 3000 mm" in word for word in words)
 
 
+def sides(path):
+    """Return how wide and how high a path is, in points."""
+    numbers = [float(one) for one in re.findall(r"[\d.]+", path)]
+    return np.ptp(np.array(numbers).reshape(-1, 2), axis=0)
+
+
 def test_an_outline_shows_itself_in_a_notebook(nouns):
-    for name, kind, path in (
-        ("square", "outline", "M0 0L9 0L9 -9L0 0Z"),
-        ("line", "outline open", "M0 0L9 0"),
-    ):
-        root, _, words = shown(nouns[name])
-        drawn = next(n for n in root.iter(f"{SVG}path") if "outline" in (n.get("class") or ""))
-        assert (drawn.get("class"), drawn.get("d")) == (kind, path)
-        assert "2 mm" in words
-        assert float(root.find(f"{SVG}svg").get("height")) > 50  # a straight line has room
+    for name, corners, (fill, end) in (("square", 3, (ROCK, "Z")), ("line", 2, ("none", ""))):
+        root, painted, words = shown(nouns[name])
+        drawn = painted[fill][-1]
+        assert drawn.count(" ") == 2 * corners - 1
+        assert drawn.endswith("Z") == (end == "Z")
+        wide, high = sides(drawn)
+        assert high == pytest.approx(wide if name == "square" else 0.0, abs=0.02)
+        assert "x (mm)" in words
+        assert float(root.get("height")[:-2]) > 50  # a straight line has room
 
 
 def test_a_design_shows_its_flat_outline_in_a_notebook(nouns):
     design = nouns["design"]
-    root, kinds, words = shown(design)
-    contour = body_outline(design).contour
-    x0, y0, x1, y1 = contour.box_mm
+    _, painted, words = shown(design)
+    x0, y0, x1, y1 = body_outline(design).contour.box_mm
     assert f"{design.name}: 1 branch, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat" in words
-    drawn = next(n for n in root.iter(f"{SVG}path") if n.get("class") == "outline")
-    assert drawn.get("d") == contour_path(contour)
+    (drawn,) = painted[ROCK]
+    wide, high = sides(drawn)
+    assert high / wide == pytest.approx((y1 - y0) / (x1 - x0), rel=1e-3)
     tree = vf.Design.read("three_level_tree")
     assert f"three_level_tree: {tree.branch_count} branches," in " ".join(shown(tree)[2])
-    assert kinds["words"] == 2
 
 
 def test_a_robot_that_never_emerged_has_a_picture_too(world):
@@ -711,9 +714,10 @@ def test_a_robot_that_never_emerged_has_a_picture_too(world):
     grown = design.grow(world, pose=(150, 1, 90), body="inflated")
     assert grown.stops["not_deployed"] == len(grown.tree)
     for deployment in (grown, dataclasses.replace(grown, design=None, world=None)):
-        _, kinds, words = shown(deployment)
+        root, _, words = shown(deployment)
         assert f"never emerged ({len(grown.tree)})" in words
-        assert kinds["mark"] == 2  # a ring at the base, and one in the legend
+        rings = [one for one in root.iter(f"{SVG}circle") if one.get("r") == "4.5"]
+        assert len(rings) == 2  # a ring at the base, and one in the legend
 
 
 # --- wrong things
@@ -814,7 +818,7 @@ WRONG = {
         lambda _: vf.score(VINE, maps=PEGS, contacts="a", growth={"contacts": "b"}), "contacts"
     ),
     "an observation that was not written": (
-        lambda _: vf.fit_observations([vf.PhotoReport(path=None, summary=(), numbers={})]), "out="
+        lambda _: vf.fit_observations([vf.WrittenResult()]), "out="
     ),
     "no observations": (lambda _: vf.fit_observations([]), "observations"),
     "a number as an observation": (lambda _: vf.fit_observations(3), "observations"),
@@ -825,7 +829,7 @@ WRONG = {
     "an unknown design to fix": (lambda _: vf.fix("plain_vin"), "did you mean 'plain_vine'"),
     "no such level": (lambda _: VINE.with_level(2, width_mm=3.0), "level is 2"),
     "a trunk with branches": (lambda _: VINE.with_level(1, branches=3), "branches is 3"),
-    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "widths_mm[1] is '3'"),
+    "a width of words": (lambda _: VINE.with_level(1, width_mm="3"), "width_mm is '3'"),
     "a negative length": (lambda _: VINE.with_level(1, length_mm=-3), "length_mm is -3"),
     "a number as a name": (lambda _: VINE.with_level(1, name=3), "name is 3"),
     "a number as layers": (lambda _: vf.maps.import_("a.svg", layers=3), "layers is 3"),

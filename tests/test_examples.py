@@ -14,11 +14,10 @@ from vinefab.cli.main import main
 from vinefab.core.file_mark import marked
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import PieceSettings
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import map_plan
 from vinefab.search.front_files import write_front
@@ -205,7 +204,7 @@ PIECES = {"grid_explorer_pieces": 3, "cave_explorer_pieces": 2}
 
 @pytest.mark.parametrize("name", OPTIMIZED)
 def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
-    design, run = read_design(name), read_run(ROOT / "examples" / f"{name}.toml")
+    design, run = Design.read(name), read_run(ROOT / "examples" / f"{name}.toml")
     search = run.search
     made = (run.task.name, run.optimizer.name, search.seed, search.population, search.generations)
     origin = ("task", "optimizer", "seed", "population", "generations")
@@ -246,7 +245,7 @@ def test_a_drawing_shows_the_cave_that_it_was_made_from(name, tmp_path, monkeypa
     free = import_module("draw_imports").free_area()
     source, written = ROOT / "examples" / "imports" / name, tmp_path / "cave.geojson"
     assert main(["map", "import", str(source), *IMPORTS[name], "--out", str(written), "-q"]) == 0
-    world = read_map(written)
+    world = Map.read(written)
     assert len(world.obstacles) == len(free.interiors) == 1
     drawn = 0.03 if name == "world.yaml" else 0.005  # cells of 5 mm
     assert world.free_space.area == pytest.approx(free.area, rel=drawn)

@@ -21,14 +21,10 @@ from .app.predicting import compare as compare
 from .app.predicting import grow as grow
 from .app.predicting import report as report
 from .app.predicting import score as score
-from .app.results import GrownDesign as GrownDesign
 from .app.results import Names as Names
-from .app.results import PhotoReport as PhotoReport
-from .app.results import ProposedFix as ProposedFix
 from .app.results import StudyOutcome as StudyOutcome
 from .app.results import WrittenFile as WrittenFile
 from .app.results import WrittenFolder as WrittenFolder
-from .app.results import WrittenReport as WrittenReport
 from .app.searching import bench as bench
 from .app.searching import contest as contest
 from .app.searching import demo as demo
@@ -40,6 +36,7 @@ from .core.errors import BadInputError as BadInputError
 from .core.errors import ExportRefusedError as ExportRefusedError
 from .core.errors import VinefabError as VinefabError
 from .core.version import __version__ as __version__
+from .core.view import WrittenResult as WrittenResult
 from .fabrication.profile_listing import ProfileNumbers as ProfileNumbers
 from .fabrication.rules.rule import Rule as Rule
 from .model.deployment import Deployment as Deployment
@@ -60,6 +57,8 @@ from .model.score import Evaluation as Evaluation
 from .model.score import Score as Score
 from .prediction.aiming import AimResult as AimResult
 from .prediction.comparison import DesignComparison as DesignComparison
+from .prediction.deploy import DeployedDesign as DeployedDesign
+from .prediction.fix_proposal import ProposedFix as ProposedFix
 from .prediction.map_info import MapInfo as MapInfo
 from .search.record.result import RunResult as RunResult
 from .search.run_pages import RunListing as RunListing

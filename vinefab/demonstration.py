@@ -8,11 +8,11 @@ from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import this_call
-from vinefab.core.view import NO_INTERVAL
+from vinefab.core.view import NO_INTERVAL, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
-from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
@@ -29,7 +29,7 @@ from vinefab.rig.rig_options import RigOptions, read_printer
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
-from vinefab.search.run_pages import search_section, unseen_section
+from vinefab.search.run_pages import search_section
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
@@ -123,11 +123,11 @@ class Demo:
         least = "no fewer possible" if partition.proven_least else "fewer may be possible"
         return f"{len(partition.pieces)}, {least}"
 
-    def table(self) -> tuple[tuple[str, str], ...]:
-        """Return the result as rows of name and value."""
+    def table(self) -> Rows:
+        """Return the result as a table of names and values."""
         best, report = self.result.best, self.predicted.prepared.report
         reach = self.predicted.main.outcomes.spread(REACH)
-        return (
+        rows = (
             ("winner", f"{counted(best.branch_count, 'branch')} on {counted(best.depth, 'level')}"),
             ("flat pieces to cut", self._pieces()),
             ("coverage score, training maps", f"{demo_interval_text(self.training)} (simulated)"),
@@ -144,6 +144,8 @@ class Demo:
             ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
             ("rig", f"{counted(len(self.rig.rig.parts), 'part')} to print"),
         )
+        caption = "Means with 95 % bootstrap intervals over maps"
+        return Rows(caption=caption, headings=("", ""), rows=rows)
 
 
 def run_demo(
@@ -203,7 +205,7 @@ def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str
     return {
         "training": score_design_on_task(best, training_maps(run), plan, run.growth),
         "unseen": score_design_on_task(best, unseen, plan, run.growth),
-        "baseline": score_design_on_task(read_design("plain_vine"), unseen, plan, run.growth),
+        "baseline": score_design_on_task(Design.read("plain_vine"), unseen, plan, run.growth),
     }
 
 
@@ -212,12 +214,16 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
     texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
     texts["run/best.toml"] = design_text(demo.result.best)
-    more = (unseen_section(demo.table()), search_section(demo.result, training), demo.rig.section)
+    table = demo.table()
+    result = Section(title="Result", tables=(table,))
+    more = (result, search_section(demo.result, training), demo.rig.section)
     family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
     command = this_call().text(out="demo")  # the files are the same in any folder
     origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
     texts["report.html"] = replace(demo.predicted, origin=origin, more=more).page()
-    texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
+    texts["results.json"] = json_text(
+        "vinefab/demo-1", {"results": {str(name): str(value) for name, value in table.rows}}
+    )
     files = {name: text.encode() for name, text in texts.items()}
     files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}
     if demo.is_manufacturable:

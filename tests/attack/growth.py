@@ -31,7 +31,7 @@ from vinefab.core.validation import SMALLEST
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
@@ -307,7 +307,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
-        plain = grow(design, terrain, poses[launch], alone, grow_reference_branches)
+        plain = grow_on(design, terrain, poses[launch], alone, grow_reference_branches)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1
@@ -444,7 +444,7 @@ def is_tie(
         near = Terrain.of(nudged(terrain.world, rng)) if number % 3 == 2 else terrain
         if not near.is_free(pose):
             return True
-        beside = grow(design, near, pose, options, "kernel")
+        beside = grow_on(design, near, pose, options, "kernel")
         if length_difference(grown, beside, Move(), size_mm) > 100.0 * NUDGE:
             return True
     return False
@@ -488,12 +488,12 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
         pose = nasty_pose(rng, terrain)
         there = move.pose(pose, size_mm)
         for design, large in zip(designs, scaled, strict=True):
-            before = grow(design, terrain, pose, options, "kernel")
+            before = grow_on(design, terrain, pose, options, "kernel")
             counts.growths += 1
             counts.branches += int(before.deployed.sum())
             counts.stopped += int((before.deployed & (before.stop != Stop.FULL_LENGTH)).sum())
             try:
-                after = grow(large, moved, there, options, "kernel")
+                after = grow_on(large, moved, there, options, "kernel")
                 off = length_difference(before, after, move, size_mm)
             except BadInputError:  # the start is in a wall now
                 off = math.inf

@@ -1,4 +1,5 @@
 import json
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -12,6 +13,8 @@ from vinefab.app.verbs import VERBS
 from vinefab.cli.main import main
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
+from vinefab.search.run import training_maps
+from vinefab.search.settings import read_run
 
 
 @pytest.mark.parametrize(
@@ -193,9 +196,9 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     out = tmp_path / "run"
     code, words, complaint = vinefab("optimize", run_file, "--out", out)
     assert (code, complaint) == (0, "")
-    assert "winner tiny" in words
-    assert words.splitlines()[-1].startswith("found tiny: coverage ")
-    assert words.splitlines()[-1].endswith(f"open {out / 'index.html'}")
+    assert "winner: tiny (" in words
+    assert "\nfound tiny: coverage " in words
+    assert f"wrote {out / 'index.html'}" in words
     assert "time: " not in words
     assert "the best design found" in (out / "index.html").read_text()
     assert vinefab("grow", out / "best.toml", "--map", grid, "-q")[0] == 0
@@ -205,6 +208,19 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     assert "--resume" in complaint
     assert vinefab("optimize", run_file, "--out", out, "--resume", "-q") == (0, "", "")
     assert (out / "best.toml").read_bytes() == first
+
+
+def test_the_call_that_a_run_prints_gives_its_score_again(vinefab, run_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = tmp_path / "found.json"
+    code, words, _ = vinefab("optimize", run_file, "--out", "run", "--no-page", "--json", found)
+    (line,) = [one for one in words.splitlines() if one.startswith("the score again: vinefab ")]
+    assert code == 0
+    for world in training_maps(read_run(run_file)):
+        world.write(tmp_path / f"{world.name}.geojson")
+    _, output, _ = vinefab(*shlex.split(line.partition(": vinefab ")[2]), "--json", "-")
+    composite = json.loads(found.read_text())["composite"]
+    assert json.loads(output)["composite"] == pytest.approx(composite, abs=2e-3)
 
 
 def test_limits_of_a_run_are_raised_when_it_is_resumed(vinefab, run_file, tmp_path):
@@ -217,7 +233,7 @@ def test_limits_of_a_run_are_raised_when_it_is_resumed(vinefab, run_file, tmp_pa
     assert vinefab(*arguments, "-q") == (0, "", "")
     code, words, complaint = vinefab(*arguments, "--resume", "--generations", 3)
     assert (code, complaint) == (0, "")
-    assert "3 generations, 12 designs evaluated" in words
+    assert "evaluated: 12 designs in 3 generations" in words
     assert "generations 2 -> 3" in words
     assert not (out / "index.html").exists()
     code, _, complaint = vinefab(*arguments, "--resume", "--generations", 1)
@@ -278,7 +294,7 @@ def test_commands_that_simulate_little_do_not_load_the_compiler(grid, tmp_path, 
 
 def test_a_search_does_not_load_what_draws():
     script = (
-        "import sys, vinefab.app.searching, vinefab.prediction.run_folder, vinefab.search.run; "
+        "import sys, vinefab.app.searching, vinefab.prediction.run_winner, vinefab.search.run; "
         "sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

@@ -8,9 +8,10 @@ import pytest
 import vinefab as vf
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
+from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import design_text, read_design
-from vinefab.model.inputs import growth_of
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.inputs import as_growth
 from vinefab.search.settings import plain_settings, read_run, settings_from_plain
 
 HALF_ANGLE = """
@@ -127,7 +128,7 @@ def test_bounds_leave_the_other_end_assumed(bounded):
     upper = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 8.0))})
     assert upper.half_angle_deg == [1.0, 8.0]
     assert upper.contact_angles_deg[-1] == 8.0
-    vine = read_design("plain_vine")
+    vine = Design.read("plain_vine")
     assert "at most 8 deg; 1 deg assumed)" in growth_text(upper, [vine])
     lower = GrowthOptions.of({"contacts": read_contacts(bounded("lower", 12.0, 90.0))})
     assert lower.half_angle_deg == [12.0, 15.0]
@@ -185,7 +186,7 @@ def test_a_name_is_looked_for_in_the_users_own_folder(measured, monkeypatch, tmp
     monkeypatch.setenv("VINEFAB_PROFILES", str(tmp_path))
     (tmp_path / "contacts").mkdir()
     measured.rename(tmp_path / "contacts" / "our_film.toml")
-    assert growth_of({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
+    assert as_growth({"contacts": "our_film"})["contacts"].head_on_half_angle_deg.value == 4.5
 
 
 @pytest.mark.usefixtures("measured")
@@ -204,14 +205,14 @@ def test_run_files_name_it_relative_to_themselves_and_records_keep_it(tmp_path):
 
 def test_designs_that_were_trained_with_it_are_grown_with_it(measured, tmp_path):
     growth = GrowthOptions.of({"contacts": read_contacts(measured)})
-    vine = read_design("plain_vine")
+    vine = Design.read("plain_vine")
     trained = tmp_path / "trained.toml"
     content = design_text(vine)
     trained.write_text(content)
-    design = read_design(trained)
+    design = Design.read(trained)
     object.__setattr__(design, "origin", {"growth": growth.content})
     trained.write_text(design_text(design))
-    again = GrowthOptions.of(read_design(trained).origin["growth"])
+    again = GrowthOptions.of(Design.read(trained).origin["growth"])
     assert again == growth
 
 
@@ -221,7 +222,7 @@ def test_without_measured_contacts_nothing_changes():
     assert "body_width_ratio" not in plain.content
     assert not {"contacts", "body_width_ratio"} & {*plain_settings(plain)}
     assert plain.contact_angles_deg == (1.0, 5.0, 10.0, 15.0)
-    tree = read_design("three_level_tree")
+    tree = Design.read("three_level_tree")
     radii_mm = Plan.of(tree, plain).radii_mm
     assert radii_mm == Plan.of(tree, GrowthOptions.of({"body_width_ratio": 1.0})).radii_mm
     wider = Plan.of(tree, GrowthOptions.of({"body_width_ratio": 1.5})).radii_mm
@@ -236,7 +237,7 @@ def test_a_body_too_wide_for_its_start_is_reported_as_such(vinefab, grid, plain,
     assert all(
         reach["needed_kpa"] is None for reach in json.loads(words)["width"]["pressure"]["reaches"]
     )
-    width_mm = read_design(plain).build.widths_mm[0]
+    width_mm = Design.read(plain).build.widths_mm[0]
     wide = f"no room for its inflated body of {2 * 2 * width_mm / math.pi:.0f} mm"
     assert wide in vinefab("grow", plain, "--map", grid, "--growth", "body_width_ratio=2")[1]
 

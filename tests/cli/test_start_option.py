@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.map import Map
 
 
 def test_map_start_writes_the_starts_into_a_file(vinefab, grid, tmp_path):
@@ -15,7 +15,7 @@ def test_map_start_writes_the_starts_into_a_file(vinefab, grid, tmp_path):
     assert "start: line 15,0 15,300, heading 0+-20 (one growth: 15.0," in said
     assert "start: 150.0,15.0,90.0" in said
     assert "% of the start's line that is free, at least 15 mm from walls" in said
-    before, after = read_map(grid), read_map(out)
+    before, after = Map.read(grid), Map.read(out)
     assert [one.area is None for one in after.starts] == [False, True]
     assert after.obstacles == before.obstacles
     assert vinefab("map", "start", grid, *words, "--out", grid)[0] == 0
@@ -54,10 +54,10 @@ def test_a_drawing_is_imported_with_a_place_to_start(vinefab, tmp_path):
     )
     given = ("--scale-mm-per-unit", 1, "--out", out, "-q")
     assert vinefab("map", "import", drawing, "--start", "left side", *given)[0] == 0
-    assert read_map(out).starts[0].area.length == pytest.approx(300.0)
-    x, y = read_map(out).bounds.centroid.coords[0]
+    assert Map.read(out).starts[0].area.length == pytest.approx(300.0)
+    x, y = Map.read(out).bounds.centroid.coords[0]
     assert vinefab("map", "import", drawing, "--start", f"{x},{y},30", *given)[0] == 0
-    assert read_map(out).starts[0].pose.heading_deg == pytest.approx(30.0)
+    assert Map.read(out).starts[0].pose.heading_deg == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize(

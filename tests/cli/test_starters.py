@@ -14,10 +14,10 @@ from vinefab.cli.commands import each_map_named
 from vinefab.cli.main import main
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.starters import CALLED_AS_FILES, shipped_examples, starter_map
+from vinefab.model.map import Map
 from vinefab.search.settings import read_run
 
 
@@ -27,12 +27,12 @@ def in_an_empty_folder(tmp_path, monkeypatch):
 
 
 READERS = {
-    "design": read_design,
+    "design": Design.read,
     "run": read_run,
     "recipe": read_profile,
     "machine": read_machine,
     "material": read_material,
-    "map": read_map,
+    "map": Map.read,
 }
 
 

@@ -19,7 +19,7 @@ from vinefab.core.view import (
     Origin,
     Remark,
     Result,
-    Table,
+    Rows,
     plain_blocks,
 )
 
@@ -35,7 +35,7 @@ class Weighed(Result):
         yield Answer("It is <light>.", key="verdict")
         yield Facts((Fact("mass", Number(0.12345, "g", ".2f", standing="measured"), "mass_g"),))
         share = Number(0.5, "%", ".0f", (0.25, 0.75), per=0.01, decimals=1)
-        yield Table(
+        yield Rows(
             caption="parts (simulated)",
             headings=("part", "share"),
             rows=(("film", share), ("rest", Number(float("nan")))),
@@ -108,4 +108,4 @@ def test_a_number_says_what_is_not_known(number, shown):
 
 def test_a_row_has_a_cell_for_each_heading():
     with pytest.raises(BadInputError, match="1 cell per row"):
-        Table(caption="t", headings=("a",), rows=(("1", "2"),))
+        Rows(caption="t", headings=("a",), rows=(("1", "2"),))

@@ -18,7 +18,7 @@ from dynamic import Arena, Floats, Vine, arena_of, grow_chain, start_of, vine_of
 from knee import KneeBranch, Push, TurningBranch, grow_with_rule
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design
@@ -94,7 +94,7 @@ def first_touch(gap_mm: Floats, name: str) -> list[tuple[int, str]]:
 def case_of(arena: Arena, terrain: Terrain, seed: int, heading_deg: float, chain: Vine) -> Case:
     pose = start_of(arena.side_mm, heading_deg)
     vine = Design(name="vine", trunk_length_mm=LENGTH_MM, build=Build.standard(1, WIDTH_MM))
-    grown = grow(vine, terrain, pose, GrowthOptions(body="inflated"))
+    grown = grow_on(vine, terrain, pose, GrowthOptions(body="inflated"))
     push, aside = Push(WIDTH_MM), replace(pose, x_mm=pose.x_mm + 1.0)
     knees, turns = (
         [grow_with_rule(rule, terrain, pose, LENGTH_MM, push, side) for side in (1, -1)]

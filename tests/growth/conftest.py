@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from tests.oracles.growth_reference import grow_reference_branches
 from vinefab.growth.arrays import TreeArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import Engine, GrowBranches, grow
+from vinefab.growth.simulator import Engine, GrowBranches, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -90,7 +90,7 @@ def launch(engine: Engine | GrowBranches) -> Grower:
         x, y, heading_deg = place
         pose = Pose(x_mm=x, y_mm=y, heading_rad=math.radians(heading_deg))
         options = GrowthOptions.published(**{"head_on_half_angle_rad": 0.0, **choices})
-        return grow(design, ground, pose, options, engine)
+        return grow_on(design, ground, pose, options, engine)
 
     return run
 

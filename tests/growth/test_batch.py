@@ -12,7 +12,7 @@ from vinefab.growth import batch as batch_module
 from vinefab.growth.batch import MOST_KEPT, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
 
@@ -34,7 +34,7 @@ def case(request, random_map, random_pose, random_tree):
     launches = Launches.of(TerrainSet(terrains), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
     alone = [
-        grow(design, ground, pose, options)
+        grow_on(design, ground, pose, options)
         for ground, places in zip(terrains, poses, strict=True)
         for pose in places
         for design in designs

@@ -11,6 +11,7 @@ from shapely import Polygon, affinity, box
 from vinefab.growth import free_space as freespace
 from vinefab.growth.free_space import free_space
 from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.map import Map
 from vinefab.model.rings import without_notches
 
@@ -149,3 +150,17 @@ def test_walls_of_jagged_obstacles_are_told_apart_as_of_others(random_map, monke
     for apart_mm in np.quantile(clearance_mm, [0.1, 0.5, 0.9]):
         wide = freespace._are_wide(obstacles, 1.0001 * apart_mm)
         assert (wide == (clearance_mm > 1.0001 * apart_mm)).all()
+
+
+def snap_rounded(free, radius_mm, grid_mm):
+    shrunk = shapely.buffer(free, -radius_mm, quad_segs=freespace.ARC_SEGMENTS_PER_QUARTER)
+    return shapely.set_precision(shrunk, grid_mm)
+
+
+@pytest.mark.parametrize("gap_mm", [40.0, 24.0 + 1e-10, 24.0, 24.0 - 1e-10, 23.0])
+def test_corners_are_moved_onto_the_grid_as_by_snap_rounding(gap_mm):
+    grid_mm = 2.0**-31
+    posts = shapely.union_all([box(40, 0, 60, 70), box(60 + gap_mm, 0, 190, 100)])
+    for free in (box(0, 0, 200, 200).difference(posts), grid_map(3, GridOptions()).free_space):
+        found, _ = freespace.shrunk_free_space(free, 12.0, grid_mm)
+        assert shapely.equals_exact(found, snap_rounded(free, 12.0, grid_mm), 0.0)

@@ -7,7 +7,7 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text, trained_growth
 from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.design_toml import design_text
 
 VINE = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
 
@@ -35,7 +35,7 @@ def test_an_origin_survives_a_file_and_gives_the_same_options(tmp_path) -> None:
     )
     path = tmp_path / "robot.toml"
     path.write_text(design_text(trained(options.content)))
-    assert trained_growth(read_design(path)) == options
+    assert trained_growth(Design.read(path)) == options
 
 
 def test_designs_trained_differently_are_grown_with_the_defaults_and_that_is_said() -> None:

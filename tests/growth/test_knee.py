@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from shapely import LineString, Polygon, box
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design
@@ -45,7 +45,7 @@ def test_spans_fold_from_53_mm_on_or_earlier_where_the_push_is_across(knee):
 
 def test_without_push_the_experiment_is_the_growth_model(knee):
     vine = Design(name="vine", trunk_length_mm=600.0, build=Build.standard(1, WIDTH_MM))
-    grown = grow(vine, ROOM, POSE, GrowthOptions(body="inflated"))
+    grown = grow_on(vine, ROOM, POSE, GrowthOptions(body="inflated"))
     for rule in (knee.KneeBranch, knee.TurningBranch):
         still = knee.Push(WIDTH_MM, path_kpa=30.0)
         branch = knee.grow_with_rule(rule, ROOM, POSE, 600.0, still, 1)

@@ -20,7 +20,7 @@ from shapely.affinity import affine_transform
 
 from vinefab.core.rng import child
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
@@ -191,7 +191,7 @@ def _matches(
         terrain, match = Terrain.of(world), Match(world, half_angle_deg)
         for _ in range(per_map):
             start, length = pose(rng, world), 5.0 * rng.integers(4, 50)
-            deployment = grow(_vine(length), terrain, start, _options(half_angle_deg))
+            deployment = grow_on(_vine(length), terrain, start, _options(half_angle_deg))
             base = complex(start.x_mm, start.y_mm)
             match.compare(deployment, 0, base, start.heading_rad)
         matches.append(match)
@@ -248,7 +248,7 @@ def test_children_that_start_on_walls_end_like_small_steps(stuck: str) -> None:
     matches, on_wall = [], 0
     for rng, world in _maps(14, "star", 12):
         match, pose = Match(world, HALF_ANGLE_DEG), _free_pose(rng, world)
-        deployment = grow(design, Terrain.of(world), pose, options)
+        deployment = grow_on(design, Terrain.of(world), pose, options)
         for branch, (base, heading) in _starts(deployment, pose).items():
             on_wall += match.walls.clearance(base) < 1e-9
             match.compare(deployment, branch, base, heading)
@@ -376,7 +376,7 @@ def test_case(name: str, place: str) -> None:
     world, pose, chain = _turned(CASES[name], *PLACES[place])
     length = _line(chain).length if CASES[name].stop == "full_length" else 300.0
     terrain = Terrain.of(world)
-    deployment = grow(_vine(length), terrain, pose, _options(HALF_ANGLE_DEG))
+    deployment = grow_on(_vine(length), terrain, pose, _options(HALF_ANGLE_DEG))
     walls = smallstep.Walls(world.free_space)
     half_angle = math.radians(HALF_ANGLE_DEG)
     steps = smallstep.SmallSteps(walls, chain[0], pose.heading_rad, length, half_angle).run()

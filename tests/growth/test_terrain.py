@@ -13,7 +13,7 @@ from shapely import Polygon, box
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.free_space import MARGIN
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import MOST_RADII, Terrain
 from vinefab.model.map import Map, Pose
 
@@ -160,7 +160,7 @@ def test_a_start_in_solid_is_refused(terrain, vine, x, y, words):
     pose = Pose(x_mm=x, y_mm=y, heading_rad=0.0)
     assert not ground.is_free(pose)
     with pytest.raises(BadInputError, match=words):
-        grow(vine(10.0), ground, pose)
+        grow_on(vine(10.0), ground, pose)
 
 
 def test_a_map_without_free_space_refuses_every_start(terrain):
@@ -202,7 +202,9 @@ def test_walls_of_other_radii_are_dropped_and_built_again(terrain):
 
 def test_unknown_engine_is_refused(terrain, vine):
     with pytest.raises(UnknownNameError, match="interpreted"):
-        grow(vine(1.0), terrain(ROOM), Pose(x_mm=1.0, y_mm=1.0, heading_rad=0.0), engine="kernal")
+        grow_on(
+            vine(1.0), terrain(ROOM), Pose(x_mm=1.0, y_mm=1.0, heading_rad=0.0), engine="kernal"
+        )
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from shapely import box
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import LONG_WIDTHS
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design
@@ -23,7 +23,7 @@ def towards_the_ceiling(body_mm: float, steepness_deg: float, engine: str) -> De
     angle = math.radians(steepness_deg)
     pose = Pose(x_mm=300.0, y_mm=1000.0 - body_mm * math.sin(angle), heading_rad=angle)
     vine = Design(name="vine", trunk_length_mm=body_mm + 20.0, build=Build.standard(1))
-    return grow(vine, ROOM, pose, GrowthOptions.published(), engine)
+    return grow_on(vine, ROOM, pose, GrowthOptions.published(), engine)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from shapely import box
 from tests.oracles.growth_reference import World, grow_reference_branches
 from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import KERNEL, grow, rules_of
+from vinefab.growth.simulator import KERNEL, grow_on, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
@@ -32,8 +32,8 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
                 head_on_half_angle_rad=math.radians(rng.choice([0.0, 1.0, 15.0])),
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
-            fast = grow(robot, terrain, pose, options, "kernel")
-            plain = grow(robot, terrain, pose, options, grow_reference_branches)
+            fast = grow_on(robot, terrain, pose, options, "kernel")
+            plain = grow_on(robot, terrain, pose, options, grow_reference_branches)
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -50,8 +50,8 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
         rng = np.random.default_rng([6, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        fast = grow(robot, terrain, pose, options, "kernel")
-        plain = grow(robot, terrain, pose, options, grow_reference_branches)
+        fast = grow_on(robot, terrain, pose, options, "kernel")
+        plain = grow_on(robot, terrain, pose, options, grow_reference_branches)
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
@@ -75,8 +75,8 @@ def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
         )
         build = robot.build.changed(pressure_kpa=float(rng.uniform(0.2, 2.0)))
         robot = robot.changed(build=build)
-        fast = grow(robot, terrain, pose, options, "kernel")
-        plain = grow(robot, terrain, pose, options, "interpreted")
+        fast = grow_on(robot, terrain, pose, options, "kernel")
+        plain = grow_on(robot, terrain, pose, options, "interpreted")
         for name in ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad"):
             assert getattr(fast, name).tobytes() == getattr(plain, name).tobytes(), (number, name)
         assert fast.tight_exit.tolist() == plain.tight_exit.tolist()
@@ -96,11 +96,13 @@ def test_the_twin_looks_only_near_its_moves_and_misses_nothing(
         rng = np.random.default_rng([9, number])
         terrain = Terrain.of(random_map(rng, kind))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        near = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
+        near = grow_on(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
         few = len(tested)
         with monkeypatch.context() as everywhere:
             everywhere.setattr(World, "near", lambda _self, boxes_mm, *_: range(len(boxes_mm)))
-            whole = grow(robot, terrain, pose, GrowthOptions.published(), grow_reference_branches)
+            whole = grow_on(
+                robot, terrain, pose, GrowthOptions.published(), grow_reference_branches
+            )
         assert near.points_mm.tobytes() == whole.points_mm.tobytes(), number
         assert near.stop.tolist() == whole.stop.tolist(), number
         assert few < len(tested) - few, number
@@ -162,7 +164,7 @@ def test_twins_agree_where_pressure_holds_a_body_that_begins_at_a_wall(tree, ter
     )
     pose = Pose(x_mm=x_mm, y_mm=-386.7, heading_rad=-math.pi / 2.0)
     fast, plain = (
-        grow(robot.changed(build=build), ground, pose, options, engine)
+        grow_on(robot.changed(build=build), ground, pose, options, engine)
         for engine in ("kernel", grow_reference_branches)
     )
     assert {Stop.PRESSURE, Stop.HEAD_ON} < set(fast.stop.tolist())

@@ -85,3 +85,16 @@ def test_a_build_without_widths_follows_the_number_of_levels():
     assert design.build == Build.standard(2).changed(pressure_kpa=30.0, taper=(1.0, 0.5))
     with pytest.raises(BadInputError, match=r"build\.taper is \[0\.5\]; allowed: 2 numbers"):
         design.changed(build=Build(taper=(0.5,)))
+
+
+@pytest.mark.parametrize("name", ["width_mm", "taper", "fillet_mm", "length_mm"])
+def test_an_error_about_a_level_names_what_was_given(name):
+    design = Design(
+        name="t",
+        trunk_length_mm=100.0,
+        levels=(Level(branches=2, length_mm=50.0),),
+        build=Build.standard(2),
+    )
+    with pytest.raises(BadInputError) as raised:
+        design.with_level(2, **{name: "3"})
+    assert raised.value.key in (name, name.removesuffix("_mm"))

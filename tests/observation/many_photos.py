@@ -18,7 +18,7 @@ from rendered_photo import Look, Scene, render
 from vinefab import maps
 from vinefab.core.errors import VinefabError
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
@@ -45,7 +45,7 @@ def scene_of(number):
     options = GrowthOptions.of({"head_on_half_angle_deg": half_angle, "pressure_stop": False})
     start = world.starts[0].pose
     pose = replace(start, heading_rad=start.heading_rad + float(rng.uniform(-0.25, 0.25)))
-    truth = grow(design, Terrain.of(world), pose, options)
+    truth = grow_on(design, Terrain.of(world), pose, options)
     hard = number % 3 == 2
     look = Look(
         tilt_deg=float(rng.uniform(0.0, 30.0)),

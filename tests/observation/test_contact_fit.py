@@ -9,11 +9,11 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Pose
 from vinefab.observation.contact_fit import fit_files
 from vinefab.observation.threshold_fit import fit_threshold
@@ -22,7 +22,7 @@ from vinefab.physics.anchoring import ASSUMED_FRICTION
 DESIGN = "three_level_tree"
 RATIO = 1.12
 CAMPAIGNS = 200
-RADIUS_MM = read_design(DESIGN).build.widths_mm[0] / math.pi
+RADIUS_MM = Design.read(DESIGN).build.widths_mm[0] / math.pi
 
 
 def drawn(rng, half_angle_deg, count, error_deg=2.0, tip_deg=0.0, photo_deg=0.0, photos=1):
@@ -222,7 +222,7 @@ def _grown_photos(half_angle_deg, tmp_path):
     """Observations of robots that the simulator grew, with tracing noise."""
     world = grid_map(5, GridOptions(size_mm=400.0))
     world.write(tmp_path / "arena.geojson")
-    terrain, design = Terrain.of(world), read_design(DESIGN)
+    terrain, design = Terrain.of(world), Design.read(DESIGN)
     options = GrowthOptions.of({"head_on_half_angle_deg": half_angle_deg})
     rng = np.random.default_rng(2)
     angles, stopped, place = drawn(rng, half_angle_deg, 48, photos=8)
@@ -230,7 +230,7 @@ def _grown_photos(half_angle_deg, tmp_path):
     for number in range(8):
         x_mm, turn = start.x_mm + rng.uniform(-10, 10), rng.uniform(-0.25, 0.25)
         pose = Pose(x_mm=x_mm, y_mm=start.y_mm, heading_rad=start.heading_rad + turn)
-        grown = grow(design, terrain, pose, options)
+        grown = grow_on(design, terrain, pose, options)
         chains = {
             name: (
                 grown.chain_mm(branch) + rng.normal(0.0, 0.5, grown.chain_mm(branch).shape)

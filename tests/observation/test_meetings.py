@@ -35,7 +35,7 @@ def seen_of(points, planned, heading_deg, *, early):
 def test_a_wall_is_met_at_the_angle_between_heading_and_normal(off_deg):
     replay = Replays(WORLD).grown(BASE, math.radians(90.0 - off_deg), 150.0, RADIUS)
     first = replay.meetings[0]
-    assert first.angle_deg == pytest.approx(off_deg, abs=1e-6)
+    assert first.angle_from_normal_deg == pytest.approx(off_deg, abs=1e-6)
     assert first.y_mm == pytest.approx(100.0 - RADIUS)
     assert first.wall == "obstacle 0"
     assert first.front_mm == pytest.approx(56.0 / math.cos(math.radians(off_deg)))
@@ -52,7 +52,7 @@ def test_a_tip_that_slid_and_one_that_stopped_are_told_apart():
     )
     contacts, stop = seen_meetings(replays, seen_of([BASE, tip], 90.0, 80.0, early=True))
     assert [contact.outcome for contact in contacts] == ["stopped"]
-    assert contacts[0].angle_deg == pytest.approx(10.0, abs=0.6)
+    assert contacts[0].angle_from_normal_deg == pytest.approx(10.0, abs=0.6)
     assert contacts[0].distance_mm == pytest.approx(RADIUS, abs=0.1)
     assert stop == "head_on"
 

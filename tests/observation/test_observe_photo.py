@@ -17,7 +17,7 @@ from rendered_photo import Look, Scene, render
 import vinefab as vf
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.deployment import Stop
@@ -56,7 +56,7 @@ SETUP = PhotoSetup(obstacle_mm=12.0)
 
 @pytest.fixture(scope="module")
 def truth():
-    return grow(DESIGN, Terrain.of(WORLD), POSE)
+    return grow_on(DESIGN, Terrain.of(WORLD), POSE)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import shapely
 from PIL import Image
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
@@ -36,7 +36,7 @@ def frames(world):
     design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2))
     options, terrain = GrowthOptions.published(), Terrain.of(world)
     pose = Pose(x_mm=50.0, y_mm=5.0, heading_rad=math.pi / 2)
-    final = grow(design, terrain, pose, options)
+    final = grow_on(design, terrain, pose, options)
     history = History(design=design, terrain=terrain, options=options, final=final)
     return history.even_steps(8)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Section, Table
+from vinefab.core.view import Answer, Block, Fact, Facts, Number, Picture, Rows, Section
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
@@ -60,7 +60,7 @@ class Links(HTMLParser):
 
 
 def blocks(picture: Picture) -> tuple[Block, ...]:
-    table = Table(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", Number(2.0)),))
+    table = Rows(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", Number(2.0)),))
     section = Section(title="T", paragraphs=("x < y",), tables=(table,), pictures=(picture,))
     return Answer("V", "bad"), Facts((Fact("f", "1 mm"),)), section
 

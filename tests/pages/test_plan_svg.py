@@ -1,7 +1,5 @@
 import math
 import re
-import shutil
-import subprocess
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -26,7 +24,6 @@ from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.pages import plan_svg
 from vinefab.pages.map_view import STOP_WORDS, UNSEEN_DETAIL
-from vinefab.pages.plan_document import START_ENTRY, plan_document, robot_legend
 from vinefab.pages.plan_svg import (
     STOP_SIGNS,
     contour_path,
@@ -137,16 +134,12 @@ def test_what_lies_outside_of_the_bounds_is_rock_too():
 
 def test_a_small_picture_has_one_path_for_all_that_is_solid():
     world = frame_world()
-    for options in ({"detail": False}, {"box_mm": world.bounds.bounds}):
-        ground = parsed(ground_svg(world, **options))
-        assert [path.get("class") for path in ground] == ["free", "rock merged", "bounds"]
-        # Filled where rings wind around a place: outer ones one way, holes the other.
-        turns = [shapely.LinearRing(ring).is_ccw for ring in rings(ground[1].get("d"))]
-        assert len(set(turns)) == 2
-        assert Counter(turns)[False] == 1
-    near = polygon(parsed(ground_svg(world, box_mm=(62.0, 40.0, 72.0, 50.0)))[1].get("d"))
-    assert near.covers(shapely.box(62, 40, 72, 50))
-    assert near.area < 0.6 * world.obstacles[1].area
+    ground = parsed(ground_svg(world, detail=False))
+    assert [path.get("class") for path in ground] == ["free", "rock merged", "bounds"]
+    # Filled where rings wind around a place: outer ones one way, holes the other.
+    turns = [shapely.LinearRing(ring).is_ccw for ring in rings(ground[1].get("d"))]
+    assert len(set(turns)) == 2
+    assert Counter(turns)[False] == 1
 
 
 def test_a_map_of_a_thousand_walls_stays_small_and_an_endless_one_is_simplified():
@@ -337,7 +330,6 @@ def test_the_outline_of_a_robot_keeps_its_arcs(name):
     assert length_mm - gap_mm == pytest.approx(contour.length_mm, abs=2e-3 * len(contour))
     assert area_mm2 == pytest.approx(contour.signed_area_mm2, rel=1e-5)
     assert (root.get("class"), root.get("d")) == ("outline", contour_path(contour))
-    assert 'class="outline open"' in outline_svg(contour, filled=False)
 
 
 ANGLES = st.lists(
@@ -361,7 +353,7 @@ def test_arcs_of_any_angle_keep_their_length_and_area(angles, bulges):
     assert area_mm2 == pytest.approx(contour.signed_area_mm2, abs=0.02 * contour.length_mm)
 
 
-# --- Start, box, document
+# --- Start, box
 
 
 def test_a_start_is_placed_by_its_group_alone():
@@ -378,39 +370,6 @@ def test_a_start_is_placed_by_its_group_alone():
 def test_the_box_of_a_view_counts_downwards():
     assert view_box((10.0, 20.0, 110.0, 70.0), 5.0) == "5 -75 110 60"
     assert view_box((0.0, 0.0, 1.0, 2.0)) == "0 -2 1 2"
-
-
-def test_a_document_stands_alone(grown, tmp_path):
-    final, world = grown.deployment, grown.world
-    box_mm = world.bounds.bounds
-    parts = [ground_svg(world), robot_svg(final, grown.design.build.widths_mm)]
-    title = 'a <b> & "c"\x00\x1b' + "\udc80"
-    legend = [*robot_legend(final), START_ENTRY]
-    text = plan_document(parts, box_mm, title=title, legend=legend)
-    root = parsed(text)
-    svg = "{http://www.w3.org/2000/svg}"
-    assert root.find(f"{svg}title").text.startswith('a <b> & "c"')
-    assert not re.search(r"var\(|calc\(|@media|data-theme|vector-effect", text)
-    words = [node.text for node in root.iter(f"{svg}text")]
-    for stop, count in final.stops.items():
-        line = f"{STOP_WORDS[Stop[stop.upper()]]} ({count})"
-        assert (line in words) == (count > 0)
-    for level in range(1, int(final.tree.level.max()) + 1):
-        here = final.tree.level == level
-        count = np.count_nonzero(final.deployed[here])
-        assert f"level {level} ({count} of {np.count_nonzero(here)})" in words
-    # The bar is as long as it says.
-    bar = next(node for node in root.iter(f"{svg}path") if node.get("class") == "scale")
-    begin, end = (float(x) for x in re.fullmatch(r"M(\S+) \S+v4H(\S+)v-4", bar.get("d")).groups())
-    plan = root.find(f"{svg}svg")
-    px_per_mm = float(plan.get("width")) / float(plan.get("viewBox").split()[2])
-    length_mm = float(next(word for word in words if word.endswith(" mm"))[:-3])
-    assert end - begin == pytest.approx(length_mm * px_per_mm, rel=1e-2)
-    if shutil.which("rsvg-convert"):
-        (tmp_path / "plan.svg").write_text(text, encoding="utf-8")
-        command = ["rsvg-convert", "-o", tmp_path / "plan.png", tmp_path / "plan.svg"]
-        subprocess.run(command, check=True)
-        assert (tmp_path / "plan.png").stat().st_size > 5000
 
 
 RANGED = Map(name="m", bounds=shapely.box(0, 0, 100, 80), obstacles=(shapely.box(0, 30, 20, 50),))

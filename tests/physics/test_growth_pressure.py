@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.deployment import Deployment
@@ -169,7 +169,7 @@ def test_turns_on_a_map_are_those_that_the_simulator_counted(body: str) -> None:
         pose = Pose(
             x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + rng.uniform(-0.3, 0.3)
         )
-        deployment = grow(TREE, terrain, pose, GrowthOptions.published(body=body))
+        deployment = grow_on(TREE, terrain, pose, GrowthOptions.published(body=body))
         tree, paths = deployment.tree, grown_paths(deployment)
         assert set(paths) == set(np.flatnonzero(deployment.deployed).tolist())
         for branch, path in paths.items():

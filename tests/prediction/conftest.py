@@ -4,7 +4,6 @@ import pytest
 import shapely
 
 from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.family_deployments import (
     MapFamily,
@@ -47,7 +46,7 @@ def few_poses():
 
 @pytest.fixture(scope="module")
 def explorer():
-    return read_design("grid_explorer")
+    return Design.read("grid_explorer")
 
 
 @pytest.fixture(scope="module")

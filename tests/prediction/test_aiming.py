@@ -16,9 +16,9 @@ from tests.prediction.test_pose_search import OPTIONS, ROOM, TREE
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.view import Origin
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.files.contacts_toml import contacts_given
+from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.prediction.aiming import (
@@ -61,7 +61,7 @@ def test_the_reported_score_is_that_of_growths_at_fresh_draws(found):
         if not room.covers(Point(pose.x_mm, pose.y_mm)):
             continue  # beside a wall: moved, see the tests of placing
         options = OPTIONS.changed(head_on_half_angle_rad=float(draws.half_angle_rad[index]))
-        score, _ = TASK.evaluate(grow(TREE, terrain, pose, options), context)
+        score, _ = TASK.evaluate(grow_on(TREE, terrain, pose, options), context)
         assert found.first.best.scores[index] == pytest.approx(score, abs=1e-9)
         checked += 1
     assert checked > 5
@@ -122,7 +122,7 @@ def test_measured_contacts_narrow_the_range_and_are_called_measured():
         "source": "4 photos",
         "standing": "measured",
     }
-    contacts = contacts_given({"head_on_half_angle_deg": number})
+    contacts = contacts_of({"head_on_half_angle_deg": number})
     options = aim_growth([TREE], {"contacts": contacts}).options
     assert np.degrees(options.half_angle_range_rad) == pytest.approx([3.0, 7.0])
     assert options.contact_angles_standing.startswith("measured")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab.core.view import document
 from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -12,8 +13,8 @@ from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     HeldForces,
     OverMaps,
+    anchoring_blocks,
     anchoring_on,
-    anchoring_section,
     predict_anchoring,
 )
 from vinefab.prediction.family_deployments import (
@@ -23,7 +24,6 @@ from vinefab.prediction.family_deployments import (
     deploy_family,
 )
 from vinefab.prediction.measures import ANCHORING
-from vinefab.prediction.prediction_json import anchoring_content
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import score_design
 
@@ -158,7 +158,8 @@ def known_prediction():
 
 def test_page_and_json_show_known_forces():
     prediction = known_prediction()
-    amplification, forces = anchoring_section([prediction]).tables
+    data, section = anchoring_blocks([prediction])
+    amplification, forces = section.tables
     assert amplification.rows[0] == (
         "leaves that are engaged", "2.00 (0.50 to 3.00)", "3.00 (0.75 to 4.50)",
         "8.00 (2.00 to 12.00)",
@@ -173,9 +174,10 @@ def test_page_and_json_show_known_forces():
     assert "at 10 kPa" in forces.caption
     assert "in 12.5 % of the deployments" in forces.caption
     # 1 N over the weight of 10 g.
-    assert forces.rows[0] == ("0.2", "1.00", "0.25", "1.50", "10")
-    assert forces.rows[2] == ("0.8", "4.00", "1.00", "6.00", "41")
-    content = anchoring_content(prediction)
+    shown = [tuple(map(str, row)) for row in forces.rows]
+    assert shown[0] == ("0.2", "1.00", "0.25", "1.50", "10")
+    assert shown[2] == ("0.8", "4.00", "1.00", "6.00", "41")
+    (content,) = document([data])["anchoring"]
     assert content["engaged_percent"] == 62.5
     assert content["limited_percent"] == 12.5
     assert content["held"][2] == {
@@ -186,6 +188,6 @@ def test_page_and_json_show_known_forces():
         "force_n": {"median": 4.0, "low": 1.0, "high": 6.0},
     }
     bare = replace(prediction, has_pouches=False)
-    section = anchoring_section([bare])
+    _, section = anchoring_blocks([bare])
     assert len(section.tables) == 1
     assert "only the ideal case" in section.paragraphs[1]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.pages.panel import Marks, Shape
 from vinefab.prediction.comparison import (
     DesignComparison,
@@ -26,7 +26,7 @@ SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 
 @pytest.fixture(scope="module")
 def found():
-    design = read_design("three_level_tree")
+    design = Design.read("three_level_tree")
     short = scaled_tree(design, 0.5).changed(name="short")
     family = unseen_maps("grid", 6, 0, SMALL)
     return compare_designs([design, short, design], [family], PredictionPlan(poses=2)), family

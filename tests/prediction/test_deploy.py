@@ -40,9 +40,9 @@ def test_a_start_too_narrow_for_the_trunk_is_a_result():
     assert (place.branch, place.x_mm, place.y_mm) == ("0", 250.0, 100.0)
     assert place.radius_mm == pytest.approx(WIDTH_MM / math.pi)
     stays = "the trunk never leaves its start: no room for its inflated body of 25 mm"
-    assert stays in grown.summary()
-    assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary()
-    metrics = json.loads(grown.text())["metrics"]
+    assert stays in grown.summary
+    assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary
+    metrics = json.loads(grown.json_text())["metrics"]
     assert metrics["without_room"] == [place.content()]
 
 
@@ -65,8 +65,8 @@ def test_a_wedged_branch_is_named_with_its_place():
     pose = Pose(x_mm=120.0, y_mm=60.0, heading_rad=math.radians(-44.0))
     grown = deploy(vine(300.0), WORLD, pose, GrowthOptions.published().content)
     assert grown.stops["corner"] == 1
-    assert "wedged: branch: 0 at (200.0, 0.0) mm" in grown.summary()
-    assert json.loads(grown.text())["metrics"]["wedged"][0]["branch"] == "0"
+    assert "wedged: branch: 0 at (200.0, 0.0) mm" in grown.summary
+    assert json.loads(grown.json_text())["metrics"]["wedged"][0]["branch"] == "0"
     assert grown.without_room == ()
 
 
@@ -90,13 +90,12 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     options = GrowthOptions.published(head_on_half_angle_rad=math.radians(5.0)).content
     grown = deploy(robot, WORLD, pose, options)
     # One child upwards meets the wall of the room head-on after 50 of 60 mm.
-    assert grown.summary()[:4] == [
-        "t on passage from 50.00,150.00,0.00",
-        "3 branches: 2 full_length, 1 head_on (simulated)",
+    assert grown.summary == (
+        "t on passage from 50.00,150.00,0.00: 3 branches, 2 full_length, 1 head_on (simulated)",
+        "grown: 190.0 mm (of 200.0 mm planned)",
         "growth: centerline body, head-on half-angle 5 deg (assumed), no pressure stops it",
-        "grown 190.0 of 200.0 mm",
-    ]
-    metrics = json.loads(grown.text())["metrics"]
+    )
+    metrics = json.loads(grown.json_text())["metrics"]
     assert (metrics["branches"], metrics["planned_mm"]) == (3, 200.0)
     assert metrics["grown_mm"] == pytest.approx(190.0)
     assert metrics["stops"] == {

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab.core.view import document
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
@@ -18,11 +19,10 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.heat_map import (
     HeatMap,
     StuckSpot,
+    heat_blocks,
     heat_map_of,
-    heat_section,
     stuck_spots,
 )
-from vinefab.prediction.prediction_json import heat_content
 from vinefab.tasks.evaluate import PreparedMap
 
 
@@ -100,12 +100,12 @@ def test_shares_passed_are_of_the_free_space():
     assert heat.percent_passed(0.5) == pytest.approx(10.0)
     half = Map(name="half", bounds=heat.world.bounds, obstacles=(shapely.box(0, 50, 100, 100),))
     assert replace(heat, world=half).percent_passed() == pytest.approx(60.0)
-    section = heat_section(heat)
+    data, section = heat_blocks(heat)
     assert "8 deployments" in section.paragraphs[0]
     assert "covers 30.0 % of the free space; more than half" in section.paragraphs[0]
     assert "cover 10.0 %. The raster's cells are 10.00 mm" in section.paragraphs[0]
-    assert section.tables[0].rows == (("1", "12.3", "56.8", "12.5"),)
-    content = heat_content(heat)
+    assert [*map(str, section.tables[0].rows[0])] == ["1", "12.3", "56.8", "12.5"]
+    content = document([data, section])["heat"]
     assert (content["ever_passed_percent"], content["mostly_passed_percent"]) == (30.0, 10.0)
     assert content["stuck"] == [{"x_mm": 12.3, "y_mm": 56.8, "percent": 12.5}]
 

@@ -50,7 +50,7 @@ def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
     riding = riding_mm(result.deployments[0].tree, explorer.build.widths_mm)
     turned = 0
     for deployment in result.deployments:
-        rows = growth_pressures_kpa(deployment, explorer)
+        rows = growth_pressures_kpa([deployment], explorer)
         assert (np.isfinite(rows) == deployment.deployed).all()
         for fit, row in zip((LOOSE, TIGHT), rows, strict=True):
             levels = constants_by_level(explorer, fit)

@@ -11,7 +11,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.pose_search import (
@@ -62,7 +62,7 @@ def test_scores_of_a_batch_are_those_of_one_growth_at_a_time(task):
     for row, column in np.ndindex(found.shape):
         x, y, heading = placed[row, column].tolist()
         angle = float(draws.half_angle_rad[column])
-        grown = grow(
+        grown = grow_on(
             TREE,
             trial.prepared.terrain,
             Pose(x_mm=x, y_mm=y, heading_rad=heading),

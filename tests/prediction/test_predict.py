@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
@@ -85,7 +85,7 @@ MOST_BYTES = 3_000_000
 
 @pytest.fixture(scope="module")
 def made():
-    design, profile = read_design("grid_explorer"), read_profile(DEFAULT_RECIPE)
+    design, profile = Design.read("grid_explorer"), read_profile(DEFAULT_RECIPE)
     small = {"columns": 3, "rows": 3, "size_mm": 300.0}
     given = unseen_maps("grid", 1, 9, small).worlds
     families = map_families(given, unseen_maps("grid", 4, 0, small))

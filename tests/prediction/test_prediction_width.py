@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vinefab.core.units import rad
+from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.prediction.family_deployments import PreparedFamily, deploy_family, unseen_maps
 from vinefab.prediction.measures import COVERAGE, GROWN, REACH, SEEN, STUCK
 from vinefab.prediction.prediction_width import (
     contact_range,
     pressure_range,
-    width_content,
-    width_section,
+    width_blocks,
 )
 
 
@@ -63,16 +63,18 @@ def test_page_and_json_say_the_same(explorer, prepared, few_poses):
     measured = deploy_family(explorer, prepared, few_poses).outcomes
     contacts = contact_range(explorer, prepared, few_poses.options)
     pressure = pressure_range(explorer, prepared, few_poses.options, measured)
-    section, content = width_section(contacts, pressure), width_content(contacts, pressure)
+    data, section = width_blocks(contacts, pressure)
+    content = document([data, section])["width"]
     assert content["contacts"]["means"][COVERAGE.key] == [
-        float(cell.split(" [")[0]) for cell in section.tables[0].rows[0][1:]
+        float(str(cell).split(" [")[0]) for cell in section.tables[0].rows[0][1:]
     ]
     reaches = content["pressure"]["reaches"]
     assert [f"{reach['grown_percent']:.1f} %" for reach in reaches] == [
-        row[2] for row in section.tables[1].rows
+        str(row[2]) for row in section.tables[1].rows
     ]
-    assert len(width_section(contacts, None).tables) == 1
-    assert width_content(contacts, None)["pressure"] is None
+    data, section = width_blocks(contacts, None)
+    assert len(section.tables) == 1
+    assert document([data])["width"]["pressure"] is None
 
 
 def test_pressures_are_those_of_growth_to_every_tip(explorer, prepared, few_poses):

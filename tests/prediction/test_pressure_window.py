@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from vinefab.core.view import document
 from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -9,8 +10,7 @@ from vinefab.pages.panel import Shape
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
 from vinefab.prediction.pictures import window_chart
-from vinefab.prediction.prediction_json import window_content
-from vinefab.prediction.pressure_window import window_of, window_section
+from vinefab.prediction.pressure_window import window_blocks, window_of
 
 
 def test_a_robot_without_room_has_no_pressure(straight):
@@ -82,11 +82,12 @@ def test_a_window_is_open_only_where_needs_lie_below_limits():
 
 def test_tables_chart_and_json_show_the_window():
     window = known_window(20.0)
-    needs, limits = window_section(window, "basis").tables
-    assert needs.rows[0] == ("loosely", "1.0", "10.0", "19.0", "20.0", "100.0 %")
-    assert needs.rows[1] == ("tightly", "2.0", "20.0", "38.0", "40.0", "58.4 %")
-    assert limits.rows[0] == ("trunk", "20.00", "12.73", "70.0", "46.7", "8 %")
-    assert limits.rows[1] == ("pouch", "40.00", "25.46", "35.0", "23.3", "17 %")
+    data, section = window_blocks(window, "basis")
+    needs, limits = ([tuple(map(str, row)) for row in table.rows] for table in section.tables)
+    assert needs[0] == ("loosely", "1.0", "10.0", "19.0", "20.0", "100.0 %")
+    assert needs[1] == ("tightly", "2.0", "20.0", "38.0", "40.0", "58.4 %")
+    assert limits[0] == ("trunk", "20.00", "12.73", "70.0", "46.7", "8 %")
+    assert limits[1] == ("pouch", "40.00", "25.46", "35.0", "23.3", "17 %")
     (panel,) = window_chart(window).panels
     assert panel.title == "window 19.0 to 23.3 kPa"
     shapes = [one for one in panel.primitives if isinstance(one, Shape) and one.closed]
@@ -98,7 +99,7 @@ def test_tables_chart_and_json_show_the_window():
     assert bars[2] == pytest.approx([0.0, 70.0 / 1.5])
     (closed,) = window_chart(known_window(30.0)).panels
     assert closed.title == "no window: 5.2 kPa missing"
-    content = window_content(window)
+    content = document([data, section])["pressure_window"]
     assert (content["needed_kpa"], content["allowed_kpa"]) == (19.0, 23.3)
     assert content["needs"][1]["p95_kpa"] == 38.0
     assert content["needs"][1]["enough_percent"] == 58.4

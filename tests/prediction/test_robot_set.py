@@ -130,5 +130,5 @@ def test_two_robots_take_two_rooms():
     found = team.choose(landscape, np.array([40.0, 100.0, 0.0]), 2, 100, child(0, 1))
     assert len({x < 150.0 for x, _, _ in found.poses}) == 2
     assert (np.diff(found.fresh, axis=0) > 0.1).all()
-    assert found.means[1] == pytest.approx(found.choice.covered[1], abs=0.05)
+    assert found.fresh[1].mean() == pytest.approx(found.choice.covered[1], abs=0.05)
     assert GREEDY_SHARE <= found.least_share <= 1.0

@@ -12,17 +12,16 @@ import pytest
 from vinefab.core.atomic import is_ours
 from vinefab.core.view import Text
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import PieceSettings
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.prediction import run_page
-from vinefab.prediction.run_folder import run_in_folder
-from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
+from vinefab.prediction.run_page import EndedRun, write_run_page
+from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search.record.generations import Extension, Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive
-from vinefab.search.run import result_lines, run_search
+from vinefab.search.run import run_search
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
@@ -77,7 +76,7 @@ def test_a_bed_that_is_nearly_full_is_named(bed_mm: float, *, said: bool) -> Non
     bed = profile.machine.bed_width_mm.changed(value=bed_mm)
     machine = profile.machine.changed(bed_width_mm=bed)
     run = SimpleNamespace(
-        design=read_design("plain_vine"), profile=lambda: replace(profile, machine=machine)
+        design=Design.read("plain_vine"), profile=lambda: replace(profile, machine=machine)
     )
     words = run_page._bed_words(cast("EndedRun", run), CHECKED)
     assert bool(words) == said
@@ -103,15 +102,13 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     count = len(partition.pieces)
     words = f"{count} piece{'s' * (count > 1)}, no fewer possible"
     assert (result.pieces_words, result.best.origin["pieces"]) == (words, count)
-    assert f"levels; {words}; manufacturable; open" in outcome_line(
-        EndedRun.read(tmp_path), "", Path("a")
-    )
-    assert any(f"levels; {words}; manufacturable" in line for line in result_lines(result))
+    assert EndedRun.read(tmp_path).result.answer.text.endswith(f"levels; {words}; manufacturable")
+    assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
     monkeypatch.setattr(run_page, "_shown", lambda *_: [Text("not drawn in a test")])
     monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
     again = write_run_page(tmp_path, EndedRun.read(tmp_path))
-    assert f"{words} (computed)" in again.read_text()
+    assert words in again.read_text()
 
 
 def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> None:
@@ -124,19 +121,19 @@ def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> 
 
 
 def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
-    run = EndedRun.read(folder)
-    line = outcome_line(run, "", Path("out/index.html"))
+    result = EndedRun.read(folder).result
     assert re.match(
         r"found few: coverage \d\.\d{3} \[\d\.\d{3}, \d\.\d{3}\] "
-        rf"on {few_unseen} unseen grid maps, "
-        r"\d\.\d{3} to \d\.\d{3} over contacts \(simulated\); \d+ branches on 2 levels; "
-        r"manufacturable; open out/index\.html$",
-        line,
+        rf"on {few_unseen} unseen grid maps "
+        r"\(simulated\); \d+ branches on 2 levels; manufacturable$",
+        result.answer.text,
     )
-    assert "; not manufacturable (VF-T02); " in outcome_line(run, "VF-T02 (x)", Path("a"))
-    bare = replace(run, result=replace(run.result, prediction={}, checked=False))
-    assert "on fresh poses (simulated); " in outcome_line(bare, "", Path("a"))
-    assert "manufacturability not asked for" in outcome_line(bare, "", Path("a"))
+    assert f"{result.answer.text}" in (folder / "index.html").read_text()
+    bare = replace(result, prediction={}, checked=False).answer
+    assert "on fresh poses on the training maps (simulated); " in bare.text
+    assert (bare.tone, bare.text[-46:]) == (
+        "caution", "branches on 2 levels; not checked whether it is manufacturable"[-46:]
+    )  # fmt: skip
 
 
 def table(run: EndedRun, caption: str) -> list[tuple[str, ...]]:

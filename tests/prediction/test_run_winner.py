@@ -14,13 +14,11 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Pose, Start
 from vinefab.prediction.family_deployments import unseen_maps
 from vinefab.prediction.run_winner import (
-    contact_ends,
-    placed_off_range,
     predict_winner,
-    prediction_lines,
 )
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.search.loop import Search
+from vinefab.search.record.elsewhere import contact_ends, elsewhere_facts, placed_off_range
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
 from vinefab.search.settings import (
@@ -107,9 +105,12 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
     assert origin["unseen_score"] == round(found["unseen"]["score"]["mean"], 4)
     assert origin["unseen_score_over_contacts"][0] == origin["unseen_score"]
     assert min(origin["unseen_score_over_contacts"]) == round(low, 4)
-    first, *_, last = prediction_lines(found)
-    assert f"(assumed) {low:.3f} to {high:.3f}" in first
-    assert "placed off by up to 10 mm or 10 deg (assumed)" in last
+    _, contacts, placed = elsewhere_facts(found)
+    assert (contacts.text, placed.text) == (
+        f"{low:.3f} to {high:.3f}", "{:.3f} to {:.3f}".format(*placed_off_range(found))
+    )  # fmt: skip
+    assert "(assumed; simulated)" in contacts.detail
+    assert "placed up to 10 mm or 10 deg off (assumed; simulated)" in placed.detail
 
 
 def test_a_body_placed_off_is_compared_with_itself(run: Predicted, few_unseen: int) -> None:
@@ -149,7 +150,7 @@ def test_starts_without_spread_leave_one_deployment_and_no_interval(tmp_path: Pa
     assert found["unseen"]["deployments"] == 1
     assert found["unseen"]["score"]["low"] is None
     assert np.isfinite(placed_off_range(found)).all()
-    assert all(prediction_lines(found))
+    assert elsewhere_facts(found)[0].value.interval is None
 
 
 def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,10 +158,10 @@ def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPat
         raise BadInputError("start", "none", "a free place")
 
     monkeypatch.setattr("vinefab.prediction.run_winner.unseen_maps", none)
-    _, _, found = predicted(RUN)
+    _, result, found = predicted(RUN)
     assert found["unseen"]["label"] == "other poses on the 2 training maps"
     assert "one of them cannot be used: start is 'none'" in found["note"]
-    assert prediction_lines(found)[-1] == found["note"]
+    assert found["note"] in result.with_prediction(found).summary
 
 
 def test_a_run_from_a_side_is_predicted_from_that_side_of_unseen_maps(few_unseen: int) -> None:

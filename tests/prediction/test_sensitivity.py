@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
+from vinefab.core.view import document
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, PreparedFamily
 from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, REACH, SEEN, STUCK
-from vinefab.prediction.prediction_json import effect_content, tolerance_content
 from vinefab.prediction.sensitivity import (
     ANGLE_TOLERANCE_DEG,
     QUICK_MEASURES,
@@ -22,9 +22,9 @@ from vinefab.prediction.sensitivity import (
     made_tree,
     scaled_tree,
     sensitivity,
-    sensitivity_section,
+    sensitivity_blocks,
     tolerance,
-    tolerance_section,
+    tolerance_blocks,
 )
 
 
@@ -155,21 +155,22 @@ def test_page_and_json_show_known_changes_and_scatter():
     effect = Effect(
         knob="heading", step=-5.0, unit="deg", count=12, changes={SEEN.key: change, REACH.key: weak}
     )
-    section = sensitivity_section([effect], (SEEN, REACH))
+    (section,) = sensitivity_blocks([effect], (SEEN, REACH))
     assert section.tables[0].rows == (
-        ("heading", "-5 deg", "1.2 [0.5, 2.0]*", "-1.0 [-3.0, 1.0]", "12"),
+        ("heading", "-5 deg", "1.2 [0.5, 2.0]*", "-1.0 [-3.0, 1.0]", 12),
     )
     assert "the same 12 poses" in section.paragraphs[0]
-    content = effect_content(effect)
+    (content,) = document([section])["sensitivity"]
+    assert (content["knob"], content["step"], content["poses"]) == ("heading", -5.0, 12)
     assert content["changes"][SEEN.key] == {"mean": 1.2, "low": 0.5, "high": 2.0}
     scatter = Scatter(measure=SEEN, exact=50.0, p05=48.0, p95=53.0, typical=1.5)
     made = Tolerance(length_percent=1.0, angle_deg=2.0, robots=40, launches=6, scatter=(scatter,))
-    section = tolerance_section(made)
+    data, section = tolerance_blocks(made)
     title = "free space seen by sensors"
-    assert section.tables[0].rows == ((title, "%", "50.0", "48.0", "53.0", "1.5"),)
+    assert [*map(str, section.tables[0].rows[0])] == [title, "%", "50.0", "48.0", "53.0", "1.5"]
     assert "40 robots" in section.paragraphs[0]
     assert "up to 1 % and its angle by up to 2 degrees" in section.paragraphs[0]
     assert "6 poses" in section.paragraphs[0]
-    assert tolerance_content(made)["scatter"][SEEN.key] == {
+    assert document([data])["tolerance"]["scatter"][SEEN.key] == {
         "exact": 50.0, "p05": 48.0, "p95": 53.0, "typical": 1.5
     }  # fmt: skip

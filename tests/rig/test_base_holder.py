@@ -11,8 +11,7 @@ import shapely
 from shapely import box
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.design import Collar
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Collar, Design
 from vinefab.model.map import Pose, Start
 from vinefab.rig import base_holder as module
 from vinefab.rig.base_holder import ASSUMED_COLLAR_MM, CLAMP_MM
@@ -69,7 +68,7 @@ def bore_of(points, faces, start, heading_rad, axis_mm):
 def test_the_bore_has_the_collars_diameter_at_the_trunks_height(
     make_map, make_printer, scale, heading_deg
 ):
-    design = read_design("plain_vine")
+    design = Design.read("plain_vine")
     build = design.build.changed(collar=Collar(clamp_diameter_mm=22.0))
     design = design.changed(build=build)
     world = make_map(*WALLS, starts=(spread(0.0, heading_deg=heading_deg),))
@@ -166,7 +165,7 @@ def test_a_tube_nobody_gave_is_said_to_be_assumed(make_map, make_printer):
 
 
 def test_a_wide_tube_lies_higher_and_says_so(make_map, make_printer):
-    design = read_design("plain_vine")
+    design = Design.read("plain_vine")
     made = made_of(
         make_map(*WALLS), make_printer(), design, collar_mm=50.0, entry_width_mm=70.0, scale=1.5
     )

@@ -9,7 +9,7 @@ import pytest
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig import build
 from vinefab.rig import make as module
@@ -71,7 +71,7 @@ def test_a_rig_is_fitted_to_a_size():
 def test_corridors_and_heights_are_compared_with_the_robot():
     # 20 mm between the blocks; the trunk of plain_vine inflates to 25.5 mm, 30.6 mm with 1.2.
     world = _map(box(30, 60, 80, 100), box(100, 60, 150, 100))
-    design = read_design("plain_vine")
+    design = Design.read("plain_vine")
     made = make_rig(
         world, PRINTER, RigOptions(height_mm=30.0), RigRequest(design=design, pictures=False)
     )
@@ -109,7 +109,7 @@ def test_without_a_robot_these_rules_are_skipped_with_the_reason():
 def test_thickened_walls_narrow_the_corridors():
     # The wall of 0.4 mm becomes 0.8 to 1 mm; corridors are measured beside what is printed.
     world = _map(box(30, 60, 80, 60.4), box(30, 80, 80, 100))
-    design = read_design("plain_vine")
+    design = Design.read("plain_vine")
     made = make_rig(
         world, PRINTER, RigOptions(height_mm=40.0), RigRequest(design=design, pictures=False)
     )

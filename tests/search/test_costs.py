@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.spacing import capsules_of
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
@@ -25,7 +25,7 @@ from vinefab.search.costs import COSTS, cost_text
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
 from vinefab.search.record.generations import RunIdentity
-from vinefab.search.run import result_lines, violations_of
+from vinefab.search.run import violations_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
@@ -126,7 +126,7 @@ def test_winners_keep_limits_that_the_search_would_exceed(
     assert result.fabricable
     assert violations_of(result, settings_) == ""
     value = cost_text(name, cost(result.best))
-    assert f"limits: {value} of {MOST[name]:g} (planned)" in result_lines(result)
+    assert f"limits: {value} of {MOST[name]:g} (planned)" in result.summary
     space = Space(settings_.space, settings_.build)
     for generation in result.history:
         for x, penalty, fitness in zip(
@@ -239,6 +239,6 @@ def test_a_symmetric_robot_grows_alike_on_both_sides() -> None:
     design = space.design(np.full(len(space), 0.4))
     box = shapely.box(-4000.0, -4000.0, 4000.0, 4000.0)
     world = replace(grid_map(1), bounds=box, obstacles=(), starts=())
-    tips = grow(design, Terrain.of(world), Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0)).tips_mm
+    tips = grow_on(design, Terrain.of(world), Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0)).tips_mm
     mirrored = tips * [1.0, -1.0]
     assert sorted(tips.round(6).tolist()) == sorted((mirrored + 0.0).round(6).tolist())

@@ -12,7 +12,7 @@ from vinefab.growth import kernel
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
@@ -119,7 +119,7 @@ def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
     space, options = SPACES[0], GrowthOptions.published()
     design, x = space.design(np.full(len(space), 0.5)), np.full((1, len(space)), 0.5)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    grow(design, terrains[0], poses[0])
+    grow_on(design, terrains[0], poses[0])
     for some in (1, 2):
         launches = Launches.of(TerrainSet(terrains[:some]), [[pose] for pose in poses[:some]])
         for plans in (

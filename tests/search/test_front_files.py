@@ -12,7 +12,7 @@ from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Words
-from vinefab.search.front_files import front_json, front_lines, front_of, front_picture
+from vinefab.search.front_files import front_json, front_of, front_picture, front_table
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
@@ -70,7 +70,7 @@ def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
     assert [entry["better"] for entry in content["objectives"]] == ["larger", "larger"]
     for entry, member in zip(content["designs"], members, strict=True):
         assert entry["reach"] == member.score.composite["reach"] == member.further[0]
-    assert f"  {members[0].further[0]:8.4f}" in front_lines(members, settings)[1]
+    assert str(front_table(members, settings).rows[0][2]) == f"{members[0].further[0]:.4f}"
     assert b"reach score (simulated)" in page_svg(front_picture(members, run, settings, WORLD))
 
 
@@ -85,8 +85,9 @@ def test_json_and_text_describe_the_front(result: RunResult) -> None:
         assert entry["coverage"] == member.score.composite["mean"]
     names = [member.design.name for member in members if member.is_knee]
     assert content["knee"] == (names[0] if names else None)
-    lines = front_lines(members, SETTINGS)
-    assert len(lines) == len(members) + (1 if names else 2)
+    table = front_table(members, SETTINGS)
+    assert [row[0] for row in table.rows] == [member.design.name for member in members]
+    assert ("no knee" in table.caption) == (not names)
 
 
 def test_a_knee_is_named_where_there_is_one(
@@ -106,7 +107,7 @@ def test_a_knee_is_named_where_there_is_one(
 
     members = front_of(with_fitness(0.1, 4), settings)
     assert [member.is_knee for member in members] == [False, True, False, False]
-    assert "  knee" in front_lines(members, settings)[2]
+    assert [row[-1] for row in front_table(members, settings).rows] == ["", "knee", "", ""]
     for power, count, why in (
         (9.0, 4, "no point lies 5% above"),
         (1.0, 2, "fewer than three designs"),
@@ -116,7 +117,7 @@ def test_a_knee_is_named_where_there_is_one(
         members = front_of(flat, settings)
         assert len(members) == count
         assert not any(member.is_knee for member in members)
-        assert why in front_lines(members, settings)[-1]
+        assert why in front_table(members, settings).caption
         assert json.loads(front_json(members, flat, settings))["knee"] is None
         assert page_svg(front_picture(members, flat, settings, WORLD))
 

@@ -11,7 +11,7 @@ from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.pages.charts import MOST_POINTS, fitness_curve
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Shape
-from vinefab.prediction.run_folder import run_in_folder
+from vinefab.prediction.run_winner import run_in_folder
 from vinefab.search import live_page
 from vinefab.search.live_page import PAGE_NAME, LivePage
 from vinefab.search.record.generations import Generation, Progress

@@ -21,8 +21,6 @@ from vinefab.search.record.result import RunArchive, RunResult, map_from_text, m
 from vinefab.search.run import (
     generated_maps,
     progress_line,
-    result_json,
-    result_lines,
     run_search,
     training_maps,
 )
@@ -52,7 +50,7 @@ def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
     run = optimize(settings.changed(evaluation=evaluation), (grid_map(1),), penalty=penalty)
     assert not run.history[0].has_designs
     assert run.history[0].terms
-    first, second = json.loads(result_json(run))["generations"]
+    first, second = json.loads(run.json_text())["generations"]
     assert (first["mean"], first["spread"], first["fabricable_share"]) == (None, None, 0.0)
     assert isinstance(second["mean"], float)
     assert second["fabricable_share"] == 1.0
@@ -85,7 +83,6 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
         assert len({pose.x_mm for pose in poses}) == 2
         assert all(abs(pose.x_mm - 250.0) <= 20.0 and pose.y_mm == 30.0 for pose in poses)
         assert "x_mm = 250, y_mm = 30, heading_deg = 90" in result.best.origin["start"]
-        assert any("task parameters and start" in line for line in result_lines(result))
         record = tmp_path / f"run{len(maps.files)}" / "run.sqlite"
         assert RunArchive.read(record).settings.maps == maps
     other = small.changed(maps=MapSettings(count=1, seed=5, start=start(250.0, 31.0)))
@@ -144,15 +141,16 @@ def test_the_result_says_whether_the_winner_is_manufacturable(
     small: RunSettings, maps: tuple[Map, ...]
 ) -> None:
     result = optimize(small, maps)
-    unchecked = "manufacturability not checked (`fabricable = false`)"
-    assert result_lines(result)[1].endswith(f"; {unchecked}")
+    assert "by the rules: not checked (`fabricable = false`)" in result.summary
     checked = replace(result, checked=True)
-    assert result_lines(checked)[1].endswith("; manufacturable")
-    assert not any(line.startswith("time: ") for line in result_lines(checked))
-    *_, time, last = result_lines(checked, "VF-T02 (crossing)", verbose=True)
-    assert time.startswith("time: ")
-    assert last == "found no manufacturable robot: the winner violates VF-T02 (crossing)"
-    assert "; not manufacturable" in result_lines(checked, "VF-T02 (crossing)")[1]
+    assert "by the rules: manufacturable" in checked.summary
+    assert not any(line.startswith("time: ") for line in checked.summary)
+    assert (checked.exit_code, checked.details[-1][:6]) == (0, "time: ")
+    refused = replace(checked, violations="VF-T02 (crossing)")
+    assert refused.exit_code == 1
+    words = "found no manufacturable robot: the winner violates VF-T02 (crossing)"
+    assert refused.summary[0] == words
+    assert "by the rules: not manufacturable: VF-T02 (crossing)" in refused.summary
 
 
 def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
@@ -166,8 +164,6 @@ def test_a_side_is_found_on_every_map_kept_in_the_record_and_taken_up_again(
     assert {pose.x_mm for pose in poses} == {15.0}
     assert len({pose.y_mm for pose in poses}) > 2
     assert result.best.origin["start"] == "left side, heading +-20"
-    again_by = next(line for line in result_lines(result) if line.startswith("the same again"))
-    assert "--start 'left side, heading +-20' --map" in again_by
     assert RunArchive.read(tmp_path / "run" / "run.sqlite").settings.maps == settings.maps
     again = run_search(settings, tmp_path / "run", resume=True)
     assert again.score == result.score

@@ -24,8 +24,8 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
-from vinefab.model.design import PieceSettings
-from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.design import Design, PieceSettings
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.loop import Search
@@ -170,7 +170,7 @@ def making_text(texts: Sequence[str]) -> str:
         path = Path(folder) / "winner.toml"
         for text in texts:
             path.write_text(text)
-            design = read_design(path)
+            design = Design.read(path)
             counts.append(len(partition_of(design, profile).pieces))
             passing += not check_design(design, profile).blocking
     return f"pieces {' '.join(map(str, counts))} | {passing} of {len(texts)} pass"

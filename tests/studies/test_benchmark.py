@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from vinefab.core.view import lines
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree
@@ -15,7 +16,7 @@ from vinefab.studies import benchmark as bench_module
 from vinefab.studies.benchmark import (
     BENCH_GROWTH,
     batch_on,
-    bench_lines,
+    bench_blocks,
     events,
     floor_on,
     free_poses,
@@ -40,7 +41,7 @@ def test_the_reference_ends_where_the_kernel_does(children, half_angle_deg):
     course, design = ReferenceWorld(GROUND.free_space()), tree_of_40()
     for pose in (*draw_poses(WORLD, 6, 1), *free_poses(GROUND, 12)):
         branches = grow_tree(course, branch_tree(design), pose, options)
-        grown = grow(design, GROUND, pose, options)
+        grown = grow_on(design, GROUND, pose, options)
         assert [branch.stop for branch in branches] == grown.stop.tolist()
         np.testing.assert_allclose(tips_mm(branches), grown.tips_mm, atol=1e-9)
 
@@ -94,7 +95,7 @@ def test_the_result_has_the_agreed_form_and_words():
     assert 0.0 < read["penalty"]["at_once_us"] < read["penalty"]["alone_us"]
     assert 0.0 < read["first_grow_s"]["interpreted"] < 60.0
     assert [share for share, _ in seen] == sorted(share for share, _ in seen)
-    words = "\n".join(bench_lines(result))
+    words = "\n".join(lines(bench_blocks(result)))
     assert f"{result.speedup:,.0f} times slower" in words
     assert "floor" in words
     assert read["searches"]["manufacturable"]["workers"] == 2

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.core.view import lines
 from vinefab.growth.options import GrowthOptions
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -18,11 +19,11 @@ from vinefab.studies.optimizer_contest import (
     Contender,
     Contest,
     ContestRow,
+    comparison_blocks,
     comparison_json,
     comparison_svg,
     comparison_table,
     contest_rows,
-    table_lines,
 )
 
 TINY = RunSettings(
@@ -121,7 +122,7 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
     assert better["difference"]["p_holm"] == pytest.approx(4 / 2**12)
     assert 0.02 <= better["difference"]["low"] < better["difference"]["high"] <= 0.03
     assert same["difference"]["p"] == 1.0
-    assert "+0.0" in table_lines(table)[1]
+    assert "+0.0" in list(lines(comparison_blocks(contest, rows)))[3]
     assert comparison_svg(contest, rows).startswith(b"<?xml")
     assert '"vinefab/comparison-1"' in comparison_json(contest, rows)
     assert asdict(rows[0])["key"] in comparison_json(contest, rows)
@@ -158,5 +159,5 @@ def test_the_table_has_the_means_of_each_contender() -> None:
     assert second["difference"]["low"] == pytest.approx(0.1)
     assert second["difference"]["high"] == pytest.approx(0.3)
     assert second["difference"]["p"] == pytest.approx(0.5)
-    line = table_lines([first, second])[1]
-    assert "0.5000 [0.3000, 0.7000]  +0.2000 [+0.1000, +0.3000] p 0.500" in line
+    line = list(lines(comparison_blocks(CONTEST, rows)))[3]
+    assert line.endswith("0.5000 [0.3000, 0.7000]  +0.2000 [+0.1000, +0.3000]  0.500")

@@ -13,8 +13,7 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import PieceSettings
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.tree import branch_tree
 from vinefab.search.settings import RunSettings, read_run
 from vinefab.studies.ablation import VARIANTS
@@ -174,7 +173,7 @@ def test_runs_that_differ_have_other_keys():
 
 
 def test_a_design_survives_being_plain():
-    design = read_design("grid_explorer")
+    design = Design.read("grid_explorer")
     again = design_from(json.loads(json.dumps(plain_design(design))))
     assert (again.levels, again.build) == (design.levels, design.build)
     cut = design.changed(build=design.build.changed(pieces=PieceSettings(most=3, lap_mm=12.0)))
@@ -185,7 +184,7 @@ def test_a_design_survives_being_plain():
 @pytest.fixture
 def once():
     """A straight vine too short to meet a wall, launched once."""
-    short = {**plain_design(read_design("plain_vine")), "trunk_length_mm": 14.0, "levels": []}
+    short = {**plain_design(Design.read("plain_vine")), "trunk_length_mm": 14.0, "levels": []}
     return RedeploymentJob(design=short, worlds=maps_of("grid", 3, 1), headings=1, buffer_mm=20.0)
 
 

@@ -19,7 +19,8 @@ from vinefab.core.errors import (
 )
 from vinefab.core.jsontext import GENERATOR
 from vinefab.maps import generate
-from vinefab.model.files.design_toml import design_content, design_text, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.run_recipe import RunRecipe, recipe_digest
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
@@ -190,7 +191,7 @@ def test_save_as_takes_the_comments_along_and_asks_before_it_replaces(desk, fold
     assert (answer["saved"], answer["why"]) == (False, "exists")
     assert (folder / "other.toml").read_text() == MINE
     assert desk.save_design({**ask, "path": "new.toml", "from": None})["saved"]
-    assert read_design(folder / "new.toml") == read_design("grid_explorer")
+    assert Design.read(folder / "new.toml") == Design.read("grid_explorer")
 
 
 def test_shipped_and_own_designs_are_never_overwritten(folder, tmp_path):
@@ -519,7 +520,7 @@ def test_every_function_of_the_desk_takes_what_a_page_may_send(desk):
         for ask in ({}, {"path": 1, "design": [], "key": {}, "state": 3, "recipe": []}):
             with suppress(VinefabError):
                 json.dumps(function(desk, ask))
-    assert design_content(read_design("mine.toml"))["name"] == "mine"
+    assert design_content(Design.read("mine.toml"))["name"] == "mine"
 
 
 def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
@@ -541,7 +542,7 @@ def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
     ):
         origin = {"recipe": {"name": "mine", "file": file, "digest": given}}
         path = tmp_path / "best.toml"
-        path.write_text(design_text(read_design("plain_vine").changed(origin=origin)))
+        path.write_text(design_text(Design.read("plain_vine").changed(origin=origin)))
         answer = Desk(tmp_path).open_design({"design": "best.toml"})
         assert answer["recipe"] == opened
         assert note in answer["recipe_note"]

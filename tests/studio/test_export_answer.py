@@ -14,7 +14,8 @@ from vinefab.core.errors import VinefabError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.view import Answer
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.design_toml import design_content, design_text, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Pose
 from vinefab.studio.export_answer import EXPORTS, _world, export_answer
@@ -36,7 +37,7 @@ def opened(name="plain_vine", **more):
     small = {"columns": 2, "rows": 2, "size_mm": 200.0}
     source = {"environment": "grid", "seed": 3, "options": small}
     return {
-        "design": design_content(read_design(name)),
+        "design": design_content(Design.read(name)),
         "map": {"source": source, "edits": []},
         **more,
     }
@@ -130,19 +131,19 @@ def test_a_report_is_predicted_from_what_the_command_reads(monkeypatch):
 
 
 def test_saved_files_are_called_by_their_names_and_not_written_again(here):
-    read_design("plain_vine").write(here / "mine.toml")
+    Design.read("plain_vine").write(here / "mine.toml")
     main(["map", "grid", "--columns", "3", "--rows", "3", "--out", "lab.geojson", "-q"])
     content = opened("mine.toml", map={"source": {"file": "lab.geojson"}, "edits": []})
     files = {"design_file": str(here / "mine.toml"), "map_file": "lab.geojson"}
     answer = export(content, "picture", "grown.svg", **files)
-    assert answer["command"] == "vinefab grow mine.toml --map lab.geojson --svg grown.svg"
+    assert answer["command"] == "vinefab grow mine.toml lab.geojson --out grown.svg"
     assert answer["inputs"] == []
     first = everything()
     assert run_again(answer, "mine.toml", "lab.geojson") == first
     content["design"]["trunk"]["length"] += 1.0
     answer = export(content, "picture", "other.svg", **files)
     assert answer["inputs"] == ["other.svg.inputs/design.toml"]
-    assert "--map lab.geojson" in answer["command"]
+    assert " lab.geojson " in answer["command"]
 
 
 def test_rules_and_an_unconfirmed_recipe_refuse_a_package():
@@ -235,12 +236,12 @@ def test_commands_are_told_without_writing():
     assert found["unverified"] is True
     commands = found["commands"]
     assert commands["package"]["command"] == (
-        "vinefab fabricate plain_vine --copies 2 --out package"
+        "vinefab fabricate plain_vine --out package --copies 2"
     )
     assert commands["package"]["inputs"] == []
     assert "a path in" in commands["picture"]["error"]
     assert commands["snapshot"]["command"] == "vinefab studio 'my page.html'"
-    assert "--style=board --out rig" in commands["rig"]["command"]
+    assert "--out rig --design plain_vine --style board" in commands["rig"]["command"]
 
 
 def test_a_start_moved_away_from_its_line_stands_where_it_is_shown(here):

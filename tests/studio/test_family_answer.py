@@ -9,10 +9,11 @@ import shapely
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.statistics import mean_interval
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import generate
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
 from vinefab.model.map import Map, Pose, Start
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.studio import family_answer as panel
@@ -24,7 +25,7 @@ TWICE = {**GRID, "poses": 2}
 
 
 def state_of(design="grid_explorer", trunk_scale=1.0, width_scale=1.0, **more):
-    content = design_content(read_design(design))
+    content = design_content(Design.read(design))
     content["trunk"]["length"] *= trunk_scale
     content["build"]["widths_mm"][0] *= width_scale
     return StudioState.of({"design": content, "map": None, "family": GRID, **more})
@@ -175,9 +176,9 @@ def test_heat_of_one_map_is_where_the_body_lies():
     answer = answered(state_of(family=family))
     heat, (entry,) = answer["heat"], answer["maps"]
     share = heat_share(heat)
-    design, world = read_design("grid_explorer"), generate("grid", 1003)
+    design, world = Design.read("grid_explorer"), generate("grid", 1003)
     pose = Pose.of(tuple(entry["pose"].values()))
-    deployment = grow(design, Terrain.of(world), pose)
+    deployment = grow_on(design, Terrain.of(world), pose)
     body = shapely.union_all(
         [
             shapely.LineString(deployment.chain_mm(branch)).buffer(

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.studio.test_family_answer import heat_share
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
 from vinefab.studio.panels import answer_of
 from vinefab.studio.snapshot import snapshot_html
 
 STATE = {
-    "design": design_content(read_design("plain_vine")),
+    "design": design_content(Design.read("plain_vine")),
     "map": {"source": {"environment": "pegs", "seed": 1}, "edits": []},
     "pose": None,
     "recipe": None,

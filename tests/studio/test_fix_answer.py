@@ -6,8 +6,8 @@ import math
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.design import Build, Design, Level, default_fillets_mm
-from vinefab.model.files.design_toml import design_content, design_of
+from vinefab.model.design import Build, Design, Level, default_fillets_mm, design_of
+from vinefab.model.files.design_toml import design_content
 from vinefab.studio.fix_answer import fix_answer, kept_kinds
 from vinefab.studio.state import PAGE, StudioState
 

@@ -10,7 +10,7 @@ import shapely
 
 import vinefab as vf
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.model.files.design_toml import design_of
+from vinefab.model.design import design_of
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import make_task

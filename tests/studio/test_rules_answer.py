@@ -6,7 +6,8 @@ import pytest
 
 from vinefab.fabrication import checking
 from vinefab.fabrication.checking import check_design
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
 from vinefab.prediction.deploy import deploy
 from vinefab.studio.rules_answer import rules_answer
 from vinefab.studio.state import StudioState
@@ -15,7 +16,7 @@ GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 
 
 def answered(name="three_level_tree", world=None, edit=None, **more):
-    content = design_content(read_design(name))
+    content = design_content(Design.read(name))
     if edit is not None:
         edit(content)
     state = StudioState.of({"design": content, "map": world, **more})

@@ -13,8 +13,8 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_content, design_of, design_text, read_design
+from vinefab.model.design import Design, design_of
+from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.shipped import locate
 from vinefab.search.costs import COSTS
 from vinefab.search.front_files import front_json, front_of
@@ -134,7 +134,7 @@ def test_a_search_that_was_stopped_and_resumed_ends_as_the_command_does(
     assert (page_run / "best.toml").read_bytes() == (same / "best.toml").read_bytes()
     assert generations(page_run) == generations(same)
     best = design_of(desk.load({"folder": "search_1", "point": "best"})["design"], "page")
-    assert best == read_design(same / "best.toml")
+    assert best == Design.read(same / "best.toml")
     assert design_of(events[-1]["best"], "page") == best
 
 
@@ -235,7 +235,7 @@ def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     assert front["points"][0]["values"] == [members[0].fitness, members[0].further[0]]
     name = members[-1].design.name
     found = desk.load({"folder": "two", "point": name})
-    assert design_of(found["design"], "page") == read_design(folder / "front" / f"{name}.toml")
+    assert design_of(found["design"], "page") == Design.read(folder / "front" / f"{name}.toml")
     assert "simulated" in found["words"]
     file = folder / "front" / f"{name}.toml"
     file.unlink()

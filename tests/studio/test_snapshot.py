@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vinefab.core.errors import VinefabError
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
 from vinefab.studio import warming
 from vinefab.studio.panels import answer_of
@@ -36,7 +37,7 @@ def other_tests_grow_as_before(monkeypatch):
 def state():
     source = {"environment": "grid", "seed": 3}
     return {
-        "design": design_content(read_design("three_level_tree")),
+        "design": design_content(Design.read("three_level_tree")),
         "map": {"source": source, "edits": [["remove", 0]]},
         "pose": None,
         "recipe": None,
@@ -160,7 +161,7 @@ def test_a_snapshot_replaces_a_snapshot_and_nothing_else(state, tmp_path, monkey
 def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     path = tmp_path / "sent.html"
     state["design"]["build"]["widths_mm"][-1] = 2.0  # which a rule forbids
-    reference = design_content(read_design("plain_vine"))
+    reference = design_content(Design.read("plain_vine"))
     write_snapshot(state, path, SnapshotOptions(date="1 May", reference=reference))
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     troubles, asked = [], []

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.growth.simulator import grow
-from vinefab.model.design import Build, Design, Level
-from vinefab.model.files.design_toml import design_content, design_of
+from vinefab.growth.simulator import grow_on
+from vinefab.model.design import Build, Design, Level, design_of
+from vinefab.model.files.design_toml import design_content
 from vinefab.studio.live_answer import live_answer, prepared_map
 from vinefab.studio.state import StudioState
 from vinefab.studio.tip_answer import tip_answer
@@ -32,7 +32,7 @@ def state_of(robot, locks=()):
 
 def tip_of(state, branch):
     terrain = prepared_map(state.world).terrain
-    grown = grow(state.design, terrain, state.start, state.growth, engine="interpreted")
+    grown = grow_on(state.design, terrain, state.start, state.growth, engine="interpreted")
     return grown.chain_mm(grown.tree.ids.index(branch))[-1]
 
 

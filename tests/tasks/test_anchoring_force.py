@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
@@ -150,7 +150,7 @@ def test_only_pouches_wider_than_their_gap_are_engaged(
     assert (score, terms["leaves"], terms["engaged"]) == (2.0, 2.0, 2.0)
     # Inflated 2 w / pi = 20 mm at w = 31.4: narrower than the corridor below that.
     for width, engaged in ((31.3, 0.0), (31.5, 2.0)):
-        task = replace(POUCH, pouch_width_mm=width)
+        task = POUCH.changed(pouch_width_mm=width)
         assert task.evaluate(end, corridor)[0] == engaged
     nothing = {"engaged": 0.0, "low": 0.0, "high": 0.0}
     assert POUCH.evaluate(end, room_context)[1] == terms | nothing
@@ -165,7 +165,7 @@ def test_the_pouch_of_a_leaf_that_was_stopped_has_not_come_out(
     stuck = replace(end, stop=stop)
     assert POUCH.evaluate(stuck, corridor)[0] == 1.0
     assert POUCH.evaluate(stuck, corridor)[1]["ideal"] == 2.0
-    assert replace(POUCH, only_full_length=False).evaluate(stuck, corridor)[0] == 2.0
+    assert POUCH.changed(only_full_length=False).evaluate(stuck, corridor)[0] == 2.0
     # Without pouches every leaf that came out counts, as in the paper.
     assert Anchoring().evaluate(stuck, corridor)[0] == 2.0
 
@@ -194,7 +194,7 @@ def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
     for world in (grid_map(1), cave_map(1)):
         site = PreparedMap.of(world)
         for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
-            end = grow(tree, site.terrain, pose, GrowthOptions.published(body=body))
+            end = grow_on(tree, site.terrain, pose, GrowthOptions.published(body=body))
             leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
             gaps = tip_gaps_mm(end, leaves, site.context)
             for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):
@@ -257,7 +257,7 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
 def test_parameters_that_contradict_are_refused(parameters: dict[str, float], key: str) -> None:
     with pytest.raises(BadInputError) as caught:
         Anchoring(**parameters)
-    assert caught.value.key == f"task.{key}"
+    assert caught.value.key == key
 
 
 # --- Leaves in blocks and alone --------------------------------------------------------------

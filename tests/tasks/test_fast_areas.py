@@ -21,7 +21,7 @@ from vinefab.tasks import fast_areas
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.exact_areas import free_disc_areas_mm2, seen_areas
-from vinefab.tasks.fast_areas import LINES_PER_RADIUS, Raster, SightLines, WallCells
+from vinefab.tasks.fast_areas import LINES_PER_RADIUS, FreeArea, SightLines, WallCells
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import one_by_one
 
@@ -108,7 +108,7 @@ def test_sets_of_discs_do_not_depend_on_each_other(pillar_room: Map) -> None:
 
 
 def test_a_raster_that_would_be_too_large_is_not_made(room_context: MapContext) -> None:
-    assert Raster.of(room_context.edges_mm, 0.5) is None
+    assert FreeArea.of(room_context.edges_mm, 0.5) is None
     assert room_context.raster(50.0) is room_context.raster(50.0)
 
 
@@ -121,8 +121,8 @@ def test_fast_scores_are_those_of_blocks_and_near_the_exact_ones(
     assert score == pytest.approx(exact, abs=1e-4)
     assert terms == pytest.approx(exact_terms, abs=5e-3)
     # Too fine for a raster: measured exactly after all.
-    fine = replace(FAST, radius_mm=0.5)
-    assert fine.evaluate(end, room_context) == replace(fine, area="exact").evaluate(
+    fine = FAST.changed(radius_mm=0.5)
+    assert fine.evaluate(end, room_context) == fine.changed(area="exact").evaluate(
         end, room_context
     )
 
@@ -383,8 +383,8 @@ def test_lines_that_would_be_too_many_are_not_made(
     assert room_context.sight_lines(50.0) is room_context.sight_lines(50.0)
     assert room_context.sight_lines(0.01) is None
     end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (230, 200)], None])
-    fine = replace(FAST_SIGHT, radius_mm=0.01)
-    assert fine.evaluate(end, room_context) == replace(fine, area="exact").evaluate(
+    fine = FAST_SIGHT.changed(radius_mm=0.01)
+    assert fine.evaluate(end, room_context) == fine.changed(area="exact").evaluate(
         end, room_context
     )
 

@@ -196,15 +196,15 @@ def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
 @pytest.mark.parametrize(
     ("parameters", "key", "words"),
     [
-        ({"target_mm": 3}, "task.target_mm", r"\[\[x, y\], \.\.\.\]"),
-        ({"target_mm": [[1, 2, 3]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
-        ({"target_mm": [[True, 2]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
-        ({"target_mm": [[1, 2], [3, "a"]]}, "task.target_mm[2]", "mm"),
-        ({"target_mm": [[1, float("nan")]]}, "task.target_mm[1]", "mm"),
-        ({"target_mm": [[1, 2]] * 1001}, "task.target_mm", "at most 1000"),
-        ({"tolerance_mm": 0.0}, "task.tolerance_mm", "1e-06 to"),
-        ({"falloff_mm": -1.0}, "task.falloff_mm", "0 to"),
-        ({"reached_by": "base"}, "task.reached_by", "'body' or 'tip'"),
+        ({"target_mm": 3}, "target_mm", r"\[\[x, y\], \.\.\.\]"),
+        ({"target_mm": [[1, 2, 3]]}, "target_mm[1]", r"\[x, y\] in mm"),
+        ({"target_mm": [[True, 2]]}, "target_mm[1][1]", "a valid number"),
+        ({"target_mm": [[1, 2], [3, "a"]]}, "target_mm[2][2]", "a valid number"),
+        ({"target_mm": [[1, float("nan")]]}, "target_mm[1][2]", "a finite number"),
+        ({"target_mm": [[1, 2]] * 1001}, "target_mm", "at most 1000"),
+        ({"tolerance_mm": 0.0}, "tolerance_mm", "greater than or equal to 0.000001"),
+        ({"falloff_mm": -1.0}, "falloff_mm", "greater than or equal to 0"),
+        ({"reached_by": "base"}, "reached_by", "'body' or 'tip'"),
     ],
 )
 def test_targets_that_are_none_are_refused(

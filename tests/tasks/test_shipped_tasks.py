@@ -35,10 +35,10 @@ def test_an_unknown_task_is_named_with_the_known_ones() -> None:
     ("key", "value", "words"),
     [
         ("radius", 5.0, "did you mean 'radius_mm'"),
-        ("radius_mm", "5", "a number"),
-        ("radius_mm", True, "a number"),
-        ("most_branches", 2.5, "a whole number"),
-        ("clip", 3, "a text"),
+        ("radius_mm", "5", "a valid number"),
+        ("radius_mm", True, "a valid number"),
+        ("most_branches", 2.5, "a valid integer"),
+        ("clip", 3, "'free', 'none' or 'sight'"),
     ],
 )
 def test_wrong_parameters_are_named(key: str, value: object, words: str) -> None:

@@ -6,50 +6,85 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_text
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.verbs import Kind, Within, names_of, note, wrote
+from vinefab.core.verbs import Doc, Kind, Within, also, note, registered_names, this_call, wrote
 from vinefab.model.inputs import (
+    FOLDER,
+    PAIRS,
     MapsLike,
+    Pairs,
+    PathText,
     StartsLike,
-    growth_of,
-    map_of,
-    mapping_of,
-    maps_of,
-    path_of,
+    as_growth,
+    as_map,
+    as_mapping,
+    as_maps,
+    as_path,
+    written,
 )
 
 if TYPE_CHECKING:
     from vinefab.growth.options import GrowthChoice
     from vinefab.model.design import Design
+    from vinefab.model.laser import LaserProfile
+    from vinefab.prediction.aiming import AimResult
+    from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
+    from vinefab.prediction.predict import Predicted
     from vinefab.tasks.task import Task
 
     TaskLike = str | Task
+    Answer = TypeVar("Answer", AimResult, DesignComparison, Predicted)
 else:
     TaskLike = Annotated[
-        object, Kind(metavar="TASK", known=names_of("vinefab.tasks.shipped_tasks:TASKS"))
-    ]
+        object,
+        Kind(metavar="TASK", known=registered_names("vinefab.tasks.shipped_tasks:TASKS")),
+        Doc("The name of a task, in Python also a task of your own: an object with ``name``, "
+            "``lowest`` and ``evaluate``."),
+    ]  # fmt: skip
 
 MOST_POSES = 1_000_000
 MOST_WORKERS = 1024
-ENVIRONMENT = Kind(
-    metavar="NAME", known=names_of("vinefab.maps.generators.environments:ENVIRONMENTS")
-)
 
-Poses = Annotated[int, Within(1, MOST_POSES)]
-Workers = Annotated[int, Within(1, MOST_WORKERS)]
-Environment = Annotated[str, ENVIRONMENT]
-Body = Literal["inflated", "centerline"]
+PoseCount = Annotated[int, Within(1, MOST_POSES), Doc("Poses drawn per map.")]
+Workers = Annotated[
+    int, Within(1, MOST_WORKERS), Doc("Threads or processes; no result depends on it.")
+]
+UnseenEnvironment = Annotated[
+    str,
+    Kind(
+        metavar="NAME", known=registered_names("vinefab.maps.generators.environments:ENVIRONMENTS")
+    ),
+    Doc("Unseen maps of this environment too."),
+]
+UnseenCount = Annotated[int, Doc("How many unseen maps.")]
+EnvironmentOptions = Annotated[
+    Pairs | None, also("--set"), Doc("The environment's options, such as size_mm=300.")
+]
+TaskParameters = Annotated[
+    object, PAIRS, also("--set"), Doc("Parameters of a task that is named, such as radius_mm=60.")
+]
+BodyWidth = Annotated[
+    Literal["inflated", "centerline"],
+    Doc("How wide a body is; default: as the design was trained."),
+]
+OutFolder = Annotated[
+    PathText, FOLDER, Doc("The folder to write; an earlier one of its kind is replaced.")
+]
+PageFile = Annotated[PathText, written(".html", ".htm"), Doc("The page to write.")]
+PictureFile = Annotated[
+    PathText | None, written(".svg", ".png"), also("--svg"), Doc("A picture to write.")
+]
 
 
 def page_path(key: str, out: str | PathLike[str] | None, *, force: bool) -> Path | None:
     """Return the file to write, if one is asked for, once it may be written."""
     if out is None:
         return None
-    path = path_of(key, out)
+    path = as_path(key, out)
     ensure_writable(path, force=force)
     return path
 
@@ -64,11 +99,25 @@ def write_page(path: Path, content: str | bytes, *, force: bool) -> Path:
     return path
 
 
+def with_origin(
+    found: Answer,
+    designs: Sequence[Design],
+    families: Sequence[MapFamily],
+    profile: LaserProfile | None = None,
+) -> Answer:
+    """Return a result with what it takes to get it again: this call, and what went in."""
+    from dataclasses import replace
+
+    from vinefab.prediction.provenance import origin_of
+
+    return replace(found, origin=origin_of(this_call().text(), designs, profile, families))
+
+
 def folder_to_write(key: str, out: str | PathLike[str], mark: str, *, force: bool) -> Path:
     """Return the folder to fill, once it may be; name what lies beside it from a killed run."""
     from vinefab.core.replacement import moved_aside
 
-    folder = path_of(key, out)
+    folder = as_path(key, out)
     ensure_own_folder(folder, mark, force=force)
     for aside in moved_aside(folder):
         note(
@@ -102,7 +151,11 @@ def growth_choice(
     named: Sequence[object],
     designs: Sequence[Design],
     growth: object,
-    **shortcuts: object,
+    body: str | None = None,
+    head_on_half_angle_deg: object = None,
+    contacts: object = None,
+    *,
+    children_of_stuck: str | None = None,
 ) -> tuple[GrowthChoice, Mapping[str, Any]]:
     """Return the growth options for designs, and those that were passed.
 
@@ -110,7 +163,13 @@ def growth_choice(
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
 
-    given = growth_of(growth, **shortcuts)
+    given = as_growth(
+        growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+        children_of_stuck=children_of_stuck,
+    )
     for name, design in zip(named, designs, strict=True):
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
@@ -131,12 +190,12 @@ def families_of(
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
 
-    chosen, unseen = mapping_of("options", options), None
+    chosen, unseen = as_mapping("options", options), None
     if environment is not None:
         unseen = unseen_maps(environment, count, seed, chosen)
-        worlds = tuple(map_of(world, "maps", start) for world in unseen.worlds)
+        worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(maps_of(maps, start), unseen)
+    return map_families(as_maps(maps, start), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -6,12 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.results import Names, WrittenFile
-from vinefab.core.verbs import IN_PLACE, Kind, also, names_of, verb, wrote
-from vinefab.model.inputs import FOLDER, PathText, all_names, path_of
+from vinefab.core.verbs import IN_PLACE, Force, Kind, also, registered_names, verb, wrote
+from vinefab.model.inputs import FOLDER, PathText, all_names, as_path
 
 if TYPE_CHECKING:
     from vinefab.fabrication.profile_listing import ProfileListing, ProfileNumbers
-    from vinefab.fabrication.rule_listing import RuleBook
+    from vinefab.fabrication.rules.catalog import RuleBook
 
 _NEXT_STEPS = {
     "design": "vinefab studio {0}, or edit it and: vinefab check {0}",
@@ -25,11 +25,13 @@ _NEXT_STEPS = {
 
 @verb
 def new(
-    kind: Annotated[str, Kind(metavar="KIND", known=names_of("vinefab.app.files:_NEXT_STEPS"))],
+    kind: Annotated[
+        str, Kind(metavar="KIND", known=registered_names("vinefab.app.files:_NEXT_STEPS"))
+    ],
     file: PathText,
     *,
     original: Annotated[str | None, Kind(metavar="NAME"), also("--from")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFile:
     """Write a commented file to begin with, as a design or a map; its name is the file's.
 
@@ -69,7 +71,7 @@ def new(
     """
     from vinefab.model.files.starters import write_starter
 
-    path = path_of("file", file)
+    path = as_path("file", file)
     name = write_starter(kind, path, original=original, force=force)
     wrote(path, "" if name == path.stem else f", named {name}")
     return WrittenFile(path=path, summary=(f"next: {_NEXT_STEPS[kind].format(path, name)}",))
@@ -79,7 +81,7 @@ def new(
 def examples(
     *names: Annotated[str, Kind(metavar="NAME")],
     out: Annotated[PathText | None, FOLDER] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Names:
     """List the examples that ship with vinefab, or copy them to try and change.
 
@@ -89,8 +91,6 @@ def examples(
         Examples, with or without folder and ending; all of them if none is named.
     out
         Copy them into this folder; what is there already and unchanged stays.
-    force
-        Overwrite files that vinefab did not write, or that were changed.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def examples(
     if out is None:
         lines = [f"  {name}{about_example(path)}" for name, path in chosen.items()]
         return Names.of(chosen, [*lines, "vinefab examples --out examples copies them"])
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     missing = copy_examples(chosen, folder, force=force)
     there = len(chosen) - len(missing)
     lines = [
@@ -195,7 +195,7 @@ def profiles(
 
     if name is None:
         return ProfileListing()
-    found = ProfileNumbers(name=str(path_of("name", name, "a name, or a path")))
+    found = ProfileNumbers(name=str(as_path("name", name, "a name, or a path")))
     kind_of(found.name)  # an unknown name is refused here
     return found
 
@@ -232,6 +232,6 @@ def rules(
     >>> rules()["VF-C01"].limits
     mappingproxy({'error': 0.0, 'warning': 2.0})
     """
-    from vinefab.fabrication.rule_listing import RuleBook
+    from vinefab.fabrication.rules.catalog import RuleBook
 
     return RuleBook.of(rule)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
+    OutFolder,
     ensure_apart,
     file_of,
     folder_to_write,
@@ -15,45 +16,47 @@ from vinefab.app.common import (
     page_path,
     write_page,
 )
-from vinefab.app.results import ProposedFix, WrittenFolder, WrittenReport
+from vinefab.app.results import WrittenFolder
 from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
-from vinefab.core.verbs import FieldsOf, Kind, Progress, Within, also, told, verb, wrote
+from vinefab.core.verbs import FieldsOf, Force, Kind, Progress, Within, also, told, verb, wrote
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.inputs import (
     DESIGNS,
     FOLDER,
     DesignLike,
     DesignsLike,
+    GrowthLike,
     LimitsLike,
     MapLike,
     MapsLike,
-    Pairs,
     PathText,
     RecipeLike,
     StartsLike,
     WordsLike,
     all_names,
-    design_of,
-    designs_of,
-    limits_of,
-    map_of,
-    maps_of,
+    as_design,
+    as_designs,
+    as_limits,
+    as_map,
+    as_maps,
+    as_path,
+    as_recipe,
+    as_several,
+    as_starts,
     name_or_path,
-    numbers,
-    path_of,
     recipe_for,
-    recipe_of,
-    several_of,
-    starts_of,
+    several_numbers,
     written,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from vinefab.fabrication.calibration.fit_recipe import Calibration
     from vinefab.model.finding import CheckReport
+    from vinefab.prediction.fix_proposal import ProposedFix
     from vinefab.rig.rig_options import Printer
 
     PrinterLike = Printer | str | PathLike[str]
@@ -68,7 +71,7 @@ else:
 def _refuse_without_maps(maps: MapsLike, **given: object) -> None:
     """Raise BadInputError for what would mean nothing without maps."""
     for name, value in given.items():
-        if value and not several_of(maps):
+        if value and not as_several(maps):
             raise BadInputError(name, value, "to be given together with maps (--map)")
 
 
@@ -80,10 +83,10 @@ def check(
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     rig: Annotated[PathText | None, Kind(metavar="DIR")] = None,
-    limits: Annotated[LimitsLike | None, also("--limit")] = None,
-    growth: Pairs | None = None,
+    limits: LimitsLike | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PicturesLike | None, also("--svg", "--png", "--dxf")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> CheckReport:
     """Check a design against the rules of making and deploying it.
 
@@ -93,27 +96,15 @@ def check(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
     maps
         Maps or paths of map files; the design is deployed from their starts first (simulated).
-    start
-        Where robots start, in place of the maps' starts.
     rig
         A folder that `rig` wrote.
-    limits
-        Limits in place of the rules' own: VF-C01.warning=6, in Python
-        ``{"VF-C01": {"warning": 6.0}}``.
     growth
         Growth options by name for the maps: body=centerline; there no pressure stops it.
     out
         The robot with the findings in place, to write: .svg or .png, or .dxf on layers that are not
         cut; one or several.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -141,18 +132,18 @@ def check(
 
     from vinefab.fabrication.checking import Deployed, check_design, deployed_lines, findings_file
 
-    pictures = [path_of("out", one) for one in several_of(out)] if out is not None else []
+    pictures = [as_path("out", one) for one in as_several(out)] if out is not None else []
     for path in pictures:
         ensure_writable(path, force=force)
-    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
-    robot, worlds = design_of(design), maps_of(maps, start)
+    _refuse_without_maps(maps, growth=growth, start=as_starts(start))
+    robot, worlds = as_design(design), as_maps(maps, start)
     profile = recipe_for(robot, recipe).profile
-    changed = limits_of(limits)
+    changed = as_limits(limits)
     facts = None
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
 
-        facts = read_rig(path_of("rig", rig, "a folder that vinefab rig wrote"))
+        facts = read_rig(as_path("rig", rig, "a folder that vinefab rig wrote"))
     deployed: Deployed = ()
     notes = list[str]()
     if worlds:
@@ -178,11 +169,11 @@ def fix(
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
     keep: WordsLike = (),
-    limits: Annotated[LimitsLike | None, also("--limit")] = None,
-    growth: Pairs | None = None,
+    limits: LimitsLike | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".toml"), also("--fix")] = None,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> ProposedFix:
     """Propose the smallest change of a design that clears its errors.
 
@@ -191,28 +182,14 @@ def fix(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
     maps
         As in `check`; with maps the ``summary`` says what the fix costs in score, too.
-    start
-        Where robots start, in place of the maps' starts.
     keep
         What must not change: branches, length, angle, width, one or several.
-    limits
-        As in `check`.
     growth
         As in `check`.
     out
         Write the changed design here, if one was found.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -235,6 +212,8 @@ def fix(
     >>> fix("plain_vine").summary[-1]
     'fix: no errors, nothing to fix'
     """
+    from dataclasses import replace
+
     from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
@@ -242,10 +221,10 @@ def fix(
     file = page_path("out", out, force=force)
     if file is not None:
         ensure_apart("out", file, file_of("design", design), "the design itself")
-    _refuse_without_maps(maps, growth=growth, start=starts_of(start))
-    robot, worlds = design_of(design), maps_of(maps, start)
+    _refuse_without_maps(maps, growth=growth, start=as_starts(start))
+    robot, worlds = as_design(design), as_maps(maps, start)
     profile = recipe_for(robot, recipe).profile
-    changed, words = limits_of(limits), several_of(keep)
+    changed, words = as_limits(limits), as_several(keep)
     for word in words:
         if not isinstance(word, str):
             raise BadInputError("keep", word, "a name")
@@ -255,23 +234,13 @@ def fix(
             robot, profile, changed, worlds, lambda share: tell(share, ""),
             growth=given, keep=parsed_keeps(words),
         )  # fmt: skip
-        lines = [line.strip() for line in found.lines()]
         if found.design is not None:
-            more = score_change_lines(robot, found.design, worlds, given)
-            lines += [line.strip() for line in more]
-    if found.design is not None and found.after is not None:
-        lines.append(found.after.verdict)
-        if file is not None:
-            write_page(file, design_text(found.design), force=force)
-    if found.before.blocking:
-        lines = [*found.before.summary, *lines]
-    return ProposedFix(
-        design=found.design,
-        report=found.after or found.before,
-        summary=tuple(lines),
-        before=found.before,
-        failed=found.design is None and found.failed,
-    )
+            found = replace(
+                found, cost=tuple(score_change_lines(robot, found.design, worlds, given))
+            )
+    if file is not None and found.design is not None:
+        write_page(file, design_text(found.design), force=force)
+    return found
 
 
 @verb
@@ -279,7 +248,7 @@ def fabricate(
     design: DesignLike,
     recipe: RecipeLike | None = None,
     *,
-    out: Annotated[PathText, FOLDER],
+    out: OutFolder,
     allow_uncalibrated: bool = False,
     copies: Annotated[int, Within(1, 200)] = 1,
     beside: Annotated[DesignsLike, DESIGNS, also("--with")] = (),
@@ -287,7 +256,7 @@ def fabricate(
     pass_through: bool = False,
     r12: bool = False,
     make_zip: Annotated[bool, also("--zip")] = False,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFolder:
     """Write the fabrication package of a design: laser files, checks, report, instructions.
 
@@ -295,13 +264,6 @@ def fabricate(
 
     Parameters
     ----------
-    design
-        A design, its path or its name.
-    recipe
-        A recipe's name or path, in Python also a laser profile; default: that of the run that found
-        the design, else the shipped one.
-    out
-        The folder to write; one of an earlier package is replaced.
     allow_uncalibrated
         Write files for a recipe that no coupon has confirmed.
     copies
@@ -316,8 +278,6 @@ def fabricate(
         Also write a DXF of release 12, which knows no unit.
     make_zip
         Also write the folder as ``OUT.zip``.
-    force
-        Overwrite what vinefab did not write.
 
     Returns
     -------
@@ -353,9 +313,9 @@ def fabricate(
     archive = folder.with_name(f"{folder.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
-    others = tuple(designs_of(beside, "beside"))
+    others = tuple(as_designs(beside, "beside"))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    robot = design_of(design)
+    robot = as_design(design)
     prepared = prepare(robot, recipe_for(robot, recipe).profile, sheet=sheet, r12=r12)
     reports = (prepared.report, *prepared.beside)
     lines = [line for report in reports for line in report.summary]
@@ -390,7 +350,7 @@ def coupon(
     recipe: RecipeLike = DEFAULT_RECIPE,
     *,
     out: Annotated[PathText, FOLDER],
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFolder:
     """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
 
@@ -435,7 +395,7 @@ def coupon(
 
     folder = folder_to_write("out", out, COUPON_MARK, force=force)
     ensure_results_not_filled_in(folder, force=force)
-    made = make_coupons(recipe_of(recipe))
+    made = make_coupons(as_recipe(recipe))
     if made.report.blocking:
         raise _refused("coupons", made.report)
     files = coupon_files(made)
@@ -457,8 +417,8 @@ def calibrate(
     ] = DEFAULT_RECIPE,
     *,
     out: PathText,
-    force: bool = False,
-) -> WrittenReport:
+    force: Force = False,
+) -> Calibration:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
 
     Parameters
@@ -469,12 +429,10 @@ def calibrate(
         The recipe that the coupons were cut with, its name or path.
     out
         The recipe to write, ``NAME.toml``: what is returned can be passed as ``recipe``.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
-    WrittenReport
+    Calibration
         The recipe's ``path``, the fitted numbers (measured) as ``summary`` and as ``numbers``.
 
     Raises
@@ -495,29 +453,20 @@ def calibrate(
     >>> mine = calibrate("coupons/results.csv", out="mine.toml")  # doctest: +SKIP
     >>> fabricate("plain_vine", mine, out="package")  # doctest: +SKIP
     """
-    import json
+    from dataclasses import replace
 
-    from vinefab.fabrication.calibration.calibrated_recipe import (
-        calibrated_recipe,
-        calibration_json,
-        calibration_lines,
-    )
     from vinefab.fabrication.calibration.coupon_results import read_results
-    from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
+    from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
     from vinefab.model.files.profile_toml import read_profile
 
-    path, table = path_of("out", out), path_of("results", results)
+    path, table = as_path("out", out), as_path("results", results)
     ensure_writable(path, force=force)
     before = name_or_path("recipe", recipe, "a recipe's path or name")
     profile = read_profile(before)
     with located(table):
         found = fitted_recipe(read_results(table), profile)
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
-    return WrittenReport(
-        path=path,
-        summary=(*calibration_lines(found), f"use it with --recipe {path}"),
-        numbers=json.loads(calibration_json(found)),
-    )
+    return replace(found, path=path)
 
 
 @verb
@@ -525,16 +474,16 @@ def rig(
     world: Annotated[MapLike, also("--map")],
     printer: PrinterLike = DEFAULT_PRINTER,
     *,
-    out: Annotated[PathText, FOLDER],
+    out: OutFolder,
     start: StartsLike = (),
     design: DesignLike | None = None,
     fit_mm: float | None = None,
-    sheet_mm: Annotated[tuple[float, float] | None, numbers("WIDTH,DEPTH")] = None,
+    sheet_mm: Annotated[tuple[float, float] | None, several_numbers("WIDTH,DEPTH")] = None,
     lid: bool = False,
     allow_empty: bool = False,
     pictures: bool = True,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
     **sizes: Annotated[
         Any,
         FieldsOf(("vinefab.rig.rig_options:RigOptions",), also={"entry_width_mm": ("--entry-mm",)}),
@@ -544,14 +493,8 @@ def rig(
 
     Parameters
     ----------
-    world
-        A map, or the path of a map file.
     printer
         A printer's name or path, in Python also a printer.
-    out
-        The folder to write; one of an earlier rig is replaced.
-    start
-        Where robots start, in place of the map's starts.
     design
         The robot that will be tried on it: its corridors and heights are checked too.
     fit_mm
@@ -564,11 +507,6 @@ def rig(
         Make a bare tray of a map without anything to steer around.
     pictures
         Draw the rig and its beds, and write a page about them.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite what vinefab did not write.
     **sizes
         Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
         `vinefab.rig.rig_options.RigOptions`.
@@ -602,7 +540,7 @@ def rig(
     from vinefab.rig.rig_plan import refuse_fine
 
     folder = folder_to_write("out", out, RIG_MARK, force=force)
-    place, machine = map_of(world, "world", start), printer
+    place, machine = as_map(world, "world", start), printer
     if isinstance(world, str | PathLike):
         refuse_fine(place, Path(world))
     if not isinstance(machine, Printer):
@@ -612,7 +550,7 @@ def rig(
         sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
     options = RigOptions(**sizes)
     request = RigRequest(
-        design=None if design is None else design_of(design),
+        design=None if design is None else as_design(design),
         allow_empty=allow_empty,
         pictures=pictures,
         lid=lid,

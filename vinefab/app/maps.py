@@ -5,21 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.app.common import ensure_apart, page_path, write_page
-from vinefab.core.verbs import FieldsOf, Kind, Seed, also, note, verb, wrote
-from vinefab.model.inputs import POINTS, MapLike, PathText, StartsLike, map_of, path_of, starts_of
+from vinefab.app.common import PictureFile, ensure_apart, page_path, write_page
+from vinefab.core.verbs import Doc, FieldsOf, Force, Kind, Seed, also, note, verb, wrote
+from vinefab.model.inputs import (
+    MAP_SUFFIXES,
+    POINTS,
+    MapLike,
+    PathText,
+    StartsLike,
+    as_map,
+    as_path,
+    as_starts,
+)
 from vinefab.model.inputs import written as file_kind
 
 if TYPE_CHECKING:
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import PhotoOptions
     from vinefab.model.map import Map
     from vinefab.prediction.map_info import MapInfo
 
     Layers = str | Sequence[str]
 else:
     Layers = Annotated[object, Kind(metavar="NAME", several=True)]
-MAP_SUFFIXES = (".geojson", ".json")
-MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES)]
+MapOut = Annotated[PathText | None, file_kind(*MAP_SUFFIXES), Doc("The map file to write.")]
 
 
 def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
@@ -29,7 +37,7 @@ def _kept(world: Map, out: Any, *, force: bool, is_new: bool = True) -> Map:
             shown = f"{value:.6g}" if isinstance(value, float) else value
             note(f"  {key}: {shown}", only_in_shell=True)
     if out is not None:
-        path = path_of("out", out)
+        path = as_path("out", out)
         world.write(path, force=force)
         wrote(path)
     return world
@@ -42,7 +50,7 @@ def generate(
     *,
     start: StartsLike = (),
     out: MapOut = None,
-    force: bool = False,
+    force: Force = False,
     **options: object,
 ) -> Map:
     """Make one instance of an environment; the same arguments give the same map.
@@ -51,15 +59,6 @@ def generate(
     ----------
     environment
         A registered environment, also one that a plug-in offers.
-    seed
-        The same seed gives the same map.
-    start
-        Where robots start, in place of the map's own starts: X,Y,DEG+-SPREAD, 'left side',
-        'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
-    out
-        The map file to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
     **options
         What ``vinefab map ENVIRONMENT --help`` lists, with the units in the names.
 
@@ -82,7 +81,7 @@ def generate(
 
     kind = ENVIRONMENTS[environment]
     made = kind.make(seed, with_parameters(kind.options, environment, options))
-    return _kept(map_of(made, start=start), out, force=force)
+    return _kept(as_map(made, start=start), out, force=force)
 
 
 def generator(environment: str) -> Callable[..., Map]:
@@ -143,7 +142,7 @@ def read(path: Annotated[PathText, Kind(metavar="MAP")]) -> Map:
     """
     from vinefab.model.map import Map
 
-    return Map.read(path_of("path", path))
+    return Map.read(as_path("path", path))
 
 
 @verb
@@ -152,23 +151,11 @@ def start(
     *,
     start: StartsLike,
     out: MapOut = None,
-    force: bool = False,
+    force: Force = False,
 ) -> Map:
     """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
 
     Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
-
-    Parameters
-    ----------
-    map
-        A map, or the path of a map file.
-    start
-        Where robots start, one or several: X,Y,DEG+-SPREAD, 'left side', 'line X,Y X,Y' or
-        'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md).
-    out
-        The map file to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -188,9 +175,9 @@ def start(
     from vinefab.core.errors import BadInputError
     from vinefab.model.start_place import START_WAYS
 
-    if not starts_of(start):
+    if not as_starts(start):
         raise BadInputError("start", None, START_WAYS)
-    return _kept(map_of(map, start=start), out, force=force, is_new=False)
+    return _kept(as_map(map, start=start), out, force=force, is_new=False)
 
 
 @verb
@@ -200,25 +187,17 @@ def info(
     width_mm: float | None = None,
     start: StartsLike = (),
     passages: int = 5,
-    out: Annotated[PathText | None, file_kind(".svg", ".png"), also("--svg")] = None,
-    force: bool = False,
+    out: PictureFile = None,
+    force: Force = False,
 ) -> MapInfo:
     """Describe a map: its size, its narrowest passages, and the widest robot that fits.
 
     Parameters
     ----------
-    map
-        A map, or the path of a map file.
     width_mm
         Lay-flat width of a body to check.
-    start
-        Where robots start, in place of the map's starts.
     passages
         How many of the narrowest passages to find.
-    out
-        A picture to write.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -237,13 +216,13 @@ def info(
     from vinefab.prediction.map_info import map_info
 
     picture = page_path("out", out, force=force)
-    found = map_info(map_of(map, start=start), width_mm=width_mm, passages=passages)
+    found = map_info(as_map(map, start=start), width_mm=width_mm, passages=passages)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix), force=force)
     return found
 
 
-_OF_PHOTOS = "vinefab.maps.importers.photo_options:PhotoOptions"
+_OF_PHOTOS = "vinefab.maps.importers.import_options:PhotoOptions"
 _OF_DRAWINGS = "vinefab.maps.importers.import_options:ImportOptions"
 
 
@@ -255,7 +234,7 @@ def import_(
     start: StartsLike = (),
     layers: Annotated[Layers, also("--layer")] = (),
     preview: Annotated[PathText | None, file_kind(".png")] = None,
-    force: bool = False,
+    force: Force = False,
     **options: Annotated[
         Any,
         FieldsOf(
@@ -274,19 +253,15 @@ def import_(
     ----------
     path
         The file: a drawing, a GIS layer, a ROS map or a photo; its ending says what it is.
-    out
-        The map file to write.
     start
         Where robots start, in the map; default: the roomiest place.
     layers
         Read only these layers (DXF, GeoPackage) or groups (SVG: id or label); may be repeated.
     preview
         Of a photo: a picture of it, rectified, with the walls drawn over.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
     **options
         Fields of `vinefab.maps.importers.import_options.ImportOptions`; of a photo also of
-        `vinefab.maps.importers.photo_options.PhotoOptions`.
+        `vinefab.maps.importers.import_options.PhotoOptions`.
 
     Raises
     ------
@@ -312,22 +287,21 @@ def import_(
     """
     from vinefab.core.atomic import ensure_writable, write_bytes
     from vinefab.core.errors import BadInputError
-    from vinefab.maps.importers.import_options import ImportOptions
+    from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
     from vinefab.maps.importers.importers import import_map, import_suffixes
-    from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
     from vinefab.model.map import Start
     from vinefab.model.start_place import start_given
 
-    source = path_of("path", path, f"a file ending in {', '.join(import_suffixes())}")
+    source = as_path("path", path, f"a file ending in {', '.join(import_suffixes())}")
     for name, file in (("out", out), ("preview", preview)):
         if file is not None:
-            target = path_of(name, file)
+            target = as_path(name, file)
             ensure_apart(name, target, source, "the one to import")
             ensure_writable(target, force=force)
     names = (layers,) if isinstance(layers, str) else layers
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
         raise BadInputError("layers", layers, "names of layers")
-    places = [start_given(one) for one in starts_of(start)]
+    places = [start_given(one) for one in as_starts(start)]
     chosen = ImportOptions(
         start=next((one.pose for one in places if isinstance(one, Start)), None),
         layers=tuple(names),
@@ -335,7 +309,7 @@ def import_(
         **_known(options),
     )
     if preview is None:
-        return _kept(map_of(import_map(source, chosen), start=places), out, force=force)
+        return _kept(as_map(import_map(source, chosen), start=places), out, force=force)
     if source.suffix.lower() not in PHOTO_SUFFIXES:
         allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
         raise BadInputError("preview", str(preview), allowed, source)
@@ -345,8 +319,8 @@ def import_(
 
     imported = read_photo_map(source, chosen)
     picture = page_png(photo_preview(imported))
-    world = _kept(map_of(imported.world, start=places), out, force=force)
-    target = path_of("preview", preview)
+    world = _kept(as_map(imported.world, start=places), out, force=force)
+    target = as_path("preview", preview)
     write_bytes(target, picture, force=force)
     wrote(target)
     return world
@@ -355,8 +329,7 @@ def import_(
 def _known(options: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an import, once all of them are known; those of photos are gone."""
     from vinefab.core.errors import BadInputError, nearest
-    from vinefab.maps.importers.import_options import ImportOptions
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 
     of_photos = PhotoOptions.__dataclass_fields__
     known = [name for name in ImportOptions.__dataclass_fields__ if name != "photo"]
@@ -372,7 +345,7 @@ def _photo_options(options: dict[str, Any]) -> PhotoOptions | None:
     from collections.abc import Mapping
 
     from vinefab.core.errors import BadInputError, nearest
-    from vinefab.maps.importers.photo_options import PhotoOptions
+    from vinefab.maps.importers.import_options import PhotoOptions
 
     known = PhotoOptions.__dataclass_fields__
     flat = {name: options.pop(name) for name in list(options) if name in known}

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
-from vinefab.app.results import PhotoReport
 from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Kind, Within, also, verb
+from vinefab.core.verbs import Force, Kind, Within, also, verb
 from vinefab.model.inputs import (
     DesignLike,
+    GrowthLike,
     MapLike,
-    Pairs,
     PathText,
     PoseLike,
-    design_of,
-    listed_of,
-    map_of,
-    numbers,
-    path_of,
-    several_of,
+    as_design,
+    as_map,
+    as_path,
+    as_several,
+    as_tuple,
+    several_numbers,
     written,
 )
+
+if TYPE_CHECKING:
+    from vinefab.observation.contact_fit import ContactFit
+    from vinefab.observation.observe_photo import Observation
 
 
 @verb
@@ -35,15 +38,15 @@ def observe(
     *,
     rig: PathText | None = None,
     corners_px: Annotated[
-        tuple[float, ...] | None, numbers("X,Y,X,Y,..."), also("--corners")
+        tuple[float, ...] | None, several_numbers("X,Y,X,Y,..."), also("--corners")
     ] = None,
     obstacle_height_mm: Annotated[float | None, also("--obstacle-height")] = None,
-    film_colour: Annotated[tuple[int, int, int] | None, numbers("R,G,B")] = None,
+    film_colour: Annotated[tuple[int, int, int] | None, several_numbers("R,G,B")] = None,
     outline: PathText | None = None,
-    growth: Pairs | None = None,
+    growth: GrowthLike | None = None,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
-    force: bool = False,
-) -> PhotoReport:
+    force: Force = False,
+) -> Observation:
     """Trace a grown robot on a photo from above (measured) and compare it with its prediction.
 
     Parameters
@@ -52,10 +55,6 @@ def observe(
         A photo from above, JPEG or PNG.
     map
         The map that the rig was made from, or the path of its file.
-    design
-        A design, its path or its name.
-    pose
-        Where the robot was launched, X,Y,DEG in mm and degrees; default: the map's first start.
     rig
         The rig's ``rig.json``: where its markers lie and how high its obstacles are. Without it,
         markers are looked for where `rig` puts them.
@@ -72,12 +71,10 @@ def observe(
         Growth options of the prediction by name: pressure_stop=false.
     out
         A page (.html) to write, or the numbers (.json), which `fit_observations` reads.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
-    PhotoReport
+    Observation
         A ``summary`` in lines, all ``numbers``, and the ``path`` of what was written.
 
     Raises
@@ -104,21 +101,21 @@ def observe(
     from vinefab.prediction.deploy import first_start
 
     page = page_path("out", out, force=force)
-    picture = path_of("photo", photo)
+    picture = as_path("photo", photo)
     if page is not None:
         ensure_apart("out", page, picture, "the photo")
-    world, robot = map_of(map), design_of(design)
+    world, robot = as_map(map), as_design(design)
     _, given = growth_choice([design], [robot], growth)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",
     )
     setup = PhotoSetup.of(
-        rig=None if rig is None else path_of("rig", rig),
-        corners_px=None if corners_px is None else listed_of("corners_px", corners_px, eight),
+        rig=None if rig is None else as_path("rig", rig),
+        corners_px=None if corners_px is None else as_tuple("corners_px", corners_px, eight),
         obstacle_mm=obstacle_height_mm,
-        film_colour=None if film_colour is None else listed_of("film_colour", film_colour, three),
-        outline=None if outline is None else path_of("outline", outline),
+        film_colour=None if film_colour is None else as_tuple("film_colour", film_colour, three),
+        outline=None if outline is None else as_path("outline", outline),
     )
     seen = observe_photo(
         read_photo(picture),
@@ -130,11 +127,10 @@ def observe(
         map_file=world.name if isinstance(map, Map) else str(map),
         design_file=robot.name if not isinstance(design, str | Path) else str(design),
     )
-    text = seen.json_text()
     if page is not None:
         is_json = page.suffix.lower() == ".json"
-        write_page(page, text if is_json else seen.page(), force=force)
-    return PhotoReport(path=page, summary=seen.summary, numbers=json.loads(text))
+        write_page(page, seen.json_text() if is_json else seen.page(), force=force)
+    return replace(seen, path=page)
 
 
 @verb
@@ -143,8 +139,8 @@ def fit_observations(
     *,
     angle_error_deg: Annotated[float, Within(0.1, 30.0, "deg")] = 2.0,
     out: Annotated[PathText | None, written(".toml"), also("--fit")] = None,
-    force: bool = False,
-) -> PhotoReport:
+    force: Force = False,
+) -> ContactFit:
     """Fit several observations: half-angle, friction of the tip and widths, with 95 % intervals.
 
     Parameters
@@ -156,12 +152,10 @@ def fit_observations(
         Standard error of the angles of contacts where an observation does not give it (assumed).
     out
         A file to write; predictions read it as ``contacts``.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
-    PhotoReport
+    ContactFit
         A ``summary`` in lines, all ``numbers``, and the file's ``path``.
 
     Raises
@@ -183,7 +177,7 @@ def fit_observations(
     from vinefab.observation.contact_fit import fit_files
 
     file = page_path("out", out, force=force)
-    paths = [path_of("observations", one) for one in several_of(observations)]
+    paths = [as_path("observations", one) for one in as_several(observations)]
     if not paths:
         raise BadInputError("observations", None, "JSON files of observations")
     for path in paths if file is not None else ():
@@ -191,4 +185,4 @@ def fit_observations(
     found = fit_files(paths, angle_error_deg)
     if file is not None:
         write_page(file, found.text(), force=force)
-    return PhotoReport(path=file, summary=found.summary, numbers=found.numbers)
+    return replace(found, path=file)

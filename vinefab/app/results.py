@@ -7,24 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Block, Notes, Picture, Result, Table, Text, lines
+from vinefab.core.view import Block, Notes, Result, Rows, Text, lines
 
 if TYPE_CHECKING:
-    from vinefab.model.design import Design
     from vinefab.model.finding import CheckReport
-    from vinefab.prediction.deploy import DeployedDesign
-
-
-class LinesResult(Result):
-    """A result of lines, with a picture where there is one; it is shown as any other."""
-
-    __slots__ = ()
-
-    def view(self) -> Iterator[Block]:
-        """Yield the lines."""
-        yield Notes(self.summary)
 
 
 def _document(schema: str, content: Mapping[str, object]) -> str:
@@ -118,7 +105,7 @@ class WrittenFolder(Result):
         """Yield the files and the findings."""
         yield Text(f"written: {self.path}: {counted(len(self.files), 'file')}")
         files = tuple((name,) for name in self.files)
-        yield Table(caption="files", headings=("file",), rows=files)
+        yield Rows(caption="files", headings=("file",), rows=files)
         yield from self.report.view()
 
     def __repr__(self) -> str:
@@ -130,156 +117,16 @@ class WrittenFolder(Result):
         return _document("vinefab/written-1", content)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class WrittenReport(Result):
-    """A page that `report` wrote, or a recipe that `calibrate` wrote.
-
-    Parameters
-    ----------
-    path
-        The page (HTML) or the recipe (TOML).
-    summary
-        The verdict and the numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/prediction-1`` or ``vinefab/calibration-1``.
-    """
-
-    path: Path
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: a calibrated recipe is passed as ``recipe``."""
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file and the numbers to take away."""
-        yield from (Text(f"written: {self.path}"), Notes(self.summary))
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
-
-
-def _numbers_text(numbers: Mapping[str, Any]) -> str:
-    rest = {name: value for name, value in numbers.items() if name not in ("schema", "generator")}
-    return _document(numbers["schema"], rest)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ProposedFix(Result):
-    """What `fix` found.
-
-    Parameters
-    ----------
-    design
-        The changed design, or None where nothing had to or could be changed.
-    report
-        Its check; without a changed design that of the nearest one found, or of the design itself.
-    summary
-        What was changed, and what it costs, a line each.
-    before
-        The check of the design as it was.
-    failed
-        Whether errors are left that no change was found for.
-    """
-
-    design: Design | None
-    report: CheckReport
-    summary: tuple[str, ...]
-    before: CheckReport | None = None
-    failed: bool = False
-
-    def view(self) -> Iterator[Block]:
-        """Yield the changes and the changed design."""
-        drawn = self.design and self.design._repr_svg_()
-        if drawn:
-            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
-        yield Notes(self.summary)
-
-    @property
-    def exit_code(self) -> int:
-        """The exit code of the command: 1 where errors are left."""
-        return int(self.failed)
-
-    def json_text(self) -> str:
-        """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
-        return (self.before or self.report).json_text()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class PhotoReport(Result):
-    """What `observe` read off a photo, or `fit_observations` off several.
-
-    Parameters
-    ----------
-    path
-        The page (HTML), the observation (JSON) or the fitted numbers (TOML); None if none was
-        asked for.
-    summary
-        The numbers to take away, a line each.
-    numbers
-        Every number as plain values, schema ``vinefab/observation-1`` or ``vinefab/contacts-1``.
-    """
-
-    path: Path | None
-    summary: tuple[str, ...]
-    numbers: Mapping[str, Any]
-
-    def __fspath__(self) -> str:
-        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
-        if self.path is None:
-            raise BadInputError("path", None, "a file: observe or fit with out=")
-        return str(self.path)
-
-    def view(self) -> Iterator[Block]:
-        """Yield the file, if one was written, and the numbers to take away."""
-        yield Text("not written" if self.path is None else f"written: {self.path}")
-        yield Notes(self.summary)
-
-    def json_text(self) -> str:
-        """Return the numbers as JSON."""
-        return _numbers_text(self.numbers)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class GrownDesign(LinesResult):
-    """What `grow` found: a deployment, with its shapes on the way if they were asked for.
-
-    Parameters
-    ----------
-    deployed
-        The deployment with its design, map and growth options.
-    fronts
-        At which lengths of the growing front, mm, or in how many equal steps its shape is told.
-    """
-
-    deployed: DeployedDesign
-    fronts: int | tuple[float, ...] | None = None
-
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """What became of the branches and why, a line each."""
-        return tuple(self.deployed.summary())
-
-    def json_text(self) -> str:
-        """Return every branch with its points as JSON: ``vinefab/deployment-1``."""
-        from vinefab.prediction.deploy import frames_of
-
-        shapes = None if self.fronts is None else frames_of(self.deployed.history, self.fronts)
-        return self.deployed.text(shapes)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StudyOutcome(LinesResult):
+class StudyOutcome(Result):
     """What a study or the demonstration found.
 
     Parameters
     ----------
     found
         The result of the room that did the work.
-    summary
-        The numbers to take away, a line each.
+    blocks
+        The numbers to take away.
     text
         The JSON document.
     exit_code
@@ -287,9 +134,13 @@ class StudyOutcome(LinesResult):
     """
 
     found: Any
-    summary: tuple[str, ...]
+    blocks: tuple[Block, ...]
     text: Callable[[], str] = field(repr=False)
     exit_code: int = 0
+
+    def view(self) -> tuple[Block, ...]:
+        """Return the numbers to take away."""
+        return self.blocks
 
     def json_text(self) -> str:
         """Return everything as JSON."""

@@ -9,7 +9,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.app.common import MOST_WORKERS, Environment, TaskLike, page_path, task_of, write_page
+from vinefab.app.common import (
+    MOST_WORKERS,
+    OutFolder,
+    TaskLike,
+    UnseenEnvironment,
+    Workers,
+    page_path,
+    task_of,
+    write_page,
+)
 from vinefab.app.results import StudyOutcome, WrittenFile
 from vinefab.core.atomic import ensure_own_folder, ensure_writable
 from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
@@ -17,18 +26,20 @@ from vinefab.core.plain_text import counted
 from vinefab.core.verbs import (
     IN_PLACE,
     SHELL,
+    Force,
     Kind,
     Progress,
     Seed,
     Within,
     also,
-    names_of,
     note,
+    registered_names,
     this_call,
     told,
     verb,
     wrote,
 )
+from vinefab.core.view import Answer, Fact, Facts
 from vinefab.model.inputs import (
     FOLDER,
     DesignLike,
@@ -36,9 +47,9 @@ from vinefab.model.inputs import (
     PathText,
     RecipeLike,
     all_names,
+    as_path,
+    as_several,
     name_or_path,
-    path_of,
-    several_of,
     written,
 )
 
@@ -64,7 +75,7 @@ else:
         object,
         Kind(
             metavar="NAME[:KEY=VALUE,...]",
-            known=names_of("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
+            known=registered_names("vinefab.search.optimizers.shipped_optimizers:OPTIMIZERS"),
             several=True,
         ),
     ]
@@ -87,7 +98,7 @@ def optimize(
     wall_time_s: float | None = None,
     page: bool = True,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> RunResult:
     """Search for the best design of a run; a page shows it, also while it is going on.
 
@@ -126,8 +137,6 @@ def optimize(
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
         called after every generation.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -164,7 +173,7 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
-    from vinefab.search.run import make_point_evaluator, result_lines, violations_of
+    from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = _run_of(run)
@@ -187,10 +196,9 @@ def optimize(
         with _generations(settings, progress) as tell:
             return _searched(settings, own_task, evaluator, tell)
 
-    from vinefab.prediction.run_folder import run_in_folder
-    from vinefab.prediction.run_winner import prediction_lines
+    from vinefab.prediction.run_winner import run_in_folder
 
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)
@@ -209,14 +217,15 @@ def optimize(
                 source=source,
                 task=own_task,
             )
-        violations = violations_of(result, settings)
+        again_scored = _score_again(result, settings, folder / "best.toml", own_task)
+        result = replace(result, violations=violations_of(result, settings), again=again_scored)
     with _resumable(again), _recorded(again):
         result.write_winner(folder, force=force)
-        lines = result_lines(result, violations)
         if settings.objectives:
-            from vinefab.search.front_files import front_lines, write_front
+            from vinefab.search.front_files import front_table, write_front
 
-            lines += front_lines(write_front(result, settings, folder, force=force), settings)
+            members = write_front(result, settings, folder, force=force)
+            result = replace(result, front=front_table(members, settings))
             note(
                 f"wrote {folder / 'front.json'}, {folder / 'front.svg'} and designs in "
                 f"{folder / 'front'}",
@@ -225,15 +234,37 @@ def optimize(
         with told(
             f"page of {settings.name}", progress if isinstance(progress, bool) else False
         ) as (show):
-            from vinefab.prediction.run_page import EndedRun, outcome_line, write_run_page
+            if page:
+                from vinefab.prediction.run_page import EndedRun, write_run_page
 
-            show(0.0, "drawing the winner")
-            ended = EndedRun.read(folder, result)
-            where = write_run_page(folder, ended, force=force) if page else folder / "best.toml"
-        lines += prediction_lines(result.prediction)
-        lines.append(outcome_line(ended, violations, where))
+                show(0.0, "drawing the winner")
+                wrote(write_run_page(folder, EndedRun.read(folder, result), force=force))
     note(f"wrote {folder / 'best.toml'} and {folder / 'run.sqlite'}", only_in_shell=True)
-    return replace(result, told=tuple(lines), exit_code=int(bool(violations)))
+    return result
+
+
+def _score_again(
+    result: RunResult, settings: RunSettings, best: Path, task: Task | None = None
+) -> str:
+    """Return the call that scores a winner as its run did; empty where no call says so much."""
+    from vinefab.app.predicting import score
+    from vinefab.model.map import Start
+
+    start, evaluation = settings.maps.start, settings.evaluation
+    if isinstance(start, Start) or evaluation.pose_range != 1.0:
+        return ""
+    names = dict.fromkeys(one.map_name for one in result.score.evaluations)
+    call = this_call().to(
+        score,
+        design=best,
+        task=task or settings.task.name,
+        maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
+        **({} if start is None else {"start": start.text}),
+        poses=evaluation.final_poses_per_map,
+        seed=result.best.origin["seed_of_score"],
+        **({} if task else settings.task.parameters),
+    )
+    return call.text()
 
 
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
@@ -309,7 +340,7 @@ def runs(
     *folders: Annotated[PathText, Kind(metavar="DIR")],
     rebuild: Annotated[PathText | None, FOLDER] = None,
     best: Annotated[PathText | None, Kind(metavar="FILE", writes="file")] = None,
-    force: bool = False,
+    force: Force = False,
 ) -> RunListing:
     """List the records of runs in folders and below, with mean and deviation over seeds.
 
@@ -324,8 +355,6 @@ def runs(
         Write best.toml, page and figures of the run in the one folder here, from its record alone.
     best
         Write the best winner of runs that differ in their seed alone to this file.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Returns
     -------
@@ -350,18 +379,20 @@ def runs(
 
     if not folders:
         raise BadInputError("folders", None, "folders of runs, or folders above them")
-    paths = [path_of("folders", folder) for folder in folders]
+    paths = [as_path("folders", folder) for folder in folders]
     if rebuild is not None and len(paths) > 1:
         raise BadInputError("rebuild", counted(len(paths), "folder"), "one folder")
     listing = list_runs(paths)
     if rebuild is not None:
         from vinefab.prediction.run_page import EndedRun, write_run_page
 
-        out, run = path_of("rebuild", rebuild), EndedRun.read(paths[0])
+        out, run = as_path("rebuild", rebuild), EndedRun.read(paths[0])
+        again = _score_again(run.result, run.settings, out / "best.toml")
+        run = replace(run, result=replace(run.result, again=again))
         for path in (*rebuilt(paths[0], out, force=force), write_run_page(out, run, force=force)):
             wrote(path)
     if best is not None:
-        file = path_of("best", best)
+        file = as_path("best", best)
         listing = replace(listing, whole=write_best(listing, file, force=force))
         wrote(file, "" if listing.whole else ", of the runs that have ended")
     return listing
@@ -376,9 +407,9 @@ def contest(
     seeds: int = 10,
     unseen: int = 25,
     poses: int = 3,
-    workers: Annotated[int, Within(1, MOST_WORKERS), also("--jobs")] = 1,
+    workers: Annotated[Workers, also("--jobs")] = 1,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
@@ -396,13 +427,6 @@ def contest(
         Maps to test every winner on.
     poses
         Poses on each of these maps.
-    workers
-        Processes; no result depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -421,31 +445,29 @@ def contest(
     from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
+        comparison_blocks,
         comparison_json,
         comparison_svg,
-        comparison_table,
         contest_rows,
-        heading_lines,
-        table_lines,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in several_of(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
-        contenders=tuple(_contender(text) for text in several_of(optimizers)),
+        contenders=tuple(_contender(text) for text in as_several(optimizers)),
         seeds=seeds,
         unseen=unseen,
         poses=poses,
         sources=tuple(files),
     )
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     with told("comparing", progress) as tell:
         rows = contest_rows(plan, folder / "bouts.jsonl", jobs=workers, tell=tell, force=force)
     document = comparison_json(plan, rows)
     write_page(folder / "comparison.json", document, force=force)
     write_page(folder / "comparison.svg", comparison_svg(plan, rows), force=force)
-    lines = (*heading_lines(plan), *table_lines(comparison_table(plan, rows)))
-    return StudyOutcome(found=rows, summary=lines, text=lambda: document)
+    blocks = tuple(comparison_blocks(plan, rows))
+    return StudyOutcome(found=rows, blocks=blocks, text=lambda: document)
 
 
 def _contender(text: str) -> Contender:
@@ -464,11 +486,11 @@ def _contender(text: str) -> Contender:
 @verb
 def reproduce(
     *names: Annotated[
-        str, Kind(metavar="NAME", known=names_of("vinefab.studies.experiments:EXPERIMENTS"))
+        str, Kind(metavar="NAME", known=registered_names("vinefab.studies.experiments:EXPERIMENTS"))
     ],
     out: Annotated[PathText, FOLDER],
     quick: bool = False,
-    workers: Annotated[int, Within(1, 256)] = 2,
+    workers: Annotated[Workers, Within(1, 256)] = 2,
     progress: Progress = True,
 ) -> StudyOutcome:
     """Do the paper's experiments again and put our numbers beside the paper's.
@@ -485,11 +507,6 @@ def reproduce(
         The folder; a stopped run goes on in it.
     quick
         A smoke run within a minute.
-    workers
-        Processes; no number depends on it.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -505,40 +522,35 @@ def reproduce(
     >>> reproduce("transfer", out="reproduction", quick=True)  # doctest: +SKIP
     """
     from vinefab.studies.experiments import EXPERIMENTS
-    from vinefab.studies.reproduction import NUMBERS, PAGE, numbers_text
-    from vinefab.studies.reproduction import reproduce as reproduced
+    from vinefab.studies.reproduction import (
+        NUMBERS,
+        PAGE,
+        claims_table,
+        do_experiments,
+        numbers_text,
+    )
     from vinefab.studies.study_jobs import PAPER_SIZE, QUICK_SIZE
 
     if not names:
         raise BadInputError("NAME", None, f"{', '.join(EXPERIMENTS)}, or all")
-    folder, size = path_of("out", out), QUICK_SIZE if quick else PAPER_SIZE
+    folder, size = as_path("out", out), QUICK_SIZE if quick else PAPER_SIZE
     with told("reproduce", progress) as tell:
-        done = reproduced(
+        done = do_experiments(
             names, folder, size, workers=workers, tell=tell,
             announce=lambda name: note(name, only_in_shell=True),
         )  # fmt: skip
-    rows: list[tuple[str, ...]] = [
-        ("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")
-    ]
-    rows += [(one.name, *claim.cells()[:5]) for one in done.findings for claim in one.claims]
     held, claims = done.held
     spent = f"{done.spent_s:.0f} s of work in this session"
-    lines = [
-        *aligned(rows),
-        f"{held} of {claims} claims of the paper hold; {spent}",
-        f"read this first: {folder / PAGE}",
-        f"        numbers: {folder / NUMBERS}",
-    ]
-    return StudyOutcome(found=done, summary=tuple(lines), text=lambda: numbers_text(done))
+    blocks = (
+        claims_table(done.findings, columns=6),
+        Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
+        _written_facts({"read this first": folder / PAGE, "numbers": folder / NUMBERS}),
+    )
+    return StudyOutcome(found=done, blocks=blocks, text=lambda: numbers_text(done))
 
 
-def aligned(rows: Any) -> list[str]:
-    """Return rows of texts as lines with their columns one below the other."""
-    widths = [max(len(str(row[column])) for row in rows) for column in range(len(rows[0]))]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+def _written_facts(files: Mapping[str, Path]) -> Facts:
+    return Facts(tuple(Fact(words, str(path)) for words, path in files.items()))
 
 
 @verb
@@ -549,9 +561,6 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
     ----------
     million
         Grow on a map of a million walls too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
 
     Raises
     ------
@@ -564,22 +573,22 @@ def bench(*, million: bool = False, progress: Progress = True) -> StudyOutcome:
 
     >>> bench()  # doctest: +SKIP
     """
-    from vinefab.studies.benchmark import bench_lines, run_benchmark
+    from vinefab.studies.benchmark import bench_blocks, run_benchmark
 
     with told("measuring", progress) as tell:
         result = run_benchmark(tell, million=million)
-    return StudyOutcome(found=result, summary=tuple(bench_lines(result)), text=result.text)
+    return StudyOutcome(found=result, blocks=tuple(bench_blocks(result)), text=result.text)
 
 
 @verb
 def demo(
     *,
-    out: Annotated[PathText, FOLDER] = "demo",
+    out: OutFolder = "demo",
     seed: Seed = 1,
     generations: Annotated[int, Within(1, 1_000_000)] = 40,
     population: Annotated[int, Within(2, 1_000_000)] = 32,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> StudyOutcome:
     """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
 
@@ -587,19 +596,10 @@ def demo(
 
     Parameters
     ----------
-    out
-        The folder to write.
-    seed
-        Another seed, another demonstration.
     generations
         Generations of the search.
     population
         Designs per generation.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite what vinefab did not write.
 
     Raises
     ------
@@ -618,7 +618,7 @@ def demo(
     from vinefab.demonstration import DemoSettings, run_demo
 
     mark = "results.json"  # by which a folder of this verb is known again
-    folder = path_of("out", out)
+    folder = as_path("out", out)
     ensure_own_folder(folder, mark, force=force)
 
     def say(words: str) -> None:
@@ -628,7 +628,6 @@ def demo(
     settings = DemoSettings(seed=seed, generations=generations, population=population)
     with told("demo", progress) as tell, new_folder(folder, mark, force=force) as place:
         found = run_demo(place, settings, tell, say)
-    lines = [f"{found.result.best.name}, run {found.result.run_id}", *aligned(found.table())]
     where = {
         "read this first": "report.html",
         "for the laser": "package/README.txt",
@@ -636,10 +635,11 @@ def demo(
         "the design": "run/best.toml",
         "numbers": mark,
     }
-    lines += [f"{words:>16}: {folder / name}" for words, name in where.items()]
+    written = {words: folder / name for words, name in where.items()}
+    name = f"{found.result.best.name}, run {found.result.run_id}"
     return StudyOutcome(
         found=found,
-        summary=tuple(lines),
+        blocks=(Answer(name), found.table(), _written_facts(written)),
         text=lambda: (folder / mark).read_text(encoding="utf-8"),
         exit_code=0 if found.is_manufacturable else 1,
     )
@@ -653,14 +653,14 @@ def studio(
     design: Annotated[DesignLike, IN_PLACE] = "grid_explorer",
     map: MapLike | None = None,
     *,
-    environment: Environment = "grid",
+    environment: UnseenEnvironment = "grid",
     recipe: RecipeLike | None = None,
     port: int = 0,
     browser: bool = True,
     snapshot: Annotated[PathText | None, written(".html")] = None,
     family: bool = False,
     progress: Progress = True,
-    force: bool = False,
+    force: Force = False,
 ) -> WrittenFile | None:
     """Design with the robot under your hands: a page where every change is seen at once.
 
@@ -683,11 +683,6 @@ def studio(
         needs no server. `vinefab studio FILE.html` opens it again.
     family
         With a snapshot: the robot on many maps too.
-    progress
-        True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called with the share of the work that is done and a few words.
-    force
-        Overwrite files that vinefab did not write, or that were changed since.
 
     Raises
     ------
@@ -713,7 +708,7 @@ def studio(
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
         design=str(name_or_path("design", design, "a design file, or a shipped name")),
-        map_file=None if map is None else path_of("map", map, "the path of a map file"),
+        map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
         recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
     )

@@ -94,6 +94,8 @@ GROUPS = {
 }
 """Words that stand before several commands."""
 
+HELP = ("-h", "--help")
+
 PER_NAME = {"map": (f"{_MAPS}:generate", "vinefab.maps.generators.environments:ENVIRONMENTS")}
 """Groups with a command for every name of a registry: the function, whose first parameter is the
 name, and the registry; its parts have ``description`` and ``options``."""

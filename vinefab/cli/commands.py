@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
-from vinefab.app.verbs import GROUPS, OLDER, PER_NAME, VERBS
+from vinefab.app.verbs import GROUPS, HELP, OLDER, PER_NAME, VERBS
 from vinefab.cli.terminal import Terminal
 from vinefab.core.errors import ExportRefusedError, VinefabError, shortened
 from vinefab.core.verbs import (
     SHELL,
+    Force,
     Kind,
     Option,
     Shell,
@@ -22,10 +23,9 @@ from vinefab.core.verbs import (
     options_of,
     shell_examples,
 )
+from vinefab.model.inputs import MAP_SUFFIXES
 
-HELP = ("-h", "--help")
 MAP_OPTIONS = ("--maps", "--map")
-MAP_SUFFIXES = (".geojson", ".json")
 _ALIKE = 0.75
 """So alike are two names at least of which one may be meant for the other, 0 to 1."""
 
@@ -34,7 +34,6 @@ class UsageError(VinefabError):
     """A command line that cannot be understood."""
 
 
-_FORCE = "Overwrite files that vinefab did not write, or that were changed since."
 COMMON = (
     Option(
         name="json",
@@ -232,8 +231,9 @@ class Command:
 def _common(options: Sequence[Option]) -> tuple[Option, ...]:
     if any(one.name == "force" for one in options):
         return COMMON
+    words = get_args(Force)[1].documentation
     more = Option(
-        name="force", base=bool, kind=Kind(), default=False, flags=("--force",), help=_FORCE
+        name="force", base=bool, kind=Kind(), default=False, flags=("--force",), help=words
     )
     return (*COMMON, more)
 

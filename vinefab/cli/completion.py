@@ -10,9 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from vinefab.app.verbs import GROUPS
+from vinefab.app.verbs import GROUPS, HELP
 from vinefab.cli.commands import (
-    HELP,
     Command,
     UsageError,
     all_options,

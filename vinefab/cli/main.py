@@ -1,5 +1,6 @@
 """The program ``vinefab``: runs a command, and turns errors into one line and an exit code."""
 
+import gc
 import logging
 import os
 import shlex
@@ -23,7 +24,6 @@ from vinefab.core.interruption import StopRequest, stop_requests, stop_with_inpu
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
-HELP = ("-h", "--help")
 _MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
@@ -65,6 +65,7 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
 def dispatch(arguments: Sequence[str]) -> int:
     """Do what a command line asks for, and return the exit code."""
     # What is not asked for is not loaded: the list of commands needs no command.
+    from vinefab.app.verbs import HELP
     from vinefab.cli import help as helps
 
     if "_VINEFAB_COMPLETE" in os.environ:
@@ -86,7 +87,7 @@ def dispatch(arguments: Sequence[str]) -> int:
 
 def _command(arguments: Sequence[str]) -> int:
     """Run a command, or print its help."""
-    from vinefab.app.verbs import GROUPS
+    from vinefab.app.verbs import GROUPS, HELP
     from vinefab.cli.commands import Command, UsageError, command_for, names_in
     from vinefab.cli.help import command_help, group_help
 
@@ -115,6 +116,9 @@ def run() -> None:
     vinefab`` shows the warnings.
     """
     logging.getLogger().addHandler(logging.NullHandler())
+    # Imports make a hundred thousand objects that stay: looking for garbage among them, time and
+    # again, would take a tenth of a short command.
+    gc.set_threshold(100_000, 20, 20)
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")

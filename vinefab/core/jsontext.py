@@ -1,7 +1,9 @@
 """JSON as vinefab writes it: deterministic, without NaN, numpy values allowed."""
 
 import json
+import math
 from collections.abc import Mapping
+from typing import Any
 
 from vinefab.core.version import __version__
 
@@ -14,6 +16,18 @@ def json_text(schema: str, content: Mapping[str, object]) -> str:
     """Return a document with its schema and generator first, keys in the order given."""
     document = {"schema": schema, "generator": GENERATOR, **content}
     return json.dumps(document, indent=1, allow_nan=False, default=plain) + "\n"
+
+
+def rounded(value: Any, digits: int) -> Any:  # noqa: ANN401  any plain value
+    """Return a value with its numbers, also those in tables and lists, rounded; None for NaN."""
+    if isinstance(value, float):
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        return round(value, digits) + 0.0 if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [rounded(one, digits) for one in value]
+    if isinstance(value, Mapping):
+        return {key: rounded(one, digits) for key, one in value.items()}
+    return value
 
 
 def plain(value: object) -> object:

@@ -2,9 +2,17 @@
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 from vinefab.core.errors import BadInputError
+
+MOST_SEED = 2**63 - 1
+MOST_FIRST_SEED = 2**62
+"""Of the first of many maps: the next have the next seeds, and all are whole numbers of 64 bits."""
+
+DEFAULT_MARKER_MM = 30.0
+"""Side of a corner marker, frame included, as printed."""
 
 LARGEST_MM = 1e7
 """Limit of lengths and coordinates (10 km): a larger one is a mixed-up unit."""
@@ -43,3 +51,46 @@ def whole(key: str, value: int, low: int, high: int) -> int:
     if not allowed:
         raise BadInputError(key, value, f"a whole number from {low} to {high}")
     return int(value)
+
+
+DEEPEST_NESTING = 32
+"""Of tables and lists in each other, in a file; ours need five."""
+_MOST_BITS = 63
+
+
+def check_plain(content: object, *, finite: bool = True) -> None:
+    """Raise BadInputError where nested tables and lists hold what no file of ours may hold.
+
+    That is whole numbers above 64 bits, dates, nesting that later functions, which call
+    themselves, would not survive, and, unless the reader's schema refuses them with the range that
+    it allows, NaN and infinity.
+    """
+    open_values: list[tuple[str, int, object]] = [("", 0, content)]
+    while open_values:
+        key, depth, value = open_values.pop()
+        if depth > DEEPEST_NESTING:
+            raise BadInputError(_shortened(key), "nested deeper", f"{DEEPEST_NESTING} levels")
+        if isinstance(value, Mapping):
+            children = [(f"{key}.{name}" if key else str(name), value[name]) for name in value]
+        elif isinstance(value, list):
+            children = [(f"{key}[{number}]", part) for number, part in enumerate(value, start=1)]
+        else:
+            _check_plain_value(key, value, finite=finite)
+            continue
+        # Reversed: the first in the file is the first that is reported.
+        open_values += [(name, depth + 1, part) for name, part in reversed(children)]
+
+
+def _check_plain_value(key: str, value: object, *, finite: bool) -> None:
+    if finite and isinstance(value, float) and not math.isfinite(value):
+        raise BadInputError(_shortened(key), value, "a finite number")
+    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        raise BadInputError(_shortened(key), value, "whole numbers of at most 64 bits")
+    if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise BadInputError(_shortened(key), value, "text without halves of letters (surrogates)")
+    if value is not None and not isinstance(value, bool | int | float | str):
+        raise BadInputError(_shortened(key), value, "text, a number, true, false, a list, a table")
+
+
+def _shortened(key: str) -> str:
+    return key if len(key) <= 60 else f"{key[:57]}..."

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from traceback import format_exception_only
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from vinefab.core.errors import (
     BadInputError,
@@ -17,6 +17,7 @@ from vinefab.core.errors import (
     nearest,
 )
 from vinefab.core.limits import plain_number
+from vinefab.core.table import Table, validated
 
 T = TypeVar("T")
 
@@ -158,8 +159,25 @@ def _text(error: BaseException) -> str:
     return format_exception_only(error)[-1].partition(": ")[2].strip()
 
 
+def parameter_names(part: type) -> tuple[str, ...]:
+    """Return the names of a part's parameters: a declared table's or a dataclass's fields."""
+    if issubclass(part, Table):
+        return tuple(part.model_fields)
+    return tuple(field.name for field in fields(part)) if is_dataclass(part) else ()
+
+
 def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, object]) -> T:
-    """Return a part built from its defaults and the given parameters."""
+    """Return a part built from its defaults and the given parameters.
+
+    A part that is a declared table checks itself; plug-ins may have plain dataclasses.
+    """
+    table = part if isinstance(part, type) and issubclass(part, Table) else None
+    if table is not None:
+        plain = {name: plain_number(value) for name, value in parameters.items()}
+        try:
+            return cast("T", validated(table, plain))
+        except BadInputError as error:
+            raise BadInputError(f"{key}.{error.key}", error.value, error.allowed) from error
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
     for name, value in parameters.items():

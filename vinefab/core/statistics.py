@@ -5,16 +5,20 @@ Evaluations on one map are correlated, so maps are resampled, not evaluations.
 
 import math
 from collections.abc import Hashable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 
 _RESAMPLES = 4000
 MOST_EXACT = 14
 """Up to so many differences all patterns of signs are enumerated: 2^14."""
+
+MOST_KEPT = 1000
+"""Draws for intervals of no more values are kept: 32 MB."""
 
 _BOOTSTRAP, _FLIPS = 1701, 1702
 
@@ -53,10 +57,18 @@ def mean_interval(means: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple
         return math.nan, math.nan
     if np.ptp(values) == 0.0:
         return float(values[0]), float(values[0])
-    picks = child(seed, _BOOTSTRAP).integers(0, len(values), (_RESAMPLES, len(values)))
+    picks = (_kept_picks if len(values) <= MOST_KEPT else _picks)(seed, len(values))
     tail = 50.0 * (1.0 - level)
     low, high = np.percentile(values[picks].mean(axis=1), [tail, 100.0 - tail])
     return float(low), float(high)
+
+
+def _picks(seed: int, count: int) -> Ints:
+    return child(seed, _BOOTSTRAP).integers(0, count, (_RESAMPLES, count))
+
+
+# A page has dozens of intervals over the same number of maps.
+_kept_picks = lru_cache(maxsize=2)(_picks)
 
 
 def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:

@@ -10,12 +10,12 @@ Readers, writers, reference pages, sliders and error lines come from there::
 Inner loops work on arrays and never meet a table.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
@@ -23,6 +23,8 @@ from pydantic_core import ErrorDetails
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.limits import plain_number
+from vinefab.core.version import __version__
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -50,10 +52,7 @@ class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
     def __call__(cls, *args: Any, **given: Any) -> Any:  # noqa: ANN401, N805  a metaclass
-        plain = {
-            name: value.item() if isinstance(value, np.generic) else value
-            for name, value in given.items()
-        }
+        plain = {name: plain_number(value) for name, value in given.items()}
         try:
             return super().__call__(*args, **plain)
         except ValidationError as error:
@@ -123,7 +122,35 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path | None
     try:
         return model.model_validate(data, by_alias=True, by_name=False)
     except ValidationError as error:
-        raise bad_input_of(model, error, source) from error
+        wrong = bad_input_of(model, error, source)
+        if wrong.key == "schema" and wrong.value is not None:
+            allowed = f"{wrong.allowed}{_other_kind(wrong.value, wrong.allowed)}"
+            wrong = BadInputError(wrong.key, wrong.value, allowed, source)
+        raise wrong from error
+
+
+_KINDS_OF_FILES = {
+    "design": "a design: vinefab grow, check, fabricate and others take it",
+    "run": "a run file: vinefab optimize takes it",
+    "map": "a map: --map and --maps take it",
+    "recipe": "a recipe: --recipe takes it",
+    "machine": "a laser: a recipe names it",
+    "material": "a film: a recipe names it",
+    "printer": "a printer: --printer of vinefab rig takes it",
+    "contacts": "measured contacts: --contacts takes them",
+}
+"""What files are for, by the kind that their schema names."""
+
+
+def _other_kind(given: object, allowed: str) -> str:
+    """Return what a file of another kind or version is, behind a semicolon, or nothing."""
+    found = re.fullmatch(r"vinefab/([a-z]+)-(\d{1,4})", given) if isinstance(given, str) else None
+    if found is None:
+        return ""
+    if f"vinefab/{found[1]}-" in allowed:
+        return f"; this is vinefab {__version__}, and another version wrote it"
+    about = _KINDS_OF_FILES.get(found[1])
+    return f"; this is {about}" if about else ""
 
 
 # --- What is declared ----------------------------------------------------------------------------

@@ -9,6 +9,7 @@ is typed in a shell; this module knows no library of command lines.
 import inspect
 import re
 import shlex
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -37,7 +38,7 @@ from vinefab.core.errors import (
     UnknownNameError,
     VinefabError,
 )
-from vinefab.core.limits import number, whole
+from vinefab.core.limits import MOST_SEED, number, whole
 from vinefab.core.progress_lines import progress_shown
 
 P = ParamSpec("P")
@@ -45,7 +46,6 @@ R = TypeVar("R")
 Tell = Callable[[float, str], None]
 
 REQUIRED = inspect.Parameter.empty
-MOST_SEED = 2**63 - 1
 _UNIT_AT_THE_END = re.compile(r"-(mm|deg|px)$")
 
 
@@ -95,6 +95,12 @@ class Within(NamedTuple):
     unit: str = ""
 
 
+class Doc(NamedTuple):
+    """What a help says of a parameter; `typing_extensions.Doc` takes 17 ms to import."""
+
+    documentation: str
+
+
 class FieldsOf(NamedTuple):
     """Options of ``**options``: the fields of a class, ``module:Class``, except some."""
 
@@ -104,8 +110,16 @@ class FieldsOf(NamedTuple):
     kinds: Mapping[str, Kind] = MappingProxyType({})  # how some fields are typed
 
 
-Seed = Annotated[int, Within(0, MOST_SEED)]
-Progress = Annotated[Callable[[float, str], None] | bool, Kind(in_python=True)]
+Seed = Annotated[int, Within(0, MOST_SEED), Doc("The same seed gives the same result.")]
+Progress = Annotated[
+    Callable[[float, str], None] | bool,
+    Kind(in_python=True),
+    Doc("True: a line in notebooks and on terminals after two seconds; False: nothing; a function: "
+        "called with the share of the work that is done and a few words."),
+]  # fmt: skip
+Force = Annotated[
+    bool, Doc("Overwrite files that vinefab did not write, or that were changed since.")
+]
 
 
 # --- One option ---------------------------------------------------------------------------------
@@ -242,7 +256,7 @@ def text_of(value: object) -> str:
     return str(value)
 
 
-def names_of(where: str) -> Callable[[], Iterable[str]]:
+def registered_names(where: str) -> Callable[[], Iterable[str]]:
     """Return what lists the parts of a registry, ``module:NAME``, with those of plug-ins."""
 
     def listed() -> Iterable[str]:
@@ -268,9 +282,7 @@ def options_of(function: Callable[..., Any]) -> tuple[Option, ...]:
     said = parameter_words(function)
     found = list[Option]()
     for parameter in inspect.signature(function).parameters.values():
-        hint = parameter.annotation
-        if isinstance(hint, str):  # the other names in a signature are for type checkers alone
-            hint = eval(hint, function.__globals__)  # noqa: S307  our own source
+        hint = _hint(parameter, function)
         marks = _marks(hint)
         listed = next((mark for mark in marks if isinstance(mark, FieldsOf)), None)
         if listed is not None:
@@ -292,6 +304,12 @@ def options_of(function: Callable[..., Any]) -> tuple[Option, ...]:
     return tuple(found)
 
 
+def _hint(parameter: inspect.Parameter, function: Any) -> Any:  # noqa: ANN401  an annotation
+    """Return an annotation of a verb: other names in a signature are for type checkers alone."""
+    hint = parameter.annotation
+    return eval(hint, function.__globals__) if isinstance(hint, str) else hint  # noqa: S307  ours
+
+
 def _field_options(listed: FieldsOf) -> Iterator[Option]:
     """Yield an option for each field of some classes."""
     for where in listed.where:
@@ -311,7 +329,10 @@ def field_options(kind: Any, without: tuple[str, ...] = ()) -> Iterator[Option]:
     for name, default in defaults.items():
         if name not in without:
             given = None if default is MISSING else default
-            yield _option(name, _field_hint(kind, name), given, said.get(name, ""))
+            words = said.get(name, "")
+            if words and not is_dataclass(kind):  # declared meanings are no sentences
+                words = f"{words[:1].upper()}{words[1:].removesuffix('.')}."
+            yield _option(name, _field_hint(kind, name), given, words)
 
 
 def _field_hint(kind: type, name: str) -> Any:  # noqa: ANN401  an annotation
@@ -337,8 +358,6 @@ def _option(name: str, hint: Any, default: Any, words: str) -> Option:  # noqa: 
     kind = next((mark for mark in marks if isinstance(mark, Kind)), None)
     if kind is None:
         kind = numbers_kind(hint) if get_origin(inner) is tuple else Kind()
-    words = words or next((mark.documentation for mark in marks if hasattr(mark, "documentation")),
-                          "")  # fmt: skip
     plain = f"--{name.replace('_', '-')}"
     older = [flag for mark in marks if isinstance(mark, Also) for flag in mark.flags]
     return Option(
@@ -350,8 +369,12 @@ def _option(name: str, hint: Any, default: Any, words: str) -> Option:  # noqa: 
         within=next((mark for mark in marks if isinstance(mark, Within)), None),
         choices=choices,
         flags=tuple(dict.fromkeys([plain, *older, _UNIT_AT_THE_END.sub("", plain)])),
-        help=words,
+        help=words or _documentation(marks),
     )
+
+
+def _documentation(marks: list[Any]) -> str:
+    return next((mark.documentation for mark in marks if hasattr(mark, "documentation")), "")
 
 
 def _marks(hint: Any) -> list[Any]:  # noqa: ANN401  whatever is annotated
@@ -405,6 +428,24 @@ def parameter_words(thing: Any) -> dict[str, str]:  # noqa: ANN401  a class or a
     return found
 
 
+def _with_parameters(function: Callable[..., Any]) -> str | None:
+    """Return a verb's docstring with the words that its annotations say of parameters."""
+    text, own = inspect.getdoc(function), parameter_words(function)
+    if text is None:  # python -OO
+        return None
+    entries = list[str]()
+    for parameter in inspect.signature(function).parameters.values():
+        words = own.get(parameter.name) or _documentation(_marks(_hint(parameter, function)))
+        entries.append(str(parameter.replace(annotation=REQUIRED, default=REQUIRED)))
+        entries += textwrap.wrap(words, 96, initial_indent="    ", subsequent_indent="    ",
+                                 break_on_hyphens=False)  # fmt: skip
+    if not entries:
+        return text
+    head, *sections = re.split(r"\n\n(?=[A-Z]\w+\n-{3,}\n)", text)
+    others = [one for one in sections if not one.startswith("Parameters\n")]
+    return "\n\n".join([head, "\n".join(["Parameters", "----------", *entries]), *others])
+
+
 def described(function: Callable[..., Any]) -> tuple[str, str]:
     """Return what the docstring of a function says above its sections: first line, and the rest."""
     text = re.split(r"\n\w+\n-{3,}\n", inspect.getdoc(function) or "", maxsplit=1)[0]
@@ -455,11 +496,19 @@ class Call:
         given = {**self.given, **changes}
         for name in ("force", "progress"):  # nothing of the result depends on them
             given.pop(name, None)
-        return self._typed(given) if self.shell else self._written(given)
+        if self.shell is None:
+            return self._written(given)
+        return Call(function=self.function, given=given).typed(self.shell.command)
 
-    def _typed(self, given: Mapping[str, Any]) -> str:
-        assert self.shell is not None  # noqa: S101  for the type checker
-        words, after = ["vinefab", *self.shell.command.split()], list[str]()
+    def to(self, function: Callable[..., Any], **given: Any) -> "Call":  # noqa: ANN401
+        """Return a call of another verb by the same caller."""
+        command = function.__name__.replace("_", "-")
+        shell = self.shell and replace(self.shell, command=command)
+        return Call(function=function, given=given, shell=shell)
+
+    def typed(self, command: str) -> str:
+        """Return the call as a command line; ``command`` is how a shell calls the verb."""
+        words, after, given = ["vinefab", *command.split()], list[str](), self.given
         for option in options_of(self.function):
             if option.named:
                 known = {one.name for one in options_of(self.function)}
@@ -513,6 +562,7 @@ def this_call() -> Call:
 def verb(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function a verb: see the module."""
     signature = inspect.signature(function)
+    function.__doc__ = _with_parameters(function)
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:

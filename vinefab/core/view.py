@@ -11,7 +11,8 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, Literal, Protocol
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.front_door import front_door
@@ -21,18 +22,6 @@ from vinefab.core.plain_text import counted, visible
 NO_INTERVAL = "one sample: no interval"
 
 Tone = Literal["good", "caution", "bad"]
-
-
-class Sourced(Protocol):
-    """A number of a profile with its standing; see `vinefab.model.laser.Quantity`."""
-
-    value: float
-    source: str
-
-    @property
-    def standing(self) -> str: ...  # noqa: D102
-
-    def words(self) -> str: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +138,7 @@ class Facts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class Rows:
     """Rows of cells under headings."""
 
     caption: str  # what the table shows
@@ -234,7 +223,7 @@ class Section:
     title: str  # its heading
     paragraphs: tuple[str, ...] = ()  # words, before everything else
     # tables, pictures: what follows
-    tables: tuple[Table, ...] = ()
+    tables: tuple[Rows, ...] = ()
     pictures: tuple[Picture, ...] = ()
     code: str = ""  # lines to be typed, shown as they are
 
@@ -251,7 +240,7 @@ class Data:
     content: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
 
 
-Block = Answer | Facts | Table | Picture | Remark | Notes | Text | Code | Section | Data
+Block = Answer | Facts | Rows | Picture | Remark | Notes | Text | Code | Section | Data
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,12 +262,12 @@ class Origin:
             ),
             code=self.command,
             tables=(
-                Table(
+                Rows(
                     caption="Fingerprints of what went in (SHA-256, shortened)",
                     headings=("input", "fingerprint"),
                     rows=tuple(self.inputs.items()),
                 ),
-                Table(
+                Rows(
                     caption="Versions",
                     headings=("program", "version"),
                     rows=tuple(self.versions.items()),
@@ -364,6 +353,19 @@ class Result:
         return shown
 
 
+class WrittenResult(Result):
+    """A result that can be passed where the path of its file is expected."""
+
+    __slots__ = ()
+    path: Path | None = None  # what was written; None if nothing was asked for
+
+    def __fspath__(self) -> str:
+        """Return the path: fitted numbers are passed as ``contacts``, observations to the fit."""
+        if self.path is None:
+            raise BadInputError("path", None, "a file: call it with out=")
+        return str(self.path)
+
+
 # --- As lines on a terminal --------------------------------------------------------------------
 
 
@@ -377,7 +379,7 @@ def lines(blocks: Iterable[Block]) -> Iterator[str]:
                 yield from (f"  {line}" for line in text.splitlines())
             case Facts(facts):
                 yield from map(fact_line, facts)
-            case Table():
+            case Rows():
                 yield from _table_lines(block)
             case Remark(text, kind, details):
                 yield f"{_SIGNS.get(kind, kind):<6} {text}"
@@ -399,7 +401,7 @@ def fact_line(fact: Fact) -> str:
     return f"{fact.name}: {fact.text}{detail if fact.detail else ''}"
 
 
-def _table_lines(table: Table) -> Iterator[str]:
+def _table_lines(table: Rows) -> Iterator[str]:
     if table.folded or not table.rows:
         return
     if table.caption:
@@ -419,7 +421,7 @@ def _table_lines(table: Table) -> Iterator[str]:
         yield f"  ... and {len(table.rows) - len(shown)} more"
 
 
-def number_columns(table: Table) -> list[bool]:
+def number_columns(table: Rows) -> list[bool]:
     """Return for each column whether it holds only numbers: those are set flush right."""
     columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.headings)
     return [any(map(str, cells)) and all(map(_is_number, cells)) for cells in columns]
@@ -448,17 +450,21 @@ def document(blocks: Iterable[Block]) -> dict[str, Any]:
                 for fact in facts:
                     if fact.key:
                         _put(found, fact.key, fact.value if fact.data is None else fact.data)
-            case Table(key=key) if key:
+            case Rows(key=key) if key:
                 _put(found, key, _objects(block))
             case Notes(notes, key) if key:
                 _put(found, key, list(notes))
+            case Section(tables=tables):
+                for table in tables:
+                    if table.key:
+                        _put(found, table.key, _objects(table))
             case Data(content):
                 for key, value in (content() if callable(content) else content).items():
                     _put(found, key, value)
     return found
 
 
-def _objects(table: Table) -> list[dict[str, Any]]:
+def _objects(table: Rows) -> list[dict[str, Any]]:
     objects = list[dict[str, Any]]()
     given = table.data() if callable(table.data) else table.data
     for row, rest in zip(table.rows, given or [{}] * len(table.rows), strict=True):
@@ -495,7 +501,7 @@ def plain_blocks(blocks: Iterable[Block]) -> list[dict[str, Any]]:
             case Facts(facts):
                 rows = [[fact.name, fact.text, fact.detail] for fact in facts]
                 found.append({"kind": "facts", "rows": rows})
-            case Table(caption=caption, headings=headings, rows=rows, folded=False):
+            case Rows(caption=caption, headings=headings, rows=rows, folded=False):
                 shown = [list(map(str, row)) for row in rows[: block.most]]
                 found.append(
                     {"kind": "table", "caption": caption, "headings": headings, "rows": shown}

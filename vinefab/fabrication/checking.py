@@ -173,23 +173,18 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
 def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
     """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
     if path.suffix.lower() == ".dxf":
-        return _drawing_dxf(findings_drawing(design, profile, report), path).encode()
+        # ezdxf takes long to load too.
+        from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
+        from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
+        from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
+
+        spec = LaserFileSpec(job=findings_drawing(design, profile, report))
+        text = DXF.write(spec)
+        problems = file_problems(DXF, text.encode(), spec)
+        if problems:
+            raise ReadBackError(path, problems[0])
+        return text.encode()
     return page_bytes(findings_picture(design, profile, report), path.suffix)
-
-
-def _drawing_dxf(drawing: Job, path: Path) -> str:
-    """Return a drawing as the text of a DXF, read back and compared."""
-    # ezdxf takes long to load too.
-    from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
-    from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
-    from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
-
-    spec = LaserFileSpec(job=drawing)
-    text = DXF.write(spec)
-    problems = file_problems(DXF, text.encode(), spec)
-    if problems:
-        raise ReadBackError(path, problems[0])
-    return text
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:

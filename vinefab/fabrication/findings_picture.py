@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted
@@ -21,6 +20,7 @@ from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.pages.colours import INK, SOFT
+from vinefab.pages.label_places import Labels, boxes_around, spots_around
 from vinefab.pages.panel import (
     Ink,
     Page,
@@ -334,58 +334,26 @@ def _laid_out(
     inked: BaseGeometry,
 ) -> Iterator[Tag]:
     """Yield every spot with the best free place for its tag; a spot without one is left out."""
-    half = _SIGN_PT / 2.0
-    taken = [shapely.box(x - half, y - half, x + half, y + half) for (x, y), _, _ in spots]
-    leaders: list[BaseGeometry] = []
-    page, around = shapely.box(*box_pt), shapely.convex_hull(inked)
-    for shape in (inked, page, around):  # the first of the two in a predicate may be prepared
+    signs = boxes_around(np.array([at for at, _, _ in spots]).reshape(-1, 2), (_SIGN_PT, _SIGN_PT))
+    labels, around = Labels(page_pt=box_pt, taken=list(signs)), shapely.convex_hull(inked)
+    for shape in (inked, around):  # the first of the two in a predicate may be prepared
         shapely.prepare(shape)
-    for row, ((x, y), severity, text) in enumerate(spots):
-        boxes, lines, lengths = _candidates((x, y), text)
-        free = shapely.covers(page, boxes) & ~shapely.intersects(boxes, taken[row])
-        free &= ~_meet(boxes, taken, 2.0, but=row) & ~_meet(boxes, leaders, 1.0)
-        free &= ~_meet(lines, taken, 1.0, but=row) & ~_meet(lines, leaders, 1.0)
-        # On the robot a tag hides lines; outside, at the end of a short leader, it hides nothing.
-        cost = lengths + 12.0 * shapely.intersects(around, boxes)
-        cost[free] += 60.0 * shapely.intersects(inked, boxes[free])
-        if not free.any():
-            continue
-        best = int(np.where(free, cost, np.inf).argmin())
-        taken.append(boxes[best])
-        leaders.append(lines[best])
-        x0, y0, x1, y1 = shapely.bounds(boxes[best]).tolist()
-        yield Tag(at_pt=(x, y), severity=severity, text=text, box_pt=(x0, y0, x1, y1))
-
-
-def _meet(
-    shapes: NDArray[np.object_], taken: Sequence[BaseGeometry], near_pt: float, but: int = -1
-) -> NDArray[np.bool_]:
-    """Return which shapes come near anything of a list, one entry of it apart."""
-    inputs, met = shapely.STRtree(taken).query(shapes, predicate="dwithin", distance=near_pt)
-    found = np.zeros(len(shapes), dtype=np.bool_)
-    found[inputs[met != but]] = True
-    return found
-
-
-def _candidates(
-    at_pt: tuple[float, float], text: str
-) -> tuple[NDArray[np.object_], NDArray[np.object_], Floats]:
-    """Return places for a tag around a marker: boxes, their leaders, and the leaders' lengths."""
-    wide, high = text_width(text, _TAG_PT) + 6.0, _TAG_PT + 4.0
     angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
-    far, angle = (grid.ravel() for grid in np.meshgrid(_LEADERS_PT, angles))
-    along = np.column_stack([np.cos(angle), np.sin(angle)])
-    ends = np.array(at_pt) + far[:, None] * along
-    middle = ends + along * np.array([wide, high]) / 2.0
-    boxes = shapely.box(
-        middle[:, 0] - wide / 2,
-        middle[:, 1] - high / 2,
-        middle[:, 0] + wide / 2,
-        middle[:, 1] + high / 2,
-    )
-    starts = np.array(at_pt) + 0.5 * _SIGN_PT * along
-    leaders = shapely.linestrings(np.stack([starts, ends], axis=1))
-    return np.asarray(boxes), np.asarray(leaders), far
+    far, along = spots_around(_LEADERS_PT, angles)
+    for row, (at_pt, severity, text) in enumerate(spots):
+        size = np.array([text_width(text, _TAG_PT) + 6.0, _TAG_PT + 4.0])
+        ends = np.array(at_pt) + far[:, None] * along
+        middles = ends + along * size / 2.0
+        starts = np.array(at_pt) + 0.5 * _SIGN_PT * along
+        leaders = np.asarray(shapely.linestrings(np.stack([starts, ends], axis=1)))
+        # On the robot a tag hides lines; outside, at the end of a short leader, it hides nothing.
+        boxes = boxes_around(middles, size)
+        cost = far + 12.0 * shapely.intersects(around, boxes)
+        cost += 60.0 * shapely.intersects(inked, boxes)
+        best = labels.place_with_way(middles, cost, size, leaders, row)
+        if best is not None:
+            x0, y0, x1, y1 = shapely.bounds(boxes[best]).tolist()
+            yield Tag(at_pt=at_pt, severity=severity, text=text, box_pt=(x0, y0, x1, y1))
 
 
 def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Severity, BaseGeometry]:

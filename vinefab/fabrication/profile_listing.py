@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import UnknownNameError
-from vinefab.core.table import Table as DeclaredTable
-from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Table, Text
+from vinefab.core.table import Table
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Result, Rows, Text
 from vinefab.fabrication.package.job_json import (
     fluence_mj_mm2,
     operation_energy_mj_mm,
@@ -14,7 +14,7 @@ from vinefab.fabrication.package.job_json import (
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import existing_file, locate, names, user_names, user_root
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import LaserProfile, Quantity, SealerSettings, quantities
+from vinefab.model.laser import Quantity, SealerSettings, quantities
 
 PROFILE_KINDS = ("machine", "material", "recipe")
 
@@ -29,7 +29,7 @@ class ProfileListing(Result):
         for kind in PROFILE_KINDS:
             own = user_names(kind)
             known = sorted({*names(kind), *own})
-            yield Table(
+            yield Rows(
                 caption=f"{kind}s",
                 headings=("", "", ""),
                 rows=tuple(
@@ -66,7 +66,7 @@ class ProfileNumbers(Result):
             parts = (Fact("machine", f"{machine.name}: {machine.title}"),
                      Fact("material", f"{material.name}: {material.title}"))  # fmt: skip
         yield Facts((Fact("file", file, "file"), *parts))
-        yield Table(
+        yield Rows(
             caption="",
             headings=("", "", "", ""),
             rows=tuple((k, q.words(), str(q.standing), q.source) for k, q in numbers.items()),
@@ -99,10 +99,7 @@ def profile_numbers(name: str) -> dict[str, Quantity]:
         return quantities(read_machine(name))
     if kind == "material":
         return quantities(read_material(name))
-    return _recipe_numbers(read_profile(name))
-
-
-def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
+    profile = read_profile(name)
     recipe = profile.recipe
     numbers: dict[str, Quantity] = {}
     for operation, settings in recipe.by_operation.items():
@@ -121,7 +118,7 @@ def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
     return numbers | (_prefixed(f"lap.{lap.method}", lap) if lap else {})
 
 
-def _prefixed(prefix: str, table: DeclaredTable | None) -> dict[str, Quantity]:
+def _prefixed(prefix: str, table: Table | None) -> dict[str, Quantity]:
     found = {} if table is None else quantities(table)
     return {f"{prefix}.{key}": number for key, number in found.items()}
 

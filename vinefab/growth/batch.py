@@ -67,10 +67,12 @@ class TerrainSet:
 class Workspace:
     """Arrays that are allocated once and reused: allocation costs as much as growth."""
 
-    __slots__ = ("_growth",)
+    __slots__ = ("_growth", "points_per_branch")
 
     def __init__(self) -> None:
         self._growth = Growth.empty(0, 0)
+        # As many as any block took so far: where one runs out it grows all over again.
+        self.points_per_branch = POINTS_PER_BRANCH
 
     def growth(self, jobs: int, branches: int, room: int) -> Growth:
         """Return cleared arrays for several jobs, concatenated."""
@@ -157,7 +159,7 @@ class Launches:
         """
         flat = tuple(pose for places in poses for pose in places)
         bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
-        # As in `grow`: numpy's cosine differs in the last digit.
+        # As in `grow_on`: numpy's cosine differs in the last digit.
         headings = [(math.cos(pose.heading_rad), math.sin(pose.heading_rad)) for pose in flat]
         return cls(
             atlas=atlas,
@@ -220,7 +222,7 @@ class Block:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.simulator.grow` does."""
+        """Return one growth as `vinefab.growth.simulator.grow_on` does."""
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
@@ -339,15 +341,14 @@ class Batch:
         except IndexError:
             scratch = Workspace()
         launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
-        room_each = POINTS_PER_BRANCH
-        while (block := self._grown(plan, launch, room_each, scratch)) is None:
-            room_each *= 2
+        while (block := self._grown(plan, launch, scratch.points_per_branch, scratch)) is None:
+            scratch.points_per_branch *= 2
         result = work(block)
         self._idle.append(scratch)
         return result
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
-        """Return every growth as `vinefab.growth.simulator.grow` does."""
+        """Return every growth as `vinefab.growth.simulator.grow_on` does."""
         blocks = self.each(_deployments_of, over)
         return [deployment for block in blocks for deployment in block]
 

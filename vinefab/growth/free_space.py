@@ -25,6 +25,10 @@ MOST_AT_ONCE = 20_000
 """A free space with more corners is shrunk piece by piece. At once it takes time that grows with
 the square of their number: seconds up to here, hours for 100,000."""
 
+CROWDED = 8.0
+"""Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
+than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
+
 FEW_CORNERS = 1_000
 """The clearance of obstacles with no more corners is measured as a whole."""
 
@@ -54,13 +58,42 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
     return _without(world.bounds, np.array(world.obstacles, dtype=object), grid_mm)
 
 
-def shrunk_free_space(free: BaseGeometry, radius_mm: float, grid_mm: float) -> BaseGeometry:
-    """Return where the centreline of a body of some radius may be, snap-rounded."""
+def shrunk_free_space(
+    free: BaseGeometry, radius_mm: float, grid_mm: float
+) -> tuple[BaseGeometry, WallArrays]:
+    """Return where the centreline of a body of some radius may be, snap-rounded, and its walls."""
     free = without_notches(free, NOTCH_SHARE * radius_mm, MANY_NOTCHES)
     if shapely.get_num_coordinates(free) > MOST_AT_ONCE:
-        return shrunk_piecewise(free, radius_mm, grid_mm)
-    shrunk = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
-    return shapely.set_precision(shrunk, grid_mm)
+        shrunk = shrunk_piecewise(free, radius_mm, grid_mm)
+        return shrunk, indexed_walls(shrunk, grid_mm)
+    buffered = shapely.buffer(free, -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+    # Where nothing is nearly as close as the grid, snap rounding moves corners and no more: then
+    # moving them gives the same polygons in a tenth of the time.
+    moved = _moved_onto_grid(buffered, grid_mm)
+    if moved is not None:
+        walls = indexed_walls(moved, grid_mm)
+        place, is_crowded = walls.link[:, 2], walls.link[:, 4]
+        if not is_crowded.any() and place.max(initial=-1) + 1 == len(place):
+            return moved, walls
+    shrunk = shapely.set_precision(buffered, grid_mm)
+    return shrunk, indexed_walls(shrunk, grid_mm)
+
+
+def _moved_onto_grid(shape: BaseGeometry, grid_mm: float) -> BaseGeometry | None:
+    """Return polygons with rounded corners, in the order of snap rounding; None if they get close.
+
+    That begins every ring at its second corner.
+    """
+    count = shapely.get_num_coordinates(shapely.get_rings(shapely.get_parts(shape)))
+    if len(count) == 0:
+        return None
+    after = np.arange(1, count.sum() + 1)
+    last = np.cumsum(count) - 1
+    after[last] = last - count + 2
+    corners = np.floor(shapely.get_coordinates(shape) / grid_mm + 0.5)[after]
+    apart = np.abs(np.diff(corners, axis=0)).max(axis=1) >= APART
+    apart[last[:-1]] = True  # there the next ring begins
+    return shapely.set_coordinates(shape, corners * grid_mm) if apart.all() else None
 
 
 def shrunk_piecewise(
@@ -173,6 +206,11 @@ class FreeSpaceWalls(NamedTuple):
     # vertex, vertex_point: the vertices that a body can wrap around, x, y and ``solid``
     vertex: Floats
     vertex_point: Ints
+
+
+def indexed_walls(free: BaseGeometry, grid_mm: float) -> WallArrays:
+    """Return the walls of a free space with their grid index, read-only."""
+    return indexed(walls_of(free, grid_mm), CROWDED * grid_mm)
 
 
 def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:

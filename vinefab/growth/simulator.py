@@ -62,7 +62,7 @@ INTERPRETED_CORNERS = 4_000
 """Maps of more corners are never left to the interpreter: one branch there may take a second."""
 
 
-def grow(
+def grow_on(
     design: Design,
     terrain: Terrain,
     pose: Pose,

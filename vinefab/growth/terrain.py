@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import WallArrays
-from vinefab.growth.free_space import free_space, indexed, shrunk_free_space, walls_of
+from vinefab.growth.free_space import free_space, indexed_walls, shrunk_free_space
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")
@@ -29,10 +29,6 @@ after it, and touching has one meaning everywhere.
 
 SNAP = 1e-9
 """A start outside by up to this share of the map's size is moved onto the nearest wall."""
-
-CROWDED = 8.0
-"""Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
-than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
 
 WARM_UP_QUERIES = 64
 """So many queries of prepared polygons build their index (one is not enough for GEOS 3.14)."""
@@ -78,18 +74,20 @@ class Terrain:
         """Return the free space of the centreline of a body of some radius, as polygons."""
         with _BUILD_LOCK:
             if radius_mm not in self._free:
-                shrunk = shrunk_free_space(self._free[0.0], radius_mm, self.grid_mm)
+                shrunk, walls = shrunk_free_space(self._free[0.0], radius_mm, self.grid_mm)
                 _make_room(self._free)
+                _make_room(self._walls)
+                self._walls[radius_mm] = walls
                 self._free[radius_mm] = _prepared(shrunk)
             return self._free[radius_mm]
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
         with _BUILD_LOCK:
+            free = self.free_space(radius_mm)
             if radius_mm not in self._walls:
                 _make_room(self._walls)
-                walls = walls_of(self.free_space(radius_mm), self.grid_mm)
-                self._walls[radius_mm] = indexed(walls, CROWDED * self.grid_mm)
+                self._walls[radius_mm] = indexed_walls(free, self.grid_mm)
             return self._walls[radius_mm]
 
     def keep_only(self, radii_mm: Sequence[float]) -> None:

@@ -21,6 +21,7 @@ from vinefab.inflation.membrane import Bools, Membrane
 from vinefab.inflation.mesh import Mesh, Straight, followed
 from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
 from vinefab.inflation.solve import Equilibrium, Tell
+from vinefab.inflation.tube import tube_stretch
 from vinefab.model.outline import Contour, Part
 
 ACROSS = 8
@@ -214,8 +215,8 @@ class InflatedJoint:
 
     The deployed joint is the point of the trunk's deployed axis where the flat joint would lie if
     the trunk's tube ran on. A point of a child's axis that was at a distance s from the flat joint
-    lies at the distance s - pull_back along the child's deployed heading from the deployed joint,
-    and side_offset to the left of it.
+    lies at the distance a s - pull_back along the child's deployed heading from the deployed
+    joint, with the stretch a of its straight tube, and side_offset to the left of it.
     """
 
     joint: Joint
@@ -289,7 +290,7 @@ def inflated_joint(
         hoop_strain=joint.hoop_strain,
     )
     found = sheet.inflated(tell=tell)
-    angles, backs, offsets = _measured(sheet.mesh, found.positions)
+    angles, backs, offsets = _measured(sheet.mesh, found.positions, joint.hoop_strain)
     return InflatedJoint(
         joint=joint,
         angles_deg=angles,
@@ -338,7 +339,7 @@ def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float
     return Axis(heading=heading / np.hypot(*heading), center=center, along=along)
 
 
-def _measured(mesh: Mesh, positions: Floats) -> tuple[Floats, Floats, Floats]:
+def _measured(mesh: Mesh, positions: Floats, hoop_strain: float) -> tuple[Floats, Floats, Floats]:
     """Return deployed angles, pull-backs and side offsets of the children."""
     axes: list[Axis] = []
     for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
@@ -347,12 +348,13 @@ def _measured(mesh: Mesh, positions: Floats) -> tuple[Floats, Floats, Floats]:
         leave = (_NEAR_JOINT * width, _NEAR_TIP * width) if axes else (0.0, _NEAR_JOINT * width)
         axes.append(axis_of(straight, (positions[right, :2], positions[left, :2]), leave))
     trunk = axes[0]
-    deployed_joint = trunk.center - trunk.along * trunk.heading
+    along = [tube_stretch(hoop_strain * 2.0 * tube.half_end)[1] for tube in mesh.straights]
+    deployed_joint = trunk.center - along[0] * trunk.along * trunk.heading
     angles, backs, offsets = [], [], []
-    for axis in axes[1:]:
+    for axis, stretch in zip(axes[1:], along[1:], strict=True):
         angles.append(turned_deg(trunk.heading, axis.heading))
         away = axis.center - deployed_joint
-        backs.append(axis.along - float(away @ axis.heading))
+        backs.append(stretch * axis.along - float(away @ axis.heading))
         offsets.append(float(axis.heading[0] * away[1] - axis.heading[1] * away[0]))
     return np.array(angles), np.array(backs), np.array(offsets)
 
@@ -463,6 +465,6 @@ def _sensitivity(found: InflatedJoint) -> Floats:
             positions = found.equilibrium.positions.copy()
             pull = turned.gradient(positions)
             positions[turned.free] -= found.equilibrium.stiffness.solve(pull)
-            measured.append(_measured(sheet.mesh, positions)[0])
+            measured.append(_measured(sheet.mesh, positions, joint.hoop_strain)[0])
         columns.append((measured[0] - measured[1]) / (2.0 * math.degrees(_TURN_RAD)))
     return np.column_stack(columns)

@@ -1,4 +1,4 @@
-"""A whole pattern under pressure: deployed centre lines, and how far tips are off.
+"""A whole pattern under pressure: the deployed centre line of every branch, and its tips.
 
 Siblings that touch or overlap under pressure do not feel each other (no contact).
 """
@@ -22,7 +22,7 @@ from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.model.tree import fan_offsets_rad
 
-ACROSS = 6
+ACROSS = 8
 """Triangles across a tube of a robot."""
 
 TAIL_WIDTHS = 2.0

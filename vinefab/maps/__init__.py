@@ -4,7 +4,7 @@ What other rooms use:
 
 - ``generators.environments.ENVIRONMENTS``: generators by name, each with its options class;
   ``grid_map``, ``cave_map``, ``corridors_map``, ``pegs_map`` and ``rubble_map`` in the file of
-  their name; ``generators.generated_map.option_fields`` for lists of options.
+  their name.
 - ``importers.importers.import_map`` (with ``importers.import_options.ImportOptions``),
   ``IMPORTERS`` and ``import_suffixes``.
 - ``poses.draw_poses``: poses from the starts of a map. ``passages.narrow_passages``: its narrowest

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vinefab.core.limits import DEFAULT_MARKER_MM
 from vinefab.core.validation import Floats, number, positive
 from vinefab.model.map import Map
 
@@ -23,9 +24,6 @@ frame of black cells, one cell wide, lies around them, and white paper around th
 
 MARKER_SIDE_CELLS = 6
 """Cells along the side of a marker, frame included."""
-
-DEFAULT_MARKER_MM = 30.0
-"""Side of a marker, frame included, as printed."""
 
 DEFAULT_MARKER_GAP_MM = 12.0
 """From the box of the bounds to a marker along both axes: border and quiet zone, as printed."""

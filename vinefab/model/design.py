@@ -6,8 +6,9 @@ Each table of a design file is one class: noun, file form and the studio's form 
 import math
 import re
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +19,15 @@ from pydantic import Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
-from vinefab.core.table import Slider, Table
+from vinefab.core.table import LATER, Slider, Table, validated
 from vinefab.core.units import file_number, rad
-from vinefab.core.validation import LARGEST_MM, SMALLEST, number, whole
+from vinefab.core.validation import LARGEST_MM, SMALLEST, check_plain, number, whole
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.shipped import locate, path_given
+from vinefab.model.files.toml import read_toml
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -190,6 +194,40 @@ class Level(Table):
         )
 
 
+class UnevenLevel(Level):
+    """A level whose children have angles and lengths one by one: of a pattern, or as deployed.
+
+    Files have no such levels. ``length_mm`` is that of the first child.
+    """
+
+    angles_deg: Annotated[
+        tuple[float, ...], Unit("deg"), Doc("of each child to its parent, counter-clockwise")
+    ]
+    lengths_mm: Annotated[tuple[LengthMm, ...], Unit("mm"), Doc("of each child")]
+
+    @classmethod
+    def of_children(cls, angles_deg: Sequence[float], lengths_mm: Sequence[float]) -> Self:
+        """Return the level of such children, clockwise-most first.
+
+        Raises
+        ------
+        BadInputError
+            If an angle is not above the one before, or a value is out of range.
+        """
+        angles = tuple(float(angle) for angle in angles_deg)
+        lengths = tuple(float(length) for length in lengths_mm)
+        if any(one >= two for one, two in pairwise(angles)):
+            raise BadInputError("angles_deg", list(angles), "each above the one before")
+        return cls(
+            branches=len(angles),
+            length_mm=lengths[0],
+            angle_deg=angles[-1] - angles[0],
+            growth_percent=100.0 * lengths[-1] / lengths[0],
+            angles_deg=angles,
+            lengths_mm=lengths,
+        )
+
+
 class Pouch(Table):
     """The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation)."""
 
@@ -345,6 +383,14 @@ class Build(Table):
         PieceSettings | None,
         Doc("may be cut in flat pieces, joined by sleeves; left out: one outline"),
     ] = None
+    compensation: Annotated[
+        Literal["inflation", "none"],
+        LATER,
+        Doc(
+            "inflation: cut with the flat angles and lengths that deploy as designed (simulated); "
+            "none: cut as designed"
+        ),
+    ] = "none"
     mounting: Annotated[
         Mounting,
         Doc(
@@ -612,10 +658,8 @@ class Design(Table):
         >>> Design.read("three_level_tree").branch_count
         10
         """
-        # The file form of designs is built on this module.
-        from vinefab.model.files.design_toml import read_design  # noqa: PLC0415
-
-        return read_design(name_or_path)
+        path = locate("design", name_or_path)
+        return design_of(read_toml(path), path).changed(folder=path.parent)
 
     def with_level(  # noqa: PLR0913  what a level has
         self,
@@ -669,15 +713,22 @@ class Design(Table):
         trunk = self.trunk.changed(**given) if not place else self.trunk
         build = self.build
         tapers = build.taper or (() if taper is None else (1.0,) * self.depth)
+        try:
+            build = build.changed(
+                widths_mm=_with_one(build.widths_mm, place, width_mm),
+                taper=_with_one(tapers, place, taper),
+                fillet_mm=_with_one(build.fillet_mm, place - 1, fillet_mm),
+            )
+        except BadInputError as error:
+            # The lists of a build have an entry for each level: only this one's is new.
+            name, entry, _ = error.key.partition("[")
+            key = name.replace("widths", "width") if entry else error.key
+            raise BadInputError(key, error.value, error.allowed) from error
         return self.changed(
             name=self.name if name is None else name,
             trunk=trunk,
             levels=tuple(levels),
-            build=build.changed(
-                widths_mm=_with_one(build.widths_mm, place, width_mm),
-                taper=_with_one(tapers, place, taper),
-                fillet_mm=_with_one(build.fillet_mm, place - 1, fillet_mm),
-            ),
+            build=build,
         )
 
     def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
@@ -712,9 +763,6 @@ class Design(Table):
         ...     Design.read(vine.write(f"{folder}/copy.toml")) == vine
         True
         """
-        from vinefab.model.files.design_toml import design_text  # noqa: PLC0415  as above
-        from vinefab.model.files.shipped import path_given  # noqa: PLC0415
-
         return write_text(path_given("path", path), design_text(self), force=force)
 
     def grow(  # noqa: PLR0913  options by keyword
@@ -789,6 +837,27 @@ class Design(Table):
         """Show the flat outline in a notebook."""
         drawn: str | None = front_door().svg_of(self)
         return drawn
+
+
+def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
+    """Return the design in the content of a design file.
+
+    Parameters
+    ----------
+    content
+        Tables and values as `design_content` gives them.
+    source
+        What messages call the content.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used; its key is dotted, ``level.1.length``.
+    """
+    design = validated(Design, content, source)
+    with located(source):
+        check_plain({"origin": dict(design.origin)})
+    return design
 
 
 T = TypeVar("T", Trunk, Level)

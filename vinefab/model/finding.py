@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Answer, Block, Data, Notes, Remark, Result, Table, lines
+from vinefab.core.view import Answer, Block, Data, Notes, Remark, Result, Rows, lines
 
 
 class Severity(StrEnum):
@@ -260,7 +260,7 @@ class CheckReport(Result):
 
     def sections(self) -> Iterator[Block]:
         """Yield the rules that were applied."""
-        yield Table(
+        yield Rows(
             caption="Rules applied, with the number of items that each checked",
             headings=("rule", "what must hold", "checked"),
             rows=tuple((run.rule, run.title, run.checked) for run in self.run),

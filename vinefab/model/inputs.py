@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Kind, note, numbers_from, text_of
+from vinefab.core.verbs import Also, Doc, Kind, note, numbers_from, text_of
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
@@ -140,7 +140,7 @@ def _numbers_words(value: Any) -> list[str]:  # noqa: ANN401  a number or severa
     return [",".join(map(text_of, [value] if alone else value))]
 
 
-def numbers(metavar: str) -> Kind:
+def several_numbers(metavar: str) -> Kind:
     """Return how several numbers are typed: ``50,84,176``."""
     return Kind(metavar=metavar, read=numbers_from, words=_numbers_words, hyphen=True)
 
@@ -164,6 +164,7 @@ def written(*endings: str) -> Kind:
     return Kind(metavar="FILE", writes="file", ends=endings)
 
 
+MAP_SUFFIXES = (".geojson", ".json")
 FOLDER = Kind(metavar="DIR", writes="folder")
 DESIGN_KIND = Kind(metavar="DESIGN", files=partial(all_names, "design"))
 DESIGNS = Kind(metavar="DESIGN", files=partial(all_names, "design"), several=True)
@@ -183,33 +184,63 @@ if TYPE_CHECKING:
     ContactsLike = Mapping[str, object] | str | PathLike[str]
     HalfAngle = float | tuple[float, float]
     Pairs = Mapping[str, object]
+    GrowthLike = Pairs
     LimitsLike = Mapping[str, Mapping[str, float]]
     WordsLike = str | Iterable[str]
 else:
     PathText = Annotated[object, Kind(metavar="FILE")]
-    DesignLike = Annotated[object, DESIGN_KIND]
+    DesignLike = Annotated[object, DESIGN_KIND, Doc("A design, its path or its name.")]
     DesignsLike = Annotated[object, DESIGNS]
-    MapLike = Annotated[object, MAP]
-    MapsLike = Annotated[object, Kind(metavar="MAP", several=True)]
+    MapLike = Annotated[object, MAP, Doc("A map, or the path of a map file.")]
+    MapsLike = Annotated[
+        object,
+        Kind(metavar="MAP", several=True),
+        Doc("Maps or paths of map files: --maps *.geojson."),
+    ]
     StartLike = Annotated[object, Kind(metavar="START", hyphen=True)]
-    StartsLike = Annotated[object, Kind(metavar="START", several=True, hyphen=True)]
+    StartsLike = Annotated[
+        object,
+        Kind(metavar="START", several=True, hyphen=True),
+        Doc("Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side', "
+            "'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md)."),
+    ]  # fmt: skip
     PoseLike = Annotated[
-        object, Kind(metavar="X,Y,DEG", read=_pose, words=_pose_words, hyphen=True)
+        object,
+        Kind(metavar="X,Y,DEG", read=_pose, words=_pose_words, hyphen=True),
+        Doc("Where the robot starts, X,Y,DEG in mm and degrees; default: the map's first start."),
     ]
-    RecipeLike = Annotated[object, Kind(metavar="RECIPE", files=partial(all_names, "recipe"))]
-    ContactsLike = Annotated[object, Kind(metavar="FILE")]
+    RecipeLike = Annotated[
+        object,
+        Kind(metavar="RECIPE", files=partial(all_names, "recipe")),
+        Doc("A recipe's name or path, in Python also a laser profile; default: that of the run "
+            "that found the design, else the shipped one."),
+    ]  # fmt: skip
+    ContactsLike = Annotated[
+        object,
+        Kind(metavar="FILE"),
+        Doc("Numbers that photos measured (`fit_observations`), in place of assumed ones."),
+    ]
     HalfAngle = Annotated[
-        object, Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True)
-    ]
-    Pairs = Annotated[
+        object,
+        Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True),
+        Doc("Contacts closer to head-on than this stop a tip (assumed); a range LOW,HIGH gives "
+            "every deployment a value of its own."),
+    ]  # fmt: skip
+    Pairs = Annotated[object, PAIRS]
+    GrowthLike = Annotated[
         object,
         Kind(metavar="NAME=VALUE", read=_growth_pair, gather=_once, words=_growth_words,
              several=True),
+        Doc("Growth options by name, in place of the design's or the defaults: "
+            "pressure_stop=false, head_on_half_angle_deg=1,15 (a range)."),
     ]  # fmt: skip
     LimitsLike = Annotated[
         object,
         Kind(metavar="RULE.LEVEL=VALUE", read=_limit, gather=_by_rule, words=_limit_words,
              several=True),
+        Also(("--limit",)),
+        Doc("Limits in place of the rules' own: VF-C01.warning=6, in Python "
+            '``{"VF-C01": {"warning": 6.0}}``.'),
     ]  # fmt: skip
     WordsLike = Annotated[object, Kind(metavar="WORD,...", several=True)]
 
@@ -217,7 +248,7 @@ else:
 # --- Nouns --------------------------------------------------------------------------------------
 
 
-def path_of(key: str, given: object, allowed: str = "a path") -> Path:
+def as_path(key: str, given: object, allowed: str = "a path") -> Path:
     """Return a path that a caller passed, or raise BadInputError if it is something else."""
     from vinefab.model.files.shipped import path_given
 
@@ -226,26 +257,25 @@ def path_of(key: str, given: object, allowed: str = "a path") -> Path:
 
 def name_or_path(key: str, given: object, allowed: str) -> str | Path:
     """Return what a file is looked up by, or raise BadInputError for anything else."""
-    return given if isinstance(given, str) else path_of(key, given, allowed)
+    return given if isinstance(given, str) else as_path(key, given, allowed)
 
 
-def design_of(given: "DesignLike", key: str = "design") -> "Design":
+def as_design(given: "DesignLike", key: str = "design") -> "Design":
     """Return a design, passed as such, by its path or by its name."""
     from vinefab.model.design import Design
-    from vinefab.model.files.design_toml import read_design
 
     if isinstance(given, Design):
         return given
     allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
-    return read_design(name_or_path(key, given, allowed))
+    return Design.read(name_or_path(key, given, allowed))
 
 
-def designs_of(given: "DesignsLike", key: str) -> "list[Design]":
+def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
     """Return one or several designs."""
-    return [design_of(one, key) for one in several_of(given)]
+    return [as_design(one, key) for one in as_several(given)]
 
 
-def recipe_of(given: "RecipeLike") -> "LaserProfile":
+def as_recipe(given: "RecipeLike") -> "LaserProfile":
     """Return a laser profile, passed as such, or by its recipe's path or name."""
     from vinefab.model.files.profile_toml import read_profile
     from vinefab.model.laser import LaserProfile
@@ -264,14 +294,14 @@ def recipe_for(design: "Design", given: "RecipeLike | None") -> "ChosenRecipe":
     if isinstance(given, LaserProfile):
         return ChosenRecipe(recipe="", profile=given)
     if given is not None:
-        return ChosenRecipe(recipe=str(given), profile=recipe_of(given))
+        return ChosenRecipe(recipe=str(given), profile=as_recipe(given))
     chosen = ChosenRecipe.of(design)
     if chosen.note:
         note(chosen.note, only_in_shell=not chosen.is_other)
     return chosen
 
 
-def map_of(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map":
+def as_map(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map":
     """Return a map, passed as such or by the path of its file; with other starts, if there are."""
     from vinefab.model.map import Map
     from vinefab.model.start_place import start_given, with_starts
@@ -279,16 +309,16 @@ def map_of(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map
     if isinstance(given, Map):
         world = given
     else:
-        path = path_of(key, given, "a Map, or the path of a map file (GeoJSON)")
+        path = as_path(key, given, "a Map, or the path of a map file (GeoJSON)")
         if path.suffix == "" and path.parent == Path() and not path.exists():
             allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
             raise BadInputError(key, str(given), allowed)
         world = Map.read(path)
-    starts = [start_given(one) for one in starts_of(start)]
+    starts = [start_given(one) for one in as_starts(start)]
     return with_starts(world, starts) if starts else world
 
 
-def starts_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+def as_starts(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one start or several as a sequence: three numbers are one pose."""
     if given is None:
         return ()
@@ -299,12 +329,12 @@ def starts_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     return (found,) if is_pose else found
 
 
-def maps_of(given: "MapsLike", start: "StartsLike" = ()) -> "list[Map]":
-    """Return one or several maps, each as in `map_of`."""
-    return [map_of(one, "maps", start) for one in several_of(given)]
+def as_maps(given: "MapsLike", start: "StartsLike" = ()) -> "list[Map]":
+    """Return one or several maps, each as in `as_map`."""
+    return [as_map(one, "maps", start) for one in as_several(given)]
 
 
-def several_of(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+def as_several(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     """Return one thing, or an iterable of them, as a sequence."""
     if isinstance(given, Mapping):
         given = given.values()
@@ -317,25 +347,25 @@ def _is_one(given: object) -> bool:
     return is_table or isinstance(given, str | PathLike) or not isinstance(given, Iterable)
 
 
-def mapping_of(key: str, given: object) -> Mapping[str, Any]:
+def as_mapping(key: str, given: object) -> Mapping[str, Any]:
     """Return names with values; none for None."""
     if given is not None and not isinstance(given, Mapping):
         raise BadInputError(key, given, "names with their values, a dict")
     return given or {}
 
 
-def limits_of(given: object) -> dict[str, Mapping[str, Any]]:
+def as_limits(given: object) -> dict[str, Mapping[str, Any]]:
     """Return limits of rules by rule and name."""
-    named = mapping_of("limits", given)
-    return {str(rule): mapping_of(f"limits.{rule}", values) for rule, values in named.items()}
+    named = as_mapping("limits", given)
+    return {str(rule): as_mapping(f"limits.{rule}", values) for rule, values in named.items()}
 
 
-def growth_of(given: object, **shortcuts: object) -> Mapping[str, Any]:
+def as_growth(given: object, **shortcuts: object) -> Mapping[str, Any]:
     """Return growth options by name: those of a mapping, and those with a parameter of their own.
 
     A parameter that is None was not passed.
     """
-    options = dict(mapping_of("growth", given))
+    options = dict(as_mapping("growth", given))
     for name, value in shortcuts.items():
         if value is None:
             continue
@@ -349,7 +379,7 @@ def growth_of(given: object, **shortcuts: object) -> Mapping[str, Any]:
     return options
 
 
-def listed_of(key: str, given: object, allowed: str) -> tuple[Any, ...]:
+def as_tuple(key: str, given: object, allowed: str) -> tuple[Any, ...]:
     """Return several values, or raise BadInputError for what is one thing."""
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise BadInputError(key, given, allowed)

@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import SMALLEST
 from vinefab.core.table import Table
-from vinefab.core.validation import SMALLEST
 
 LARGEST_QUANTITY = 1e12
 """Limit of every number with a standing, in its unit."""

@@ -234,7 +234,12 @@ class Contour:
     @property
     def length_mm(self) -> float:
         """Length of the path, exact for arcs."""
-        return math.fsum(segment.length_mm for segment in self.segments)
+        points = _pairs(self.points_mm)
+        ends = zip(points, points[1:] + points[:1], self.bulges, strict=False)
+        lengths = [math.dist(start, end) for start, end, _ in ends]
+        for place, arc in self._arcs():
+            lengths[place] = arc.length_mm
+        return math.fsum(lengths)
 
     @property
     def signed_area_mm2(self) -> float:
@@ -244,7 +249,7 @@ class Contour:
         """
         x, y = self.points_mm.T
         straight = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
-        return straight + math.fsum(segment.cap_mm2 for segment in self.segments)
+        return straight + math.fsum(arc.cap_mm2 for _, arc in self._arcs())
 
     @property
     def arc_count(self) -> int:

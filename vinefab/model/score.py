@@ -7,7 +7,7 @@ import numpy as np
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Table
+from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Rows
 from vinefab.model.map import Pose
 
 MEAN_SHARE = 0.25
@@ -90,7 +90,7 @@ class Score(Result):
         """Yield the composites, what earned and cost the mean, and the evaluations."""
         composite, parts = self.composite, self.parts
         yield Facts((Fact("task", self.task, "task"), Fact("growth", self.grown or "as trained")))
-        yield Table(
+        yield Rows(
             caption=f"scores of {counted(len(self.evaluations), 'deployment')} (simulated)",
             headings=("score", "map", "X,Y,DEG"),
             rows=tuple((Number(e.score, form=".4f"), e.map_name, e.pose.text)
@@ -103,7 +103,7 @@ class Score(Result):
             ),
             most=MOST_SHOWN,
         )  # fmt: skip
-        yield Table(
+        yield Rows(
             caption="what the mean is made of (simulated)",
             headings=("part", "of the mean"),
             rows=tuple((name, Number(value, form="+.4f")) for name, value in parts.items()),

@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import shapely
@@ -32,7 +32,10 @@ from vinefab.core.errors import BadInputError, nearest, shortened
 from vinefab.core.table import Table
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
-from vinefab.model.map import START_CLEARANCE_MM, Map, Pose, Start
+from vinefab.model.start import START_CLEARANCE_MM, Pose, Start
+
+if TYPE_CHECKING:
+    from vinefab.model.map import Map
 
 SIDES = {"left": 0.0, "right": 180.0, "bottom": 90.0, "top": -90.0}
 """The sides of a map and the headings inwards from them, in degrees."""
@@ -126,7 +129,7 @@ class StartPlace:
             parts.append(f"clear {self.clearance_mm:.12g}")
         return ", ".join(parts)
 
-    def on(self, world: Map) -> Start:
+    def on(self, world: "Map") -> Start:
         """Return the start on a map, its pose at a free place near the middle.
 
         Raises
@@ -479,7 +482,7 @@ def start_words(start: Start) -> str:
 # --- On a map -------------------------------------------------------------------------------------
 
 
-def with_starts(world: Map, given: Iterable[Start | StartPlace], key: str = "start") -> Map:
+def with_starts(world: "Map", given: Iterable[Start | StartPlace], key: str = "start") -> "Map":
     """Return a map with other starts in place of its own.
 
     Parameters
@@ -503,7 +506,7 @@ def with_starts(world: Map, given: Iterable[Start | StartPlace], key: str = "sta
     return replace(world, starts=tuple(starts))
 
 
-def _check_start(world: Map, start: Start) -> None:
+def _check_start(world: "Map", start: Start) -> None:
     """Raise BadInputError unless a start's pose, and something of its area, is free on a map."""
     spot, solid = shapely.Point(start.pose.x_mm, start.pose.y_mm), ""
     if not world.bounds.covers(spot):
@@ -552,7 +555,7 @@ def start_pieces(
     return pieces
 
 
-def area_notes(worlds: Sequence[Map]) -> list[str]:
+def area_notes(worlds: "Sequence[Map]") -> list[str]:
     """Return from how much of the lines and areas of starts poses are drawn, if not from all."""
     drawn = [(world, start) for world in worlds for start in world.starts if start.area is not None]
     shares = []
@@ -586,7 +589,7 @@ def start_range(start: Start) -> BaseGeometry | None:
     return LineString([(x - dx, y - dy), (x + dx, y + dy)]) if dx + dy > 0.0 else None
 
 
-def pieces_on(world: Map, start: Start) -> list[LineString | Polygon]:
+def pieces_on(world: "Map", start: Start) -> list[LineString | Polygon]:
     """Return the pieces of a start's area that poses are drawn from on a map, `start_pieces`."""
     around = _box_around(start.area or world.bounds, start.clearance_mm)
     solid = np.array(world.obstacles, dtype=np.object_)

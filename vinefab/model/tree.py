@@ -1,13 +1,15 @@
 """The planned branches of a design, with parent, angle and length."""
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
-from vinefab.model.design import Design, Level
+from vinefab.model.design import Design, Level, UnevenLevel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,15 +77,37 @@ def fan_offsets_rad(level: Level) -> Floats:
     """Return the angles of one fan relative to the parent's heading, shape (branches,).
 
     Evenly spaced from ``-fan/2`` (clockwise) to ``+fan/2``; a single child goes straight on.
+    An uneven level gives them one by one.
     """
+    if isinstance(level, UnevenLevel):
+        return np.radians(level.angles_deg)
     if level.branches == 1:
         return np.zeros(1)
     return _evenly(-level.fan_rad / 2, level.fan_rad / 2, level.branches)
 
 
 def child_lengths_mm(level: Level) -> Floats:
-    """Return the lengths of one fan's children, shape (branches,): linear from first to last."""
+    """Return the lengths of one fan's children, shape (branches,): linear from first to last.
+
+    An uneven level gives them one by one.
+    """
+    if isinstance(level, UnevenLevel):
+        return np.array(level.lengths_mm)
     return level.length_mm * _evenly(1.0, level.growth, level.branches)
+
+
+def widest_turn_rad(level: Level) -> float:
+    """Return the largest angle between a fan's children and the parent's heading."""
+    if isinstance(level, UnevenLevel):
+        return math.radians(max(map(abs, level.angles_deg)))
+    return level.fan_rad / 2.0 if level.branches > 1 else 0.0
+
+
+def least_gap_rad(level: Level) -> float:
+    """Return the smallest angle between neighbours of a fan of two children or more."""
+    if isinstance(level, UnevenLevel):
+        return math.radians(min(two - one for one, two in pairwise(level.angles_deg)))
+    return level.fan_rad / (level.branches - 1)
 
 
 def _evenly(first: float, last: float, count: int) -> Floats:

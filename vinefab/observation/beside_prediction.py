@@ -10,7 +10,7 @@ from shapely import LineString
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -156,7 +156,7 @@ def compare_with_prediction(
     """
     choice = GrowthChoice.of([design], given).single
     terrain, replays = Terrain.of(world), Replays(world)
-    prediction = grow(design, terrain, pose, choice.options)
+    prediction = grow_on(design, terrain, pose, choice.options)
     branches = tuple(
         _compared(index, traced, design, prediction, choice.options, replays)
         for index in range(len(traced.tree))
@@ -287,7 +287,7 @@ def _half_angle_fits(
     rows = []
     for angle in sorted({*HALF_ANGLES_DEG, own}):
         changed = GrowthOptions.of({"head_on_half_angle_deg": angle}, options)
-        predicted = grow(design, terrain, pose, changed)
+        predicted = grow_on(design, terrain, pose, changed)
         rows.append((angle, *_likeness(traced, branches, predicted)))
     top = max((row[3] for row in rows), default=0.0)
     return tuple(
@@ -306,7 +306,10 @@ def _likeness(
 ) -> tuple[float, int, float]:
     """Return the mean distance, how many branches end as seen, and the shape's log likelihood."""
     total, weight, same, log = 0.0, 0.0, 0, 0.0
-    begins = _way_to(traced)
+    begins = [0.0] * len(traced.tree)  # the planned way along the body to each branch's base
+    for index, parent in enumerate(traced.tree.parent.tolist()):
+        if parent >= 0:
+            begins[index] = begins[parent] + float(traced.tree.length_mm[parent])
     for index, branch in enumerate(branches):
         seen, chain = branch.points_mm, predicted.chain_mm(index)
         label = Stop(int(predicted.stop[index])).label
@@ -322,12 +325,3 @@ def _likeness(
         away = max(mean, abs(branch.observed_mm - float(predicted.grown_mm[index])))
         log -= 0.5 * min(away / error, WORST_ERRORS) ** 2
     return total / weight if weight else 0.0, same, log
-
-
-def _way_to(traced: TracedTree) -> list[float]:
-    """Return the planned way along the body to each branch's base."""
-    way = [0.0] * len(traced.tree)
-    for index, parent in enumerate(traced.tree.parent.tolist()):
-        if parent >= 0:
-            way[index] = way[parent] + float(traced.tree.length_mm[parent])
-    return way

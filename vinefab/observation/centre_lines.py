@@ -21,7 +21,7 @@ from shapely import LineString
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
@@ -204,7 +204,8 @@ class _Tracing:
                 break
         for branch, course in chosen.items():
             if course is not None:
-                self._take(branch, course.chain_mm, ends_early=course.ends_early)
+                self.chains[branch], self.early[branch] = course.chain_mm, course.ends_early
+                self.patches[branch] = course.cells
 
     def _choose_pairs(
         self,
@@ -263,10 +264,6 @@ class _Tracing:
         if worth and worth[best] > 0.0:
             cover[courses[best].around] += 1
 
-    def _take(self, branch: int, chain_mm: Floats, *, ends_early: bool) -> None:
-        self.chains[branch], self.early[branch] = chain_mm, ends_early
-        self.patches[branch] = self.coarse.tube(self.film, chain_mm, self.radius_mm[branch])
-
     def launch(self, branch: int) -> tuple[Floats, float] | None:
         """Return base and planned heading of a branch by what was seen of its parent."""
         parent = int(self.tree.parent[branch])
@@ -298,9 +295,13 @@ class _Tracing:
                         cost += 2.0 * radius * _STEEP_STOP_MM
                     self._propose(found, branch, chain, cost)
                 known.add(chain.tobytes())
-        best = max((self._support(c.chain_mm, radius) for c in found), default=0.0)
+        best = 0.0  # share of a course's tube, where it can be seen, that is film
+        for course in found:
+            value = self.coarse.value[course.cells]
+            weight = np.abs(value).sum()
+            best = max(best, float(np.maximum(value, 0.0).sum() / weight) if weight else 1.0)
         if best < 0.92 or all(course.ends_early for course in found):
-            for chain in _runs(self.film, base, heading, radius, length, self.coarse.clearance):
+            for chain in _runs(self.film, base, heading, radius, length):
                 self._propose(found, branch, chain, 4.0 * radius)
         return found
 
@@ -333,12 +334,6 @@ class _Tracing:
             around = self.coarse.tube(self.film, part, radius + BLUR_MM)
             found.append(_Course(part, cells, around, worth, early))
 
-    def _support(self, chain: Floats, radius: float) -> float:
-        """Return the share of a course's tube, where it can be seen, that is film."""
-        cells = self.coarse.tube(self.film, chain, radius)
-        weight = np.abs(self.coarse.value[cells]).sum()
-        return float(np.maximum(self.coarse.value[cells], 0.0).sum() / weight) if weight else 1.0
-
     def _simulated(self, base: Floats, heading: float, half_angle: float, branch: int) -> Floats:
         """Return the course of one branch alone, by the growth model with a head-on half-angle."""
         radius, length = self.radius_mm[branch], float(self.tree.length_mm[branch])
@@ -356,7 +351,7 @@ class _Tracing:
         )
         launch = Pose(x_mm=float(base[0]), y_mm=float(base[1]), heading_rad=heading)
         options = GrowthOptions(head_on_half_angle_rad=half_angle, pressure_stop=False)
-        return grow(alone, self.terrain, launch, options).chain_mm(0)
+        return grow_on(alone, self.terrain, launch, options).chain_mm(0)
 
     # --- The result ---
 
@@ -405,7 +400,6 @@ class _Coarse:
     """The film in cells of about a millimetre, as the plan has it."""
 
     value: Floats  # of each cell: its area if film, minus its area if floor, 0 where hidden, flat
-    clearance: Floats  # distance of each cell to what is solid on the floor, (rows, columns)
     columns: int
     cell_mm: float
     left_mm: float
@@ -425,10 +419,8 @@ class _Coarse:
         floor = film.moved(places, film.sight.plane_mm, radius_mm)
         unseen = film.hidden(floor, radius_mm) | film.is_solid(places)
         value = np.where(unseen, 0.0, (2.0 * share.ravel() - 1.0) * cell**2)
-        solid = film.is_solid(places).reshape(rows, columns)
         return cls(
             value=value,
-            clearance=np.asarray(ndimage.distance_transform_edt(~solid)) * cell,
             columns=columns,
             cell_mm=cell,
             left_mm=film.view.left_mm,
@@ -527,10 +519,9 @@ def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
 
 
 def _runs(
-    film: SeenFilm, base: Floats, heading: float, radius: float, length: float, clearance: Floats
+    film: SeenFilm, base: Floats, heading: float, radius: float, length: float
 ) -> list[Floats]:
     """Return chains of straight runs of film from a base on, the longest first."""
-    del clearance
     open_chains: list[tuple[Floats, float]] = [(base[None, :], heading)]
     done: list[Floats] = []
     for depth in range(5):

@@ -16,7 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, number
-from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, Result
+from vinefab.core.view import Answer, Block, Data, Fact, Facts, Notes, WrittenResult
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
@@ -70,7 +70,7 @@ class ShapeFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ContactFit(Result):
+class ContactFit(WrittenResult):
     """What photos measured together, and what a user should know about it."""
 
     contacts: MeasuredContacts
@@ -79,6 +79,7 @@ class ContactFit(Result):
     photos: tuple[str, ...]  # their names
     left_out: Mapping[str, int]  # contacts that were not counted, by reason
     notes: tuple[str, ...]
+    path: Path | None = None  # the file that predictions read
 
     @property
     def agreement(self) -> str:
@@ -115,16 +116,21 @@ class ContactFit(Result):
 
     def view(self) -> Iterator[Block]:
         """Yield what the photos measured, each with its interval, and what to know about it."""
-        found, photos = self.contacts, _count(len(self.photos), "photo")
+        found, photos = self.contacts, counted(len(self.photos), "photo")
         out = ", ".join(f"{count} {why}" for why, count in self.left_out.items() if count)
         yield Answer(f"{photos}{f'; contacts left out: {out}' if out else ''}")
         facts = list[Fact]()
         if self.threshold is not None and found.head_on_half_angle_deg is not None:
-            half, fit = found.head_on_half_angle_deg, self.threshold
-            told = f"measured: {half.counted}, {fit.stopped} stopped, {fit.slid} slid"
+            half, tips = found.head_on_half_angle_deg, self.threshold
+            told = f"measured: {half.counted}, {tips.stopped} stopped, {tips.slid} slid"
             facts.append(Fact("head-on half-angle", _shown(half, " deg"), detail=told))
-        if self.shapes is not None:
-            facts.append(_shapes_fact(self.shapes))
+        if (fit := self.shapes) is not None:
+            told = f"{counted(fit.branches, 'branch')} on {counted(fit.photos, 'photo')}"
+            shown = "the same at all half-angles"
+            if not fit.says_nothing:
+                shown = f"{fit.value_deg:g} deg, 95 % interval {fit.low_deg:g} to {fit.high_deg:g}"
+                told += f", {fit.error_mm:.1f} mm from the photos there, measured against simulated"
+            facts.append(Fact("whole shapes grown again", shown, detail=told))
         facts.append(Fact("contacts and whole shapes", self.agreement))
         if found.tip_friction is not None:
             told = (
@@ -162,18 +168,46 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
 def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
     """Return what photos measured together."""
     notes = [note for photo in photos for note in photo.notes]
-    threshold = _threshold(photos, error_deg)
+    seen = [(contact, place) for place, photo in enumerate(photos) for contact in photo.contacts]
+    threshold = None
+    if seen:
+        threshold = fit_threshold(
+            [contact.angle_deg for contact, _ in seen],
+            [contact.stopped for contact, _ in seen],
+            [place for _, place in seen],
+            [error_deg if c.error_deg is None else c.error_deg for c, _ in seen],
+        )
     ratio, ratio_notes = _over_photos([photo.width_ratios for photo in photos], photos)
     breadth = _breadth(photos)
-    shapes = _shape_fit(photos, _other_ratio(ratio))
+    # Robots are grown again as wide as the nominal ones unless they clearly are not.
+    clear = ratio is not None and not ratio.low <= 1.0 <= ratio.high
+    shapes = _shape_fit(photos, ratio.value if clear and ratio and ratio.value else 1.0)
     if threshold is None and ratio is None and breadth is None:
         allowed = "observations with contacts that slid or stopped, or with the film's breadth"
         raise BadInputError("contacts", "none", allowed, photos[0].file)
-    half_angle = None if threshold is None else _half_angle(threshold, photos)
+    half_angle = friction = None
+    if (fit := threshold) is not None:
+        names = ", ".join(photo.photo for photo in photos if photo.contacts)
+        half_angle = MeasuredNumber(
+            value=fit.value_deg,
+            low=fit.low_deg,
+            high=fit.high_deg,
+            side=fit.side,
+            count=fit.stopped + fit.slid,
+            photos=fit.photos,
+            source=f"{counted(fit.stopped, 'tip')} stopped, {fit.slid} slid; photos: {names}",
+        )
+        low, high = (_tangent(angle_deg) for angle_deg in (fit.low_deg, fit.high_deg))
+        friction = half_angle.changed(
+            value=None if fit.value_deg is None else _tangent(fit.value_deg),
+            low=low,
+            high=high,
+            source=f"tangent of the half-angle; {half_angle.source}",
+        )
     return ContactFit(
         contacts=MeasuredContacts(
             head_on_half_angle_deg=half_angle,
-            tip_friction=None if half_angle is None else _friction(half_angle),
+            tip_friction=friction,
             body_width_ratio=ratio,
             film_breadth_ratio=breadth,
         ),
@@ -191,46 +225,12 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
 # --- The half-angle from contacts -----------------------------------------------------------------
 
 
-def _threshold(photos: Sequence[ObservedPhoto], error_deg: float) -> ThresholdFit | None:
-    seen = [(contact, place) for place, photo in enumerate(photos) for contact in photo.contacts]
-    if not seen:
-        return None
-    errors = [error_deg if c.error_deg is None else c.error_deg for c, _ in seen]
-    return fit_threshold(
-        [contact.angle_deg for contact, _ in seen],
-        [contact.stopped for contact, _ in seen],
-        [place for _, place in seen],
-        errors,
-    )
-
-
-def _half_angle(fit: ThresholdFit, photos: Sequence[ObservedPhoto]) -> MeasuredNumber:
-    names = ", ".join(photo.photo for photo in photos if photo.contacts)
-    return MeasuredNumber(
-        value=fit.value_deg,
-        low=fit.low_deg,
-        high=fit.high_deg,
-        side=fit.side,
-        count=fit.stopped + fit.slid,
-        photos=fit.photos,
-        source=f"{counted(fit.stopped, 'tip')} stopped, {fit.slid} slid; photos: {names}",
-    )
-
-
 _STEEP_DEG = 89.0
 """Tangents end here: no friction is measured by a tip that stops at every angle."""
 
 
-def _friction(half_angle: MeasuredNumber) -> MeasuredNumber:
-    def tangent(angle_deg: float) -> float:
-        return round(math.tan(rad(min(angle_deg, _STEEP_DEG))), 4)
-
-    return half_angle.changed(
-        value=None if half_angle.value is None else tangent(half_angle.value),
-        low=tangent(half_angle.low),
-        high=tangent(half_angle.high),
-        source=f"tangent of the half-angle; {half_angle.source}",
-    )
+def _tangent(angle_deg: float) -> float:
+    return round(math.tan(rad(min(angle_deg, _STEEP_DEG))), 4)
 
 
 def _threshold_notes(
@@ -246,7 +246,7 @@ def _threshold_notes(
         notes.append(f"all tips {did}: contacts give {bound} bound of the half-angle, no estimate")
     if fit.photos < FEW_PHOTOS:
         notes.append(
-            f"{_count(fit.photos, 'photo')} with contacts: too few to tell how photos differ "
+            f"{counted(fit.photos, 'photo')} with contacts: too few to tell how photos differ "
             f"(from {FEW_PHOTOS} on); other photos may lie outside the interval"
         )
     if not fit.is_separable:
@@ -277,6 +277,8 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
     # As many independent observations as photos: the few give a wide interval.
     most_fall = float(student.ppf(0.975, max(1, len(known) - 1))) ** 2
     inside, top = angles[fall <= most_fall], angles[fall <= 0.1]
+    at_best = squared[:, likely.argmax()]
+    both = at_best[at_best > 0.0]  # branches that are there in both
     return ShapeFit(
         value_deg=float(0.5 * (top[0] + top[-1])),
         # Between two half-angles that were grown anything may be.
@@ -284,14 +286,8 @@ def _shape_fit(photos: Sequence[ObservedPhoto], width_ratio: float) -> ShapeFit 
         high_deg=min(angles[-1], float(inside[-1]) + SHAPE_STEP_DEG),
         photos=len(known),
         branches=len(squared),
-        error_mm=_typical_mm(squared[:, likely.argmax()]),
+        error_mm=float(np.median(np.sqrt(both))) if len(both) else 0.0,
     )
-
-
-def _typical_mm(squared_mm2: Floats) -> float:
-    """Return the median distance of branches that are there in both."""
-    both = squared_mm2[squared_mm2 > 0.0]
-    return float(np.median(np.sqrt(both))) if len(both) else 0.0
 
 
 def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
@@ -302,13 +298,6 @@ def _log_likely(squared_mm2: Floats, weight: Floats, error_mm: float) -> Floats:
     """
     far = np.log1p(squared_mm2 / (TAILS * error_mm**2))
     return np.asarray(-weight @ (0.5 * (TAILS + 2.0) * far + 2.0 * math.log(error_mm)))
-
-
-def _other_ratio(measured: MeasuredNumber | None) -> float:
-    """Return the ratio of widths that robots are grown again with: 1 unless it clearly is not."""
-    if measured is None or measured.value is None or measured.low <= 1.0 <= measured.high:
-        return 1.0
-    return measured.value
 
 
 def _distances_mm2(photo: ObservedPhoto, width_ratio: float) -> Floats | None:
@@ -339,23 +328,16 @@ def _mean_square_mm2(one_mm: Floats, other_mm: Floats) -> float:
         return 0.0
     one_mm = one_mm if len(one_mm) else other_mm[:1]
     other_mm = other_mm if len(other_mm) else one_mm[:1]
-    along = np.linspace(0.0, max(_length_mm(one_mm), _length_mm(other_mm)), COMPARED)
-    apart = _at(one_mm, along) - _at(other_mm, along)
-    return float(np.mean(np.sum(apart**2, axis=1)))
-
-
-def _ways_mm(chain_mm: Floats) -> Floats:
-    steps = np.hypot(*np.diff(chain_mm, axis=0).T)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _length_mm(chain_mm: Floats) -> float:
-    return float(_ways_mm(chain_mm)[-1])
-
-
-def _at(chain_mm: Floats, along_mm: Floats) -> Floats:
-    ways = _ways_mm(chain_mm)
-    return np.column_stack([np.interp(along_mm, ways, chain_mm[:, axis]) for axis in (0, 1)])
+    chains = one_mm, other_mm
+    ways = [
+        np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(chain, axis=0).T))]) for chain in chains
+    ]
+    along = np.linspace(0.0, max(float(way[-1]) for way in ways), COMPARED)
+    one, other = (
+        np.column_stack([np.interp(along, way, chain[:, axis]) for axis in (0, 1)])
+        for way, chain in zip(ways, chains, strict=True)
+    )
+    return float(np.mean(np.sum((one - other) ** 2, axis=1)))
 
 
 # --- Ratios of widths -----------------------------------------------------------------------------
@@ -368,7 +350,7 @@ def _over_photos(
     each = [np.array(some) for some in values if len(some)]
     count = sum(len(some) for some in each)
     if count < FEWEST_RATIOS:
-        few = f"{_count(count, 'contact')} with a distance from a wall: too few for a body width"
+        few = f"{counted(count, 'contact')} with a distance from a wall: too few for a body width"
         return None, [f"{few} (from {FEWEST_RATIOS} on)"]
     notes, units = list[str](), np.array([float(np.median(some)) for some in each])
     if len(units) == 1:
@@ -422,18 +404,6 @@ def _t_interval(values: Floats) -> tuple[float, float, float]:
 # --- As they are shown ----------------------------------------------------------------------------
 
 
-def _shapes_fact(fit: ShapeFit) -> Fact:
-    over = f"{_count(fit.branches, 'branch', 'branches')} on {_count(fit.photos, 'photo')}"
-    name = "whole shapes grown again"
-    if fit.says_nothing:
-        return Fact(name, "the same at all half-angles", detail=over)
-    return Fact(
-        name,
-        f"{fit.value_deg:g} deg, 95 % interval {fit.low_deg:g} to {fit.high_deg:g}",
-        detail=f"{over}, {fit.error_mm:.1f} mm from the photos there, measured against simulated",
-    )
-
-
 def _shown(found: MeasuredNumber, unit: str = "") -> str:
     ends: Mapping[Side, str] = {
         "both": f"{found.value:g}{unit}, 95 % interval {found.low:g} to {found.high:g}"
@@ -443,7 +413,3 @@ def _shown(found: MeasuredNumber, unit: str = "") -> str:
         "lower": f"at least {found.low:g}{unit} (95 %)",
     }
     return ends[found.side]
-
-
-def _count(count: int, one: str, many: str = "") -> str:
-    return f"{count} {one if count == 1 else many or f'{one}s'}"

@@ -17,7 +17,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose
 from vinefab.photos.photo_camera import PhotoCamera
-from vinefab.photos.plan_view import PlanView
+from vinefab.photos.rectify import PlanView
 
 FilmColour = tuple[int, int, int]
 

@@ -7,14 +7,18 @@ wall, and is believed as far as its shape is the one seen.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
+from pydantic import Field
 from shapely import LineString, Polygon
+from typing_extensions import Doc
 
 from vinefab.core.compiling import rebindable
+from vinefab.core.table import TablePart
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
@@ -39,36 +43,33 @@ HEADING_ERROR_DEG = 0.7
 """Standard error of a line's heading over 40 mm [assumed, above what rendered photos show]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WallMeeting:
-    """A tip at a wall.
+_Degrees = Annotated[float, Ge(0), Le(180), Unit("deg")]
+_Mm = Annotated[float, Ge(0), Le(1e7), Unit("mm")]
 
-    Parameters
-    ----------
-    x_mm, y_mm
-        Where the tip was.
-    wall
-        The obstacle's number (``obstacle 3``), or ``bounds``.
-    angle_deg
-        Between the tip's heading when it met the wall and the wall's inward normal.
-    angle_error_deg
-        Standard error of the angle [assumed].
-    front_mm
-        Length of the branch when its tip met the wall.
-    outcome
-        What the tip did there.
-    distance_mm
-        From the line seen to that wall where it touches it; None where it is farther away.
-    """
 
-    x_mm: float
-    y_mm: float
+class WallContact(TablePart):
+    """A tip at a wall, as observations have it."""
+
+    wall: Annotated[str | int | None, Doc("number of the obstacle, or bounds")] = None
+    angle_from_normal_deg: Annotated[
+        _Degrees | None, Doc("of the tip's heading, when it met the wall")
+    ] = None
+    outcome: Annotated[MeetingOutcome, Doc("what the tip did there")]
+    angle_error_deg: Annotated[
+        Annotated[_Degrees, Le(90)] | None, Doc("standard error of the angle [assumed]")
+    ] = None
+    distance_mm: Annotated[_Mm | None, Doc("from the line seen to the wall that it touches")] = None
+
+
+class WallMeeting(WallContact):
+    """A tip at a wall, as it is found: all but the distance is known."""
+
     wall: str
-    angle_deg: float
-    angle_error_deg: float
-    front_mm: float
-    outcome: MeetingOutcome
-    distance_mm: float | None = None
+    angle_from_normal_deg: float
+    x_mm: Annotated[float, Unit("mm"), Doc("where the tip was")]
+    y_mm: Annotated[float, Unit("mm"), Doc("where the tip was")]
+    # length of the branch when its tip met the wall
+    front_mm: Annotated[float, Field(exclude=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,8 +155,9 @@ class Replays:
         half_angle_rad: float = 0.0,
     ) -> Replay | None:
         """Return a branch grown alone; None where it has no room."""
-        near = self._near(base_mm, length_mm + 3.0 * radius_mm)
-        terrain = Terrain.of(near)
+        around = shapely.Point(base_mm).buffer(length_mm + 3.0 * radius_mm)
+        kept = tuple(shape for shape in self.shapes if shape.intersects(around))
+        terrain = Terrain.of(Map(name="near", bounds=self.world.bounds, obstacles=kept))
         free = terrain.free_space(radius_mm)
         if free.is_empty:
             return None
@@ -174,7 +176,7 @@ class Replays:
                 x_mm=float(one.chain_mm[-1, 0]),
                 y_mm=float(one.chain_mm[-1, 1]),
                 wall=self._wall(one.chain_mm[-1]),
-                angle_deg=deg(one.angle_rad),
+                angle_from_normal_deg=deg(one.angle_rad),
                 angle_error_deg=0.0,
                 front_mm=one.front_mm,
                 outcome="slid",
@@ -183,19 +185,13 @@ class Replays:
         )
         stop = Stop(int(growth.stop[0]))
         if stop in (Stop.CORNER, Stop.HEAD_ON) and meetings:
-            meetings = (*meetings[:-1], replace(meetings[-1], outcome="stopped"))
+            meetings = (*meetings[:-1], meetings[-1].changed(outcome="stopped"))
         return Replay(
             chain_mm=growth.points[: growth.first_point[1]],
             meetings=meetings,
             chains_mm=tuple(one.chain_mm for one in met),
             stop=stop,
         )
-
-    def _near(self, base_mm: Floats, reach_mm: float) -> Map:
-        """Return the part of the map that a branch can come to."""
-        around = shapely.Point(base_mm).buffer(reach_mm)
-        kept = tuple(shape for shape in self.shapes if shape.intersects(around))
-        return Map(name="near", bounds=self.world.bounds, obstacles=kept)
 
     def _wall(self, tip_mm: Floats) -> str:
         """Return the name of what a tip touches."""
@@ -257,7 +253,9 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting
     fits = away <= AGREES_MM + AGREES_SHARE * seen.length_mm
     error = float(np.hypot(seen.heading_error_deg, 0.5 * abs(turn)))
     meetings = []
+    line, touching_mm = LineString(seen.points_mm), max(1.5, 0.3 * seen.radius_mm)
     for place, meeting in enumerate(replay.meetings):
+        away = float(shapely.distance(replays.wall_shape(meeting.wall), line))
         outcome: MeetingOutcome = "slid" if fits else "unclear"
         # What is met within the error of the length may not have been met at all.
         if place != end and meeting.front_mm > seen.length_mm - SAME_PLACE_MM:
@@ -265,11 +263,11 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting
         if place == end and fits:
             outcome = "stopped"
         meetings.append(
-            replace(
-                meeting,
+            meeting.changed(
                 outcome=outcome,
                 angle_error_deg=error,
-                distance_mm=_touching_mm(replays, seen, meeting.wall),
+                # None where the body does not touch the wall.
+                distance_mm=away if abs(away - seen.radius_mm) <= touching_mm else None,
             )
         )
         if place == end:
@@ -330,11 +328,5 @@ def _ends_as_seen(replay: Replay, seen: SeenBranch) -> tuple[int | None, float]:
     least = min(away for away, _ in near)
     # Of places that the photo cannot tell apart, the one met most head-on.
     same = [place for away, place in near if away <= least + SAME_PLACE_MM]
-    end = min(same, key=lambda place: replay.meetings[place].angle_deg)
+    end = min(same, key=lambda place: replay.meetings[place].angle_from_normal_deg)
     return end, least
-
-
-def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
-    """Return how far the line is from a wall that its body touches; None if it does not."""
-    away = float(shapely.distance(replays.wall_shape(wall), LineString(seen.points_mm)))
-    return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None

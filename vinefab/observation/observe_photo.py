@@ -1,14 +1,18 @@
 """A photo of a grown robot, from the file to what it says beside the prediction."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
+from vinefab.core.jsontext import rounded
+from vinefab.core.limits import DEFAULT_MARKER_MM
 from vinefab.core.view import (
     Answer,
     Block,
@@ -18,14 +22,13 @@ from vinefab.core.view import (
     Notes,
     Number,
     Picture,
-    Result,
+    Rows,
     Section,
-    Table,
+    WrittenResult,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
     DEFAULT_MARKER_GAP_MM,
-    DEFAULT_MARKER_MM,
     corner_markers,
 )
 from vinefab.model.deployment import Stop
@@ -38,9 +41,10 @@ from vinefab.observation.beside_prediction import (
 )
 from vinefab.observation.centre_lines import TracedTree, trace
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
-from vinefab.observation.observation_json import observation_data
-from vinefab.observation.observation_tables import branch_section
 from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.pages.colours import ALERT, level_colour
+from vinefab.pages.page_png import page_png
+from vinefab.pages.panel import Ink, Panel, page_of, photo, plan_panel
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera
@@ -78,7 +82,7 @@ _ENDINGS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Observation(Result):
+class Observation(WrittenResult):
     """A photo's robot, traced and compared.
 
     Parameters
@@ -96,6 +100,8 @@ class Observation(Result):
         What makes it uncertain, a sentence each.
     settings
         How the photo was read.
+    path
+        The page (HTML) or the numbers (JSON); None if none was asked for.
     """
 
     photo: str
@@ -110,6 +116,7 @@ class Observation(Result):
     compared: Compared
     cautions: tuple[str, ...]
     settings: Mapping[str, object] = field(default_factory=dict)
+    path: Path | None = None
 
     @property
     def trunk_width_mm(self) -> dict[str, float] | None:
@@ -142,15 +149,11 @@ class Observation(Result):
     @property
     def error_share(self) -> float:
         """The same over the length of the way to the farthest tip seen."""
-        return self.mean_error_mm / max(1e-9, self._way_mm)
-
-    @property
-    def _way_mm(self) -> float:
         way = [0.0] * len(self.compared.branches)
         for index, branch in enumerate(self.compared.branches):
             parent = int(self.traced.tree.parent[index])
             way[index] = branch.observed_mm + (way[parent] if parent >= 0 else 0.0)
-        return max(way)
+        return self.mean_error_mm / max(1e-9, *way)
 
     @property
     def not_as_predicted(self) -> list[str]:
@@ -174,7 +177,7 @@ class Observation(Result):
             "good" if good else ("caution" if self.fits else "bad"),
         )
         yield Picture(
-            image=lambda: front_door("observation.observation_page").overlay_picture(self),
+            image=lambda: _overlay_picture(self),
             caption="The photo as from straight above. Yellow: lines traced on the film "
             "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
             wide=True,
@@ -245,7 +248,7 @@ class Observation(Result):
                 Fact("growth", growth_text(compared.options, [self.design])),
             )
         )
-        yield Table(
+        yield Rows(
             caption="Predictions over the contact range, against the shape seen",
             headings=("half-angle deg", "mean distance mm", "same stops", "log likelihood"),
             rows=tuple(
@@ -256,21 +259,57 @@ class Observation(Result):
             key="half_angles",
             keys=("head_on_half_angle_deg", "mean_mm", "same_stops", "log_likelihood"),
         )  # fmt: skip
-        yield Data(lambda: observation_data(self))
+        yield Data(self._data)
 
     def sections(self) -> Iterator[Section]:
         """Yield where film was found, and every branch."""
-        pictures = front_door("observation.observation_page")
         yield Section(
             title="Film",
             pictures=(
                 Picture(
-                    image=pictures.film_picture(self),
+                    image=_film_picture(self),
                     caption="Where film was found (white: film).",
                 ),
             ),
         )
-        yield branch_section(self.compared.branches)
+        yield _branch_section(self.compared.branches)
+
+    def _data(self) -> dict[str, object]:
+        """Return what stands in JSON alone: lengths in mm, angles in degrees.
+
+        What comes from the photo is measured; what is called predicted is simulated.
+        """
+        film, compared = self.film, self.compared
+        branches = compared.branches
+        return {
+            "map": self.map_file,
+            "design": self.design_file,
+            "pose": compared.prediction.pose.content,
+            "rectified": rounded(
+                {
+                    "by": self.rectified_by,
+                    "error_mm": self.error_mm,
+                    "mm_per_pixel": film.view.mm_per_pixel,
+                    "plane_mm": film.sight.plane_mm,
+                    "heights_corrected": film.sight.camera is not None,
+                },
+                3,
+            )
+            | {"obstacle_height_mm": film.sight.obstacle_mm or None},
+            "film": {
+                "colour": None if film.colour is None else list(film.colour),
+                "how": film.how,
+                "width_mm": self.trunk_width_mm,
+            },
+            "branches": [_branch_data(branch) for branch in branches],
+            "summary.branches": len(branches),
+            "summary.not_deployed_observed": [b.id for b in branches if not b.deployed_observed],
+            "summary.deployed_otherwise_than_predicted": self.not_as_predicted,
+            "summary.lines_on_film": round(self.traced.lines_supported, 4),
+            "summary.fits": self.fits,
+            "summary.not_told_apart": [b.id for b in branches if b.is_ambiguous],
+            "settings": {"growth": dict(compared.options.content), **self.settings},
+        }
 
     @property
     def fits(self) -> bool:
@@ -302,10 +341,154 @@ class Observation(Result):
         )
 
 
+def _branch_data(branch: ComparedBranch) -> dict[str, object]:
+    """Return what of a branch stands in JSON; ``contacts`` are read again."""
+    error = {"mean": branch.mean_mm, "most": branch.most_mm, "hausdorff": branch.hausdorff_mm}
+    plain = {
+        "id": branch.id,
+        "level": branch.level,
+        "planned_mm": branch.planned_mm,
+        "observed_mm": branch.observed_mm,
+        "predicted_mm": branch.predicted_mm,
+        "deployed_observed": branch.deployed_observed,
+        "deployed_predicted": branch.deployed_predicted,
+        "stop_observed": branch.stop_observed,
+        "stop_predicted": branch.stop_predicted,
+        "shape_error_mm": None if branch.mean_mm is None else error,
+        "shape_error_share": None,
+        "width_mm": {"measured": branch.width_mm, "nominal": branch.nominal_width_mm},
+        "share_seen": branch.seen,
+        "share_told_apart": branch.told_apart,
+        "points_mm": branch.points_mm.tolist(),
+        "contacts": [
+            {**contact.model_dump(), "width_mm": branch.width_mm} for contact in branch.contacts
+        ],
+        "contact_order_observed": branch.order_observed,
+        "contact_order_predicted": branch.order_predicted,
+    }
+    return {**rounded(plain, 3), "shape_error_share": rounded(branch.share, 5)}
+
+
+def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
+    """Return lengths, stops, distances and contacts of every branch."""
+    mm, percent = partial(Number, form=".1f"), partial(Number, form=".1f", per=0.01)
+    rows = tuple(
+        (
+            branch.id,
+            mm(branch.planned_mm),
+            mm(branch.observed_mm if branch.deployed_observed else None),
+            mm(branch.predicted_mm if branch.deployed_predicted else None),
+            branch.stop_observed.replace("_", " "),
+            branch.stop_predicted.replace("_", " "),
+            mm(branch.mean_mm),
+            mm(branch.hausdorff_mm),
+            percent(branch.share),
+            mm(branch.width_mm),
+        )
+        for branch in branches
+    )
+    orders = tuple(
+        (
+            branch.id,
+            ", ".join(branch.order_observed) or "-",
+            ", ".join(branch.order_predicted) or "-",
+            "yes" if branch.order_observed == branch.order_predicted else "no",
+        )
+        for branch in branches
+        if branch.order_observed or branch.order_predicted
+    )
+    contacts = tuple(
+        (branch.id, one.wall, mm(one.x_mm), mm(one.y_mm), mm(one.angle_from_normal_deg),
+         mm(one.angle_error_deg), one.outcome)
+        for branch in branches
+        for one in branch.contacts
+    )  # fmt: skip
+    return Section(
+        title="Branch by branch",
+        paragraphs=(
+            "Observed lengths, stops, distances and widths are measured on the photo; predicted "
+            "ones are simulated.",
+        ),
+        tables=(
+            Rows(
+                caption="Branches: lengths in mm; distances at equal arc lengths, in mm "
+                "and in percent of the length seen",
+                headings=(
+                    "branch", "planned", "observed", "predicted", "stop observed",
+                    "stop predicted", "mean mm", "Hausdorff mm", "mean %", "diameter mm",
+                ),
+                rows=rows,
+            ),
+            Rows(
+                caption="Walls that tips met, in their order: seen (measured) and predicted "
+                "(simulated)",
+                headings=("branch", "seen", "predicted", "same"),
+                rows=orders,
+                folded=len(orders) > 12,
+            ),
+            Rows(
+                caption="Contacts: angle between the tip's heading and the wall's normal "
+                "(measured, with an assumed standard error)",
+                headings=("branch", "wall", "x mm", "y mm", "angle deg", "error deg", "tip"),
+                rows=contacts,
+                folded=len(contacts) > 12,
+            ),
+        ),
+    )  # fmt: skip
+
+
 def _ending(stop: str, length_mm: float) -> str:
     """Return how a branch ended, in words."""
     words = _ENDINGS.get(stop, "ended early without a wall")
     return words if stop == Stop.NOT_DEPLOYED.label else f"{words} after {length_mm:.0f} mm"
+
+
+# --- Pictures: the photo from straight above, lines seen and predicted
+
+SEEN, PREDICTED = "#ffe600", "#00e5ff"
+
+
+def _photo_panel(seen: Observation, pixels: NDArray[np.uint8], longest_pt: float) -> Panel:
+    """Return a panel with pixels where the photo lies on the map."""
+    view = seen.film.view
+    rows, columns = view.pixels.shape[:2]
+    right = view.left_mm + columns * view.mm_per_pixel
+    box = (view.left_mm, view.top_mm - rows * view.mm_per_pixel, right, view.top_mm)
+    panel = plan_panel(box, longest_pt)
+    panel.add(photo(pixels, box), 0.0)
+    return panel
+
+
+def _overlay_picture(seen: Observation) -> bytes:
+    """Return the photo from straight above, with the lines seen and predicted."""
+    panel = _photo_panel(seen, seen.film.view.pixels, 576.0)
+    for branch in seen.compared.branches:
+        z_mm = branch.nominal_width_mm / 2.0
+        shown = partial(seen.film.moved, from_mm=z_mm, to_mm=seen.film.sight.plane_mm)
+        if len(branch.predicted_points_mm) > 1:
+            dashed = Ink(line=PREDICTED, width_pt=1.3, dash_pt=(5.2, 3.9))
+            panel.line(shown(branch.predicted_points_mm), dashed, rank=4.0)
+        if not branch.deployed_observed:
+            continue
+        places = shown(branch.points_mm)
+        panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
+        panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
+        x, y = places[len(places) // 2].tolist()
+        panel.words((x, y), branch.id, 6.5, shift_pt=(3.0, 5.5), halo=True)
+        contacts = [(c.x_mm, c.y_mm) for c in branch.contacts if c.outcome != "unclear"]
+        if contacts:
+            cross = Ink(line=ALERT, width_pt=1.4)
+            panel.marks(shown(np.array(contacts)), "x", 5.0, cross, rank=5.0)
+    return page_png(page_of(panel), dpi=130)
+
+
+def _film_picture(seen: Observation) -> bytes:
+    """Return where film was found."""
+    grey = np.clip(np.rint(255.0 * seen.film.share), 0, 255).astype(np.uint8)
+    return page_png(page_of(_photo_panel(seen, grey, 324.0)), dpi=100)
+
+
+# --- From the file to the result
 
 
 def observe_photo(  # noqa: PLR0913
@@ -380,7 +563,12 @@ def observe_photo(  # noqa: PLR0913
         cautions=(),
         settings=setup.content,
     )
-    cautions = (*_spread_cautions(spread), *film.cautions, *_cautions(seen, camera, setup))
+    spread_cautions = () if spread is None or not spread.is_clear else (
+        f"markers look {100.0 * spread.size:.1f} % as large as their distances say (measured), as "
+        "through a lens that bends straight lines: places may be off by about "
+        f"{spread.most_mm:.1f} mm",
+    )  # fmt: skip
+    cautions = (*spread_cautions, *film.cautions, *_cautions(seen, camera, setup))
     return replace(seen, cautions=cautions)
 
 
@@ -398,9 +586,14 @@ def _camera(
     spread, camera = marker_spread(control), fit_camera(photo, control)
     side_mm = float(np.hypot(*(control.points_mm[1] - control.points_mm[0])))
     if spread.is_wrong_layout or camera.residual_mm > MOST_OFF_SIDE * side_mm:
-        raise BadInputError(
-            "markers", _place_words(spread, camera), _layout_words(setup, side_mm), photo.name
+        other = "--corners goes without markers"
+        allowed = (
+            f"{DEFAULT_MARKER_MM:g} mm wide, {DEFAULT_MARKER_GAP_MM:g} mm outside the bounds' box; "
+            f"a rig's own places: --rig RIG/rig.json; {other}"
         )
+        if setup.markers is not None:
+            allowed = f"where --rig says, {side_mm:g} mm wide: is it the file of this rig? {other}"
+        raise BadInputError("markers", _place_words(spread, camera), allowed, photo.name)
     return camera, f"{len(control.points_px) // 4} corner markers", spread
 
 
@@ -415,28 +608,6 @@ def _place_words(spread: MarkerSpread, camera: PhotoCamera) -> str:
         known = [f"{axis} {off_mm:+.1f}" for axis, off_mm in axes if math.isfinite(off_mm)]
         where = f"{', '.join(known)} mm farther out"
     return f"{where}, by how large they look (measured)"
-
-
-def _layout_words(setup: PhotoSetup, side_mm: float) -> str:
-    """Return where markers are expected, and what to do if they are elsewhere."""
-    other = "--corners goes without markers"
-    if setup.markers is not None:
-        return f"where --rig says, {side_mm:g} mm wide: is it the file of this rig? {other}"
-    return (
-        f"{DEFAULT_MARKER_MM:g} mm wide, {DEFAULT_MARKER_GAP_MM:g} mm outside the bounds' box; "
-        f"a rig's own places: --rig RIG/rig.json; {other}"
-    )
-
-
-def _spread_cautions(spread: MarkerSpread | None) -> list[str]:
-    """Return what to say of markers that are seen a little larger or smaller than they should."""
-    if spread is None or not spread.is_clear:
-        return []
-    return [
-        f"markers look {100.0 * spread.size:.1f} % as large as their distances say (measured), as "
-        "through a lens that bends straight lines: places may be off by about "
-        f"{spread.most_mm:.1f} mm"
-    ]
 
 
 def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list[str]:

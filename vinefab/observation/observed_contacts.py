@@ -10,15 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError, values_hidden
-from vinefab.core.table import TablePart
+from vinefab.core.table import TablePart, validated
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.design import Design
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import read_text
-from vinefab.model.files.toml import validated
 from vinefab.model.map import Map, Pose
+from vinefab.observation.meetings import WallContact
 from vinefab.physics.tube import inflated_diameter_mm
 
 LARGEST_OBSERVATION_BYTES = 1 << 26
@@ -32,16 +30,6 @@ OTHER_STOPS = ("corner", "pressure", "full_length")
 
 Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
 Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
-
-
-class SeenContactForm(TablePart):
-    """A place where a tip met a wall."""
-
-    wall: str | int | None = None
-    angle_from_normal_deg: Annotated[float, Field(ge=0, le=180)] | None = None
-    outcome: Literal["slid", "stopped", "unclear"]
-    angle_error_deg: Annotated[float, Field(ge=0, le=90)] | None = None
-    distance_mm: Annotated[float, Field(ge=0, le=1e7)] | None = None
 
 
 class BranchWidthForm(TablePart):
@@ -58,7 +46,7 @@ class TracedBranchForm(TablePart):
     level: Annotated[int, Field(ge=1, le=1000)]
     points_mm: Annotated[list[Point], Field(max_length=MOST_TRACED)] = Field(default_factory=list)
     stop_observed: str | None = None
-    contacts: Annotated[list[SeenContactForm], Field(max_length=MOST_CONTACTS)] = Field(
+    contacts: Annotated[list[WallContact], Field(max_length=MOST_CONTACTS)] = Field(
         default_factory=list
     )
 
@@ -146,14 +134,19 @@ def read_observations(paths: Sequence[Path]) -> tuple[ObservedPhoto, ...]:
     return tuple(_observation(text, path) for text, path in texts.items())
 
 
-def _observation(text: str, path: Path) -> ObservedPhoto:
+def json_object(text: str, path: Path) -> dict[str, Any]:
+    """Return the content of a JSON file, which has to be an object."""
     try:
-        content: Any = json.loads(text)
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
     if not isinstance(content, dict):
-        raise UnreadableFileError(path, "is no observation: its content is no JSON object")
-    form = validated(ObservationForm, content, path)
+        raise UnreadableFileError(path, "is no JSON object")
+    return content
+
+
+def _observation(text: str, path: Path) -> ObservedPhoto:
+    form = validated(ObservationForm, json_object(text, path), path)
     design, world, notes = _found(form, path)
     contacts, unclear, elsewise = _contacts(form)
     return ObservedPhoto(
@@ -203,12 +196,12 @@ def _found(form: ObservationForm, path: Path) -> tuple[Design | None, Map | None
     world: Map | None = None
     try:
         with values_hidden():
-            design = read_design(_beside(form.design, path))
+            design = Design.read(_beside(form.design, path))
     except VinefabError as error:
         notes.append(f"{path.name}: its design is not read ({error})")
     try:
         with values_hidden():
-            world = read_map(Path(_beside(form.map, path)))
+            world = Map.read(Path(_beside(form.map, path)))
     except VinefabError as error:
         notes.append(f"{path.name}: its map is not read ({error})")
     return design, world, tuple(notes)

@@ -14,14 +14,14 @@ from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
-from vinefab.core.table import TablePart
+from vinefab.core.table import TablePart, validated
 from vinefab.core.validation import Floats, number, whole
 from vinefab.maps.importers.svg_document import Node, after, read_nodes, transform
 from vinefab.maps.importers.svg_drawing import svg_outlines
 from vinefab.model.corner_marker import CornerMarker
 from vinefab.model.files.shipped import read_text
-from vinefab.model.files.toml import validated
 from vinefab.observation.film import FilmColour
+from vinefab.observation.observed_contacts import json_object
 
 _MOST_OUTLINE_BYTES = 1 << 26
 _FLAT_PX = 0.2
@@ -83,12 +83,22 @@ class PhotoSetup:
         markers, height = (None, None) if rig is None else _rig_facts(rig)
         if obstacle_mm is not None:
             height = number("--obstacle-height", obstacle_mm, 0.0, 10_000.0, "mm")
+        if corners_px is not None and len(corners_px) != 8:
+            allowed = "eight numbers: X,Y of four corners"
+            raise BadInputError("--corners", list(corners_px), allowed)
+        if film_colour is not None and len(film_colour) != 3:
+            raise BadInputError("--film-colour", list(film_colour), "three numbers: R,G,B")
+        corners = [number("--corners", part, -1e6, 1e6, "px") for part in corners_px or ()]
+        red, green, blue = (
+            whole("--film-colour", int(part) if part == int(part) else -1, 0, 255)
+            for part in film_colour or (0, 0, 0)
+        )
         is_svg = outline is not None and outline.suffix.lower() == ".svg"
         return cls(
             markers=markers,
-            corners_px=None if corners_px is None else _corners(corners_px),
+            corners_px=np.array(corners).reshape(4, 2) if corners else None,
             obstacle_mm=height,
-            film_colour=None if film_colour is None else _colour(film_colour),
+            film_colour=None if film_colour is None else (red, green, blue),
             outline=None if outline is None else _outline(outline, is_svg=is_svg),
             outline_in_pixels=is_svg,
         )
@@ -102,21 +112,6 @@ class PhotoSetup:
             "corners_px": None if self.corners_px is None else self.corners_px.tolist(),
             "obstacle_height_mm": self.obstacle_mm,
         }
-
-
-def _corners(given: tuple[float, ...]) -> Floats:
-    if len(given) != 8:
-        raise BadInputError("--corners", list(given), "eight numbers: X,Y of four corners")
-    return np.array([number("--corners", part, -1e6, 1e6, "px") for part in given]).reshape(4, 2)
-
-
-def _colour(given: tuple[float, ...]) -> FilmColour:
-    if len(given) != 3:
-        raise BadInputError("--film-colour", list(given), "three numbers: R,G,B")
-    red, green, blue = (
-        whole("--film-colour", int(part) if part == int(part) else -1, 0, 255) for part in given
-    )
-    return red, green, blue
 
 
 # --- The rig --------------------------------------------------------------------------------------
@@ -145,7 +140,7 @@ class _RigForm(TablePart):
 
 def _rig_facts(path: Path) -> tuple[tuple[CornerMarker, ...], float]:
     """Return the markers and the height of the obstacles, in map millimetres, of a rig.json."""
-    content = _json(path)
+    content = json_object(read_text(path, _MOST_OUTLINE_BYTES), path)
     if "markers" not in content:
         raise BadInputError("markers", None, "a rig.json whose rig carries corner markers", path)
     form = validated(_RigForm, content, path)
@@ -154,16 +149,6 @@ def _rig_facts(path: Path) -> tuple[tuple[CornerMarker, ...], float]:
         for m in form.markers
     )
     return markers, form.options.height_mm / form.options.scale
-
-
-def _json(path: Path) -> dict[str, object]:
-    try:
-        content = json.loads(read_text(path, _MOST_OUTLINE_BYTES))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {str(error)[:100]}") from error
-    if not isinstance(content, dict):
-        raise UnreadableFileError(path, "is no JSON object")
-    return content
 
 
 # --- Outlines -------------------------------------------------------------------------------------
@@ -180,7 +165,7 @@ def _outline(path: Path, *, is_svg: bool) -> BaseGeometry:
 
 
 def _geojson_areas(path: Path) -> list[Polygon]:
-    content = _json(path)
+    content = json_object(read_text(path, _MOST_OUTLINE_BYTES), path)
     try:
         found = shapely.from_geojson(json.dumps(content))
     except (ShapelyError, ValueError, TypeError) as error:
@@ -199,13 +184,8 @@ def _svg_areas(path: Path) -> Iterator[Polygon]:
         if node.tag in _NOT_DRAWN:
             continue
         frame = after(outer, transform(node))
-        for ring in _rings(node):
+        for run in svg_outlines(node) if node.tag in _SHAPES else ():
+            ring = np.vstack([piece.flat(_FLAT_PX) for piece in run.pieces])
             if len(ring) > 2:
                 yield Polygon(ring @ frame[:, :2].T + frame[:, 2])
         waiting += [(child, frame) for child in node.children]
-
-
-def _rings(node: Node) -> list[Floats]:
-    """Return the outlines of a node as rings of points."""
-    runs = svg_outlines(node) if node.tag in _SHAPES else []
-    return [np.vstack([piece.flat(_FLAT_PX) for piece in run.pieces]) for run in runs]

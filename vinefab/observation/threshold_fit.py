@@ -88,7 +88,8 @@ def fit_threshold(
     table = _log_likelihood(angle, has_stopped, group, error_deg)
     profile = table.max(axis=(0, 1))
     best = np.unravel_index(int(table.argmax()), table.shape)
-    side = _side(has_stopped)
+    side: Side = "both" if has_stopped.any() else "upper"
+    side = "lower" if has_stopped.all() else side
     fall = 2.0 * (profile.max() - profile)
     inside = _theta_deg()[fall <= (TWO_SIDED if side == "both" else ONE_SIDED)]
     # Separable contacts leave a plateau: its middle says more than its first point.
@@ -106,12 +107,6 @@ def fit_threshold(
         tip_spread_deg=TIP_SPREADS_DEG[int(best[0])],
         photo_spread_deg=PHOTO_SPREADS_DEG[int(best[1])],
     )
-
-
-def _side(stopped: np.ndarray) -> Side:
-    if stopped.all():
-        return "lower"
-    return "both" if stopped.any() else "upper"
 
 
 @cache

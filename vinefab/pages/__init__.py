@@ -3,8 +3,7 @@
 `panel` is the drawing layer: panels of primitives in millimetres, put together to pages;
 `page_svg`, `page_png` and `page_pdf` write pages. `plan` draws maps, starts and robots into panels,
 `charts` how searches and scores went; `label_places` says where labels lie, `colours` has the
-colours. `plan_svg` gives maps and robots as SVG text that a page can move, for the studio,
-`plan_document` puts such text into a plan that stands alone, for notebooks. `animation_svg` and
-`animation_gif` show moving deployments; `figure` has the matplotlib side of the charts in studies;
-`html` is the page.
+colours. `plan_svg` gives maps and robots as SVG text that a page can move, for the studio.
+`animation_svg` and `animation_gif` show moving deployments; `figure` has the matplotlib side of the
+charts in studies; `html` is the page.
 """

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from vinefab.core.errors import shortened
-from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.jsontext import GENERATOR
 from vinefab.pages.colours import INK, SOFT
+from vinefab.pages.panel import MOST_LETTERS, MOST_LINES
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "vinefab",
@@ -28,9 +28,6 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "text.parse_math": False,  # names of maps and designs may hold dollars
 }
-
-
-MOST_LETTERS, MOST_LINES = 120, 8  # of one text in a figure; longer ones leave no room for it
 
 
 def _shorten_texts(figure: Figure) -> None:
@@ -64,18 +61,15 @@ def frame(axes: Axes) -> None:
     axes.grid(visible=True, color=SOFT, alpha=0.15)
 
 
-def svg_bytes(figure: Figure, *, whole_page: bool = False) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes.
-
-    With ``whole_page`` the page is as large as the figure says, for drawings at true scale.
-    """
+def svg_bytes(figure: Figure) -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes."""
     stream = io.BytesIO()
     _shorten_texts(figure)
     with house_style():
         figure.savefig(
             stream,
             format="svg",
-            bbox_inches=None if whole_page else "tight",
+            bbox_inches="tight",
             metadata={"Date": None, "Creator": GENERATOR},
         )
     # matplotlib repeats every text in a comment, with characters that XML forbids.
@@ -89,18 +83,3 @@ _NOT_XML = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]|\xef\xbf[\xbe\xbf]")
 def _shortened(path: re.Match[bytes]) -> bytes:
     """Return a path with its numbers to a hundredth of a point; matplotlib writes six decimals."""
     return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
-
-
-def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
-    """Return a figure as PNG."""
-    stream = io.BytesIO()
-    _shorten_texts(figure)
-    with house_style():
-        figure.savefig(
-            stream,
-            format="png",
-            dpi=dpi,
-            bbox_inches="tight",
-            metadata={"Software": ROOMY_GENERATOR},
-        )
-    return stream.getvalue()

@@ -440,7 +440,7 @@ def paper(wide_pt: float, high_pt: float) -> Panel:
 
 
 def page_of_paper(panel: Panel) -> Page:
-    """Return a page that a panel fills, with nothing around it."""
+    """Return a page that a panel fills, with nothing around it: also drawings at true scale."""
     drawn = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
     layers = [Layer(primitives=drawn)]
     return Page(width_pt=panel.width_pt, height_pt=panel.height_pt, layers=layers, panels=[panel])
@@ -449,14 +449,6 @@ def page_of_paper(panel: Panel) -> Page:
 def page_of(*panels: Panel) -> Page:
     """Return a page with panels in one row."""
     return page_of_rows([panels])
-
-
-def bare_page(panel: Panel) -> Page:
-    """Return a page that is a panel alone, without axes and title: a drawing at true scale."""
-    inside = [_moved(primitive, panel, np.zeros(2)) for primitive in panel.primitives]
-    layers = [Layer(primitives=inside)]
-    wide_pt, high_pt = panel.width_pt, panel.height_pt
-    return Page(width_pt=wide_pt, height_pt=high_pt, layers=layers, panels=[panel])
 
 
 def page_of_rows(

@@ -9,14 +9,17 @@ from shapely import Polygon
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
+from vinefab.model.outline import Contour
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.map_view import (
     STOP_WORDS,
     Box,
     StartMark,
+    at_least_wide,
     bounds_in,
     longer_mm,
     lost_places,
+    robot_box,
     robot_view,
     rock_in,
     start_marks,
@@ -177,9 +180,12 @@ def draw_pose(panel: Panel, pose: Pose, view_mm: float) -> None:
     panel.add(dot, 7.0, "start")
 
 
-def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_pt: float = 468.0) -> Page:
+def map_plan(
+    world: Map, *, targets_mm: Floats | None = None, longest_pt: float = 468.0, title: str = ""
+) -> Page:
     """Return a plan of a map with its starts, and with targets, shape (t, 2), if there are any."""
     panel = plan_panel(world.bounds.bounds, longest_pt)
+    panel.title = title
     draw_map(panel, world)
     for start in world.starts:
         draw_pose(panel, start.pose, max(world.size_mm))
@@ -189,7 +195,7 @@ def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_pt: float 
 
 
 def deployment_plan(  # noqa: PLR0913  options by keyword
-    world: Map,
+    world: Map | None,
     deployment: Deployment,
     widths_mm: tuple[float, ...],
     *,
@@ -197,21 +203,49 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
     named: bool = False,
     whole: bool = False,
     targets_mm: Floats | None = None,
+    title: str = "",
 ) -> Page:
-    """Return a plan of a robot deployed on a map, with targets, shape (t, 2), if there are any."""
-    box = world.bounds.bounds if whole else robot_view(world, deployment)
+    """Return a plan of a robot deployed on a map, with targets, shape (t, 2), if there are any.
+
+    Without a map the robot is drawn alone.
+    """
+    if world is None:
+        box = robot_box(deployment)
+    else:
+        box = world.bounds.bounds if whole else robot_view(world, deployment)
     panel = plan_panel(box, longest_pt)
-    draw_map(panel, world, box)
+    panel.title = title
+    if world is not None:
+        draw_map(panel, world, box)
     draw_deployment(panel, deployment, widths_mm)
     draw_pose(panel, deployment.pose, longer_mm(box))
     if targets_mm is not None:
         draw_targets(panel, targets_mm)
-    if box != world.bounds.bounds:
+    if world is not None and box != world.bounds.bounds:
         size = " x ".join(f"{side:g}" for side in world.size_mm)
-        panel.title, panel.title_colour = f"part of {world.name}, {size} mm", SOFT
+        part = f"part of {world.name}, {size} mm"
+        panel.title, panel.title_colour = f"{title}\n{part}" if title else part, SOFT
     if named:
         draw_names(panel, deployment)
     return page_of(panel)
+
+
+def outline_plan(
+    contour: Contour, *, filled: bool = True, title: str = "", longest_pt: float = 468.0
+) -> Page:
+    """Return a plan of a flat outline; film fills it."""
+    box = at_least_wide(contour.box_mm)
+    panel = plan_panel(box, longest_pt)
+    panel.title = title
+    points = contour.flattened_mm(_FINE * longer_mm(box))
+    if filled:
+        panel.add(Shape([points], Ink(fill=ROCK, fill_alpha=0.5), closed=True))
+    panel.add(Shape([points], Ink(line=INK), closed=contour.closed))
+    return page_of(panel)
+
+
+_FINE = 1e-4
+"""Arcs become chords that lie this close to them, as a share of a picture's longer side."""
 
 
 def draw_thin(panel: Panel, deployments: Sequence[Deployment], ink: Ink, rank: float) -> None:

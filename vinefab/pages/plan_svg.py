@@ -1,4 +1,8 @@
-"""Maps, robots, starts and outlines as plain SVG text: the studio, its snapshots, notebooks.
+"""Maps, robots, starts and outlines as SVG text that a page moves: the studio and its snapshots.
+
+Pictures that stay as they are belong to `vinefab.pages.plan`. Here the page takes the parts apart
+again: it drags obstacles and starts, shortens branches and changes its colours, so every part is an
+element with a class, in the units of the map.
 
 Coordinates are millimetres of the map with y turned over (SVG counts downwards); no transform
 stands on the whole. How things look is left to ``templates/plan.css``; the ``<svg>`` around them
@@ -15,7 +19,7 @@ has the class ``plan``. Two things are the page's:
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -35,10 +39,8 @@ from vinefab.pages.map_view import (
     UNSEEN_DETAIL,
     Box,
     StartMark,
-    bounds_in,
     longer_mm,
     lost_places,
-    rock_in,
     start_marks,
 )
 from vinefab.physics.tube import inflated_diameter_mm
@@ -70,26 +72,36 @@ CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
 """What stands where a body is wrapped around a wall, in pixels around it."""
 
 
-def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) -> str:
+def ground_svg(world: Map, *, detail: bool = True) -> str:
     """Return bounds, obstacles and the ranges of starts of a map as ``<g class="ground">``.
 
     Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
     the bounds another one without. Without ``detail`` all of them are one path, simplified for a
-    small picture; with a box they are too, cut off well outside of it.
+    small picture.
     """
-    if detail and box_mm is None and len(world.obstacles) <= MOST_OBSTACLES:
-        bounds, outside, obstacles = _all_of(world)
-        rock = [f'<path class="rock" d="{path}"/>' for path in _rings_paths(outside)]
+    longest_mm, apart = longer_mm(world.bounds.bounds), len(world.obstacles) <= MOST_OBSTACLES
+    whole = shapely.box(*world.bounds.bounds)
+    outside = list[Polygon]()
+    if world.bounds.interiors or not world.bounds.equals(whole):
+        # A cut may leave lines and points beside polygons.
+        parts = shapely.get_parts(shapely.difference(whole, world.bounds)).tolist()
+        outside = [part for part in parts if isinstance(part, Polygon)]
+    shapes = [world.bounds, *outside, *world.obstacles]
+    corners = int(shapely.get_num_coordinates(shapes).sum())
+    if not (detail and apart) or corners > _MOST_CORNERS:
+        coarse = UNSEEN_DETAIL if detail else _COARSE * UNSEEN_DETAIL
+        shapes = shapely.simplify(shapes, coarse * longest_mm).tolist()
+    edge, *solid = _rings_paths(shapes)
+    if detail and apart:
+        rock = [f'<path class="rock" d="{path}"/>' for path in solid[: len(outside)]]
         rock += [
             f'<path class="rock" data-obstacle="{index}" d="{path}"/>'
-            for index, path in enumerate(_rings_paths(obstacles))
+            for index, path in enumerate(solid[len(outside) :])
         ]
     else:
-        bounds, solid = _seen_of(world, box_mm, 1.0 if detail else _COARSE)
-        rock = [f'<path class="rock merged" d="{"".join(_rings_paths(solid))}"/>'] if solid else []
-    edge = "".join(_rings_paths(bounds))
+        rock = [f'<path class="rock merged" d="{"".join(solid)}"/>'] if solid else []
     free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
-    starts = "".join(_range_svg(mark) for mark in start_marks(world, box_mm or world.bounds.bounds))
+    starts = "".join(_range_svg(mark) for mark in start_marks(world, world.bounds.bounds))
     return f'<g class="ground">{free}{"".join(rock)}{line}{starts}</g>'
 
 
@@ -135,10 +147,9 @@ def robot_svg(
     return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
 
 
-def outline_svg(contour: Contour, *, filled: bool = True) -> str:
+def outline_svg(contour: Contour) -> str:
     """Return a contour of lines and arcs as one exact path, ``class="outline"``."""
-    kind = "outline" if filled else "outline open"
-    return f'<path class="{kind}" d="{contour_path(contour)}"/>'
+    return f'<path class="outline" d="{contour_path(contour)}"/>'
 
 
 def contour_path(contour: Contour) -> str:
@@ -194,40 +205,6 @@ def view_box(box_mm: Box, rim_mm: float = 0.0) -> str:
 
 
 # --- Ground ---------------------------------------------------------------------------------------
-
-
-def _all_of(world: Map) -> tuple[list[Polygon], list[Polygon], list[Polygon]]:
-    """Return bounds, what is solid around them, and obstacles; plainer where they are many."""
-    outside = _outside(world)
-    shapes = [world.bounds, *outside, *world.obstacles]
-    if shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
-        shapes = shapely.simplify(shapes, UNSEEN_DETAIL * longer_mm(world.bounds.bounds)).tolist()
-    return shapes[:1], shapes[1 : 1 + len(outside)], shapes[1 + len(outside) :]
-
-
-def _seen_of(world: Map, box_mm: Box | None, coarse: float) -> tuple[list[Polygon], list[Polygon]]:
-    """Return bounds and all that is solid, as far as it can be seen in a box or the whole map."""
-    if box_mm is None:
-        bounds, solid = [world.bounds], [*_outside(world), *world.obstacles]
-    else:
-        bounds, solid = _polygons([bounds_in(world, box_mm)]), _polygons(rock_in(world, box_mm))
-    tolerance_mm = coarse * UNSEEN_DETAIL * longer_mm(box_mm or world.bounds.bounds)
-    plain: list[Polygon] = shapely.simplify([*bounds, *solid], tolerance_mm).tolist()
-    return plain[: len(bounds)], plain[len(bounds) :]
-
-
-def _outside(world: Map) -> list[Polygon]:
-    """Return what is solid because it lies outside of the bounds, as far as their box goes."""
-    whole = shapely.box(*world.bounds.bounds)
-    if not world.bounds.interiors and world.bounds.equals(whole):
-        return []
-    return _polygons([shapely.difference(whole, world.bounds)])
-
-
-def _polygons(shapes: Iterable[BaseGeometry]) -> list[Polygon]:
-    """Return the polygons in shapes; a cut may leave lines and points beside them."""
-    parts = shapely.get_parts(list(shapes)).tolist()
-    return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
 
 
 def _rings_paths(polygons: Sequence[Polygon]) -> list[str]:

@@ -45,8 +45,14 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
     BadInputError
         If a number is seen twice, or OpenCV is not installed.
     """
-    cv2 = _opencv(photo)
-    grey = _light(photo)
+    try:
+        cv2: Any = import_module("cv2")
+    except ImportError as error:
+        allowed = "together with OpenCV: pip install 'vinefab[vision]'"
+        raise BadInputError("markers", "asked for", allowed, photo.name) from error
+    # How much light fell on each pixel.
+    light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
+    grey = np.asarray(light[np.asarray(Image.fromarray(photo.pixels).convert("L"))])
     times = max(1, -(-max(grey.shape) // _LARGEST_SEARCHED))
     small = np.asarray(Image.fromarray(grey).reduce(times)) if times > 1 else grey
     parameters = cv2.aruco.DetectorParameters()
@@ -60,20 +66,6 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
         rough = (square.reshape(4, 2).astype(np.float64) + 0.5) * times
         found[int(number)] = _refined(grey, rough)
     return found
-
-
-def _light(photo: Photo) -> NDArray[np.uint8]:
-    """Return how much light fell on each pixel, 0 to 255."""
-    light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
-    return np.asarray(light[np.asarray(Image.fromarray(photo.pixels).convert("L"))])
-
-
-def _opencv(photo: Photo) -> Any:  # noqa: ANN401  OpenCV's own types are incomplete
-    try:
-        return import_module("cv2")
-    except ImportError as error:
-        allowed = "together with OpenCV: pip install 'vinefab[vision]'"
-        raise BadInputError("markers", "asked for", allowed, photo.name) from error
 
 
 def _refined(grey: NDArray[np.uint8], corners: Floats) -> Floats:

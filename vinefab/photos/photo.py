@@ -4,6 +4,7 @@ import io
 import math
 import struct
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,11 +76,14 @@ def read_photo(path: Path) -> Photo:
         with warnings.catch_warnings():
             # We have a limit of our own; what else Pillow warns of does not stop it from reading.
             warnings.simplefilter("ignore")
-            image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+            image: Image.Image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
             _ensure_one_picture(path, image)
             image.load()
             focal_35mm_mm = _focal_35mm_mm(image)
-            pixels = _rgb(_upright(image))
+            upright: Image.Image = image  # as it is where the EXIF data are damaged
+            with suppress(OSError, ValueError, SyntaxError, LookupError, TypeError, struct.error):
+                upright = ImageOps.exif_transpose(image)
+            pixels = _rgb(upright)
     except UnidentifiedImageError as error:
         raise UnreadableFileError(path, "is not a PNG or JPEG picture, or is damaged") from error
     except Image.DecompressionBombError as error:
@@ -103,13 +107,6 @@ def _ensure_one_picture(path: Path, image: Image.Image) -> None:
     frames = int(getattr(image, "n_frames", 1))
     if image.format == "PNG" and frames > 1:
         raise UnreadableFileError(path, f"is an animation of {frames} pictures; allowed: one")
-
-
-def _upright(image: Image.Image) -> Image.Image:
-    try:
-        return ImageOps.exif_transpose(image)
-    except (OSError, ValueError, SyntaxError, LookupError, TypeError, struct.error):
-        return image  # the EXIF data are damaged, the picture is not
 
 
 def _focal_35mm_mm(image: Image.Image) -> float | None:

@@ -259,10 +259,15 @@ class _Pose:
         if focal is None:
             return None
         begin = _pose_vector(centred, focal)
-        noise = max(control.noise_px, _noise_px(homography, control))
+        freedom, noise = 2 * len(control.points_px) - 8, control.noise_px
+        if freedom > 0:  # what the fit of the homography leaves
+            left = projected(homography, control.points_mm) - control.points_px
+            noise = max(noise, float(np.sqrt((left**2).sum() / freedom)))
 
         def off(values: Floats) -> Floats:
-            seen = _seen(values, control.points_mm) + middle
+            axes = Rotation.from_rotvec(values[1:4]).as_matrix()
+            inside = control.points_mm @ axes[:, :2].T + values[4:7]
+            seen = np.exp(values[0]) * inside[:, :2] / inside[:, 2:] + middle
             apart = (seen - control.points_px).ravel() / noise
             if photo.focal_px is None:
                 return np.asarray(apart)
@@ -293,15 +298,6 @@ class _Pose:
         return float(apart.max() / abs(place[2]))
 
 
-def _noise_px(homography: Floats, control: ControlPoints) -> float:
-    """Return the standard deviation of the points in the photo that a fit leaves."""
-    freedom = 2 * len(control.points_px) - 8
-    if freedom <= 0:
-        return 0.0
-    apart = projected(homography, control.points_mm) - control.points_px
-    return float(np.sqrt((apart**2).sum() / freedom))
-
-
 def _focal_of(centred: Floats) -> float | None:
     """Return the focal length that makes a homography's axes square and alike, if one does."""
     one, two = centred[:, 0], centred[:, 1]
@@ -326,13 +322,6 @@ def _pose_vector(centred: Floats, focal_px: float) -> Floats:
     return np.concatenate(
         [[np.log(focal_px)], Rotation.from_matrix(nearest).as_rotvec(), axes[:, 2]]
     )
-
-
-def _seen(values: Floats, points_mm: Floats) -> Floats:
-    """Return where a camera sees points, from the middle of its photo."""
-    turn = Rotation.from_rotvec(values[1:4]).as_matrix()
-    inside = points_mm @ turn[:, :2].T + values[4:7]
-    return np.asarray(np.exp(values[0]) * inside[:, :2] / inside[:, 2:])
 
 
 def _first_deviation(jacobian: Floats) -> float:

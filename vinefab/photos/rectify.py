@@ -1,4 +1,6 @@
-"""Photos made into plans."""
+"""Photos made into plans: what a camera straight above would have seen, in map coordinates."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,40 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, positive
 from vinefab.photos.photo import MOST_MEGAPIXELS, Photo
 from vinefab.photos.photo_camera import PhotoCamera, projected
-from vinefab.photos.plan_view import PlanView
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanView:
+    """A rectified photo.
+
+    Parameters
+    ----------
+    pixels
+        Red, green and blue, uint8, shape (rows, columns, 3); the first row is the topmost.
+    mm_per_pixel
+        Side of a pixel on the plane that the photo was rectified to.
+    left_mm, top_mm
+        Map coordinates of the upper left corner of the upper left pixel.
+    """
+
+    pixels: NDArray[np.uint8]
+    mm_per_pixel: float
+    left_mm: float
+    top_mm: float
+
+    def to_map(self, points_px: Floats) -> Floats:
+        """Return map coordinates of points (column, row), shape (n, 2); pixel middles end in .5."""
+        points = np.asarray(points_px, dtype=np.float64)
+        return np.array([self.left_mm, self.top_mm]) + points * (
+            self.mm_per_pixel,
+            -self.mm_per_pixel,
+        )
+
+    def to_pixels(self, points_mm: Floats) -> Floats:
+        """Return points (column, row), shape (n, 2), of map coordinates."""
+        away = np.asarray(points_mm, dtype=np.float64) - (self.left_mm, self.top_mm)
+        return np.asarray(away / (self.mm_per_pixel, -self.mm_per_pixel))
+
 
 AreaMm = tuple[float, float, float, float]
 """Left, low, right and top in map coordinates."""
@@ -49,21 +84,18 @@ def rectified(
     source = Image.fromarray(photo.pixels)
     source = source.reduce(times) if times > 1 else source
     matrix = np.diag([1.0 / times, 1.0 / times, 1.0]) @ homography @ to_map
-    return PlanView(
-        pixels=np.asarray(_transformed(source, matrix, (columns, rows))),
-        mm_per_pixel=step,
-        left_mm=left,
-        top_mm=top,
-    )
-
-
-def _transformed(source: Image.Image, matrix: Floats, size_px: tuple[int, int]) -> Image.Image:
-    return source.transform(
-        size_px,
+    plan = source.transform(
+        (columns, rows),
         Image.Transform.PERSPECTIVE,
         (matrix / matrix[2, 2]).ravel()[:8].tolist(),
         Image.Resampling.BICUBIC,
         fillcolor="white",
+    )
+    return PlanView(
+        pixels=np.asarray(plan),
+        mm_per_pixel=step,
+        left_mm=left,
+        top_mm=top,
     )
 
 
@@ -93,7 +125,8 @@ def most_pixels_per_mm(homography: Floats, area_mm: AreaMm) -> float:
     """Return how many pixels of a photo a millimetre of the plane has where it has most."""
     left, low, right, top = area_mm
     corners = np.array([(left, low), (right, low), (right, top), (left, top)])
-    if not _in_front(homography, corners):
+    depth = np.column_stack([corners, np.ones(4)]) @ homography[2]
+    if not ((depth > 0.0).all() or (depth < 0.0).all()):
         raise BadInputError("area_mm", area_mm, "an area of which the camera sees all corners")
     step = 1e-3 * min(right - left, top - low)
     here = projected(homography, corners)
@@ -101,8 +134,3 @@ def most_pixels_per_mm(homography: Floats, area_mm: AreaMm) -> float:
     up = projected(homography, corners + np.array([0.0, step])) - here
     areas = np.abs(along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0])
     return float(np.sqrt(areas.max()) / step)
-
-
-def _in_front(homography: Floats, points: Floats) -> bool:
-    depth = np.column_stack([points, np.ones(len(points))]) @ homography[2]
-    return bool((depth > 0.0).all() or (depth < 0.0).all())

@@ -1,6 +1,9 @@
 """Pictures of where to put a robot's base: landscapes, deployments, headings, several robots."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,11 +31,13 @@ from vinefab.pages.plan import (
     draw_targets,
     draw_thin,
 )
-from vinefab.prediction.aiming import SHOWN_DEPLOYMENTS, AimedRobot, AimResult
 from vinefab.prediction.deploy import pose_text
 from vinefab.prediction.robot_set import RobotSet, union_curve
 from vinefab.tasks.covered_cells import BodyCover, TargetCover, TipCover
 from vinefab.tasks.reach import Reach
+
+if TYPE_CHECKING:
+    from vinefab.prediction.aiming import AimedRobot, AimResult
 
 PLAN_PT = 360.0
 """Longer side of a plan."""
@@ -71,7 +76,8 @@ def landscape_panel(found: AimResult, robot: AimedRobot, *, bar: bool = True) ->
         colour = "#{:02x}{:02x}{:02x}".format(*shades[level])
         panel.marks(places[levels == level], "s", side_pt, Ink(fill=colour), rank=1.5)
     if bar:
-        panel.bar = (score_words(found), low, high, HEAT_COLOURS)
+        words = f"expected {found.task.name} score (simulated)"
+        panel.bar = (words, low, high, HEAT_COLOURS)
     _draw_arrows(panel, places, landscape.best_headings_rad[known], scores, size_mm)
     _draw_best(panel, found, robot)
     return panel
@@ -225,11 +231,6 @@ def union_panel(robots: Sequence[AimedRobot]) -> Panel:
 
 # --- One picture ----------------------------------------------------------------------------------
 
-ROW_TITLES = (
-    f"{SHOWN_DEPLOYMENTS} deployments from there, one in full (simulated)",
-    "robots that together cover most, at one draw (simulated)",
-)
-
 
 def aim_sheet(found: AimResult) -> Page:
     """Return the maps, the best deployments and the headings of all designs in one picture."""
@@ -243,14 +244,14 @@ def aim_sheet(found: AimResult) -> Page:
             f"worst tenth {best.worst_tenth:.3f} (simulated)"
         )
         second = best_deployments_panel(found, robot)
-        second.title = ROW_TITLES[0]
+        second.title = f"{len(robot.shown)} deployments from there, one in full (simulated)"
         plans[0].append(first)
         plans[1].append(second)
     teams = [robot.team for robot in robots if robot.team is not None]
     if teams:
         third = [team_panel(found, team) for team in teams]
         for panel in third:
-            panel.title = ROW_TITLES[1]
+            panel.title = "robots that together cover most, at one draw (simulated)"
         plans.append(third)
     for row in plans:
         for panel in row:
@@ -260,8 +261,3 @@ def aim_sheet(found: AimResult) -> Page:
     if teams and len(robots) > 1:
         last.append(union_panel(robots))
     return page_of_rows([*plans, last])
-
-
-def score_words(found: AimResult) -> str:
-    """Return what the scale of scores shows."""
-    return f"expected {found.task.name} score (simulated)"

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.front_door import front_door
+from vinefab.core.jsontext import rounded
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.core.view import (
     Answer,
     Block,
@@ -29,8 +28,8 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Text,
     Value,
 )
@@ -47,6 +46,14 @@ from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import page_of
 from vinefab.pages.plan import page_bytes
+from vinefab.prediction.aim_pictures import (
+    aim_sheet,
+    best_deployments_panel,
+    landscape_panel,
+    team_panel,
+    turned_panel,
+    union_panel,
+)
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, numbered_names
 from vinefab.prediction.pose_search import (
     MOST_PLACING_DEG,
@@ -56,10 +63,10 @@ from vinefab.prediction.pose_search import (
     BaseRegion,
     DeploymentCounter,
     PoseErrors,
-    PoseLandscape,
     PoseSearch,
     PoseTrial,
     nearest_places,
+    pose_of,
     printed_pose,
     search_poses,
 )
@@ -93,6 +100,7 @@ SHOWN_DEPLOYMENTS = 24
 """Deployments from the best pose that are drawn."""
 
 _FRESH, _SETS = 2001, 2002
+_PLAIN = (bool, int, float, str, tuple)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,12 +211,10 @@ class PoseEstimate:
     def content(self) -> dict[str, object]:
         """Return it as it stands in JSON."""
         low, high = self.interval
+        numbers = {"mean": self.mean, "low": low, "high": high, "worst_tenth": self.worst_tenth}
         return {
             "pose": _pose_content(self.pose),
-            "mean": _rounded(self.mean),
-            "low": _rounded(low),
-            "high": _rounded(high),
-            "worst_tenth": _rounded(self.worst_tenth),
+            **rounded(numbers, 5),
             "deployments": len(self.scores),
         }
 
@@ -311,7 +317,7 @@ class AimResult(Result):
             f"{score}."
         )
         yield Picture(
-            image=lambda: page_svg(page_of(self._pictures.landscape_panel(self, first))),
+            image=lambda: page_svg(page_of(landscape_panel(self, first))),
             caption=f"{first.name}: expected score of "
             f"{counted(len(first.search.landscape.places_mm), 'place')}, each at the best of its "
             "headings (arrows). Ring: the best robust pose (simulated).",
@@ -342,7 +348,7 @@ class AimResult(Result):
             ),
             lead=True,
         )
-        yield Table(
+        yield Rows(
             caption=f"Expected {self.task.name} score at the best pose of each: mean of "
             f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
             "estimate is the best of many, so biased",
@@ -356,7 +362,12 @@ class AimResult(Result):
         for robot in self.robots:
             if robot.team is not None:
                 yield _team_table(robot.name, robot.team)
-                yield Text(_team_words(robot.name, robot.team))
+                yield Text(
+                    f"The poses of {robot.name} were chosen one after the other, each for what it "
+                    f"adds: at least {100 * GREEDY_SHARE:.0f} % (1 - 1/e) of what the best "
+                    f"{len(robot.team.poses)} of these poses cover, and by this case's own bound "
+                    f"at least {robot.team.least_percent:.1f} %."
+                )
         yield Facts(
             (
                 Fact("bases", first.search.words),
@@ -372,7 +383,11 @@ class AimResult(Result):
                     "contacts": plan.options.contact_angles_standing,
                 },
                 "task": self.task.name,
-                "task_parameters": _parameters(self.task),
+                "task_parameters": {
+                    name: value
+                    for name in getattr(self.task, "__dataclass_fields__", {})
+                    if isinstance(value := getattr(self.task, name), _PLAIN)
+                },
                 "map": self.world.name,
                 "where": plan.where,
                 "placing_mm": plan.placing_mm,
@@ -388,7 +403,7 @@ class AimResult(Result):
         plan, first = self.plan, self.first
         others = [
             Picture(
-                image=page_svg(page_of(self._pictures.landscape_panel(self, robot))),
+                image=page_svg(page_of(landscape_panel(self, robot))),
                 caption=f"{robot.name}: expected score of its places. Ring: its best robust pose, "
                 f"{robot.best.pose.text} (simulated).",
             )
@@ -396,7 +411,7 @@ class AimResult(Result):
         ]
         grown = [
             Picture(
-                image=page_svg(page_of(self._pictures.best_deployments_panel(self, robot))),
+                image=page_svg(page_of(best_deployments_panel(self, robot))),
                 caption=f"{robot.name} from {robot.best.pose.text}: "
                 f"{counted(len(robot.shown), 'deployment')} with contacts and placing errors, one "
                 "of them in full (simulated).",
@@ -404,7 +419,7 @@ class AimResult(Result):
             for robot in self.robots
         ]
         turned = Picture(
-            image=page_svg(page_of(self._pictures.turned_panel(self.robots))),
+            image=page_svg(page_of(turned_panel(self.robots))),
             caption=f"Score over the heading at each best place: mean of {PROFILE_DRAWS} "
             "deployments, and from the worst to the best tenth; dotted: the best heading "
             "(simulated).",
@@ -412,7 +427,7 @@ class AimResult(Result):
         yield Section(title="From the best pose", pictures=(*grown, turned, *others))
         teams = [
             Picture(
-                image=page_svg(page_of(self._pictures.team_panel(self, robot.team))),
+                image=page_svg(page_of(team_panel(self, robot.team))),
                 caption=f"{robot.name}: {robot.team.cover.words}; each robot's colour where it is "
                 "the first to cover, at one fresh draw (simulated).",
             )
@@ -421,7 +436,7 @@ class AimResult(Result):
         ]
         if teams:
             union = Picture(
-                image=page_svg(page_of(self._pictures.union_panel(self.robots))),
+                image=page_svg(page_of(union_panel(self.robots))),
                 caption="Covered share over the number of robots: mean and 95 % interval at fresh "
                 "draws; dashed: what no set of as many candidates can exceed at the draws of the "
                 "search (simulated).",
@@ -442,11 +457,7 @@ class AimResult(Result):
 
     def picture(self, suffix: str) -> bytes:
         """Return the maps, the best deployments and the headings of all designs in one picture."""
-        return page_bytes(self._pictures.aim_sheet(self), suffix)
-
-    @property
-    def _pictures(self) -> Any:  # noqa: ANN401  a module that knows this one
-        return front_door("prediction.aim_pictures")
+        return page_bytes(aim_sheet(self), suffix)
 
     @property
     def first(self) -> AimedRobot:
@@ -475,9 +486,9 @@ class AimResult(Result):
         return self.first.best.mean
 
 
-def _team_table(name: str, team: RobotSet) -> Table:
+def _team_table(name: str, team: RobotSet) -> Rows:
     percent = partial(Number, unit="%", form=".1f", per=0.01)
-    return Table(
+    return Rows(
         caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
         f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
         headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),
@@ -489,20 +500,6 @@ def _team_table(name: str, team: RobotSet) -> Table:
             )
         ),
     )  # fmt: skip
-
-
-def _team_words(name: str, team: RobotSet) -> str:
-    return (
-        f"The poses of {name} were chosen one after the other, each for what it adds: at least "
-        f"{100 * GREEDY_SHARE:.0f} % (1 - 1/e) of what the best {len(team.poses)} of these poses "
-        f"cover, and by this case's own bound at least {team.least_percent:.1f} %."
-    )
-
-
-def pose_of(row: Floats) -> Pose:
-    """Return the pose of a row of `printed_pose`: what is printed is what was tried."""
-    x_mm, y_mm, heading_rad = (float(value) for value in row)
-    return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=heading_rad)
 
 
 def aim_robots(
@@ -585,6 +582,15 @@ def _aimed(
         team = TeamSearch(trial=trial, cover=cover, errors=plan.errors, tell=tell).choose(
             found.landscape, found.pose, plan.robots, plan.candidates, child(plan.seed, _SETS)
         )
+    notes = []
+    for start in starts:
+        place = np.array([[start.x_mm, start.y_mm]])
+        if not trial.prepared.terrain.have_room(place, trial.radius_mm)[0]:
+            away_mm = float(np.hypot(*(nearest_places(trial.room, place) - place)[0]))
+            notes.append(
+                f"the trunk of {name} has no room at the map's start: there it begins "
+                f"{away_mm:.1f} mm aside, at the nearest place with room"
+            )
     return AimedRobot(
         name=name,
         design=trial.design,
@@ -596,33 +602,11 @@ def _aimed(
         ),
         shown=tuple(trial.deployments(rows[0], fresh.part(0, SHOWN_DEPLOYMENTS))),
         team=team,
-        notes=tuple(note for start in starts for note in _start_notes(name, trial, start)),
-    )
-
-
-def _start_notes(name: str, trial: PoseTrial, start: Pose) -> tuple[str, ...]:
-    """Return by how much a start without room for the trunk was moved; nothing if there is room."""
-    place = np.array([[start.x_mm, start.y_mm]])
-    if trial.prepared.terrain.have_room(place, trial.radius_mm)[0]:
-        return ()
-    away_mm = float(np.hypot(*(nearest_places(trial.room, place) - place)[0]))
-    return (
-        f"the trunk of {name} has no room at the map's start: there it begins {away_mm:.1f} mm "
-        "aside, at the nearest place with room",
+        notes=tuple(notes),
     )
 
 
 # --- As JSON ------------------------------------------------------------------------------------
-
-
-def _parameters(task: Task) -> dict[str, object]:
-    names = getattr(task, "__dataclass_fields__", {})
-    values = {name: getattr(task, name) for name in names}
-    return {
-        name: value
-        for name, value in values.items()
-        if isinstance(value, bool | int | float | str | tuple)
-    }
 
 
 def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
@@ -640,55 +624,39 @@ def _robot_content(robot: AimedRobot, first: AimedRobot) -> dict[str, object]:
         "first_minus_this": None
         if robot is first
         else _gain_content(paired_gain(first.best, best)),
-        "landscape": _landscape_content(found.landscape),
+        "landscape": {  # a row of scores over the headings for each place
+            "draws": found.landscape.draws,
+            "spacing_mm": round(found.landscape.spacing_mm, 3),
+            "heading_deg": [round(deg(value), 2) for value in found.landscape.headings_rad],
+            "places_mm": rounded(found.landscape.places_mm.tolist(), 2),
+            "mean": rounded(found.landscape.scores.tolist(), 5),
+        },
         "headings_at_best": {
             "heading_deg": [round(deg(value), 2) for value in robot.turned.headings_rad],
-            "mean": [_rounded(value) for value in robot.turned.scores.mean(axis=1)],
+            "mean": rounded(robot.turned.scores.mean(axis=1).tolist(), 5),
         },
         "together": None if robot.team is None else _team_content(robot.team),
     }
 
 
 def _gain_content(gain: tuple[float, float, float] | None) -> dict[str, object] | None:
-    if gain is None:
-        return None
-    return {
-        name: _rounded(value) for name, value in zip(("mean", "low", "high"), gain, strict=True)
-    }
-
-
-def _landscape_content(found: PoseLandscape) -> dict[str, object]:
-    """Return the map of expected scores: a row of scores over the headings for each place."""
-    return {
-        "draws": found.draws,
-        "spacing_mm": round(found.spacing_mm, 3),
-        "heading_deg": [round(deg(value), 2) for value in found.headings_rad],
-        "places_mm": [[round(value, 2) for value in place] for place in found.places_mm.tolist()],
-        "mean": [[_rounded(value) for value in row] for row in found.scores.tolist()],
-    }
+    names = ("mean", "low", "high")
+    return None if gain is None else rounded(dict(zip(names, gain, strict=True)), 5)
 
 
 def _team_content(team: RobotSet) -> dict[str, object]:
+    names = ("count", "share", "low", "high", "search_bound", "search_share")
     return {
         "covered": team.cover.words,
         "candidates": team.candidates,
         "poses": [_pose_content(pose_of(row)) for row in team.poses],
         "robots": [
-            {
-                "count": count,
-                "share": _rounded(mean),
-                "low": _rounded(low),
-                "high": _rounded(high),
-                "search_share": _rounded(share),
-                "search_bound": _rounded(bound),
-            }
-            for (count, mean, low, high, bound), share in zip(
-                union_curve(team), team.choice.covered, strict=True
-            )
+            rounded(dict(zip(names, (*row, share), strict=True)), 5)
+            for row, share in zip(union_curve(team), team.choice.covered, strict=True)
         ],
         "least_share_of_best": {
             "always": round(GREEDY_SHARE, 4),
-            "here": _rounded(team.least_share),
+            "here": rounded(team.least_share, 5),
         },
     }
 
@@ -700,7 +668,3 @@ def _pose_content(pose: Pose) -> dict[str, object]:
         "heading_deg": round(pose.heading_deg, 2),
         "text": pose.text,
     }
-
-
-def _rounded(value: float) -> float | None:
-    return round(float(value), 5) if math.isfinite(value) else None

@@ -1,19 +1,21 @@
 """Anchoring over many deployments: what the simulation holds, beside the formula's ideal case."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 
-from vinefab.core.statistics import group_means
+from vinefab.core.jsontext import rounded
 from vinefab.core.validation import Floats
-from vinefab.core.view import Fact, Section, Table
+from vinefab.core.view import Data, Fact, Number, Rows, Section
 from vinefab.model.design import Design
 from vinefab.model.laser import Material
 from vinefab.physics.anchoring import payload_over_mass
 from vinefab.physics.seam import seam_load_n_mm
 from vinefab.prediction.family_deployments import FamilyDeployments
-from vinefab.tasks.anchoring_force import IDLE_SHARE, AnchoredRobots, Anchoring
+from vinefab.prediction.measures import means_by_map
+from vinefab.tasks.anchoring_force import IDLE_SHARE, Anchoring
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,15 +30,12 @@ class OverMaps:
     @classmethod
     def of(cls, values: Floats, maps: Sequence[str]) -> "OverMaps":
         """Return the spread of one value per deployment; ``maps`` has the map of each."""
-        means = group_means(values, maps) if len(set(maps)) > 1 else values
-        low, median, high = np.percentile(means, [5.0, 50.0, 95.0]).tolist()
+        low, median, high = np.percentile(means_by_map(values, maps), [5.0, 50.0, 95.0]).tolist()
         return cls(median=median, low=low, high=high)
 
-    def text(self, digits: int = 2) -> str:
+    def text(self) -> str:
         """Return median and range as they are shown."""
-        numbers = (self.median, self.low, self.high)
-        median, low, high = (f"{number:.{digits}f}" for number in numbers)
-        return f"{median} ({low} to {high})"
+        return f"{self.median:.2f} ({self.low:.2f} to {self.high:.2f})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +88,26 @@ def predict_anchoring(
     numbers, engaged, limited, leaves = [], [], [], 0
     for index, deployment in enumerate(result.deployments):
         robot = task.anchored(deployment, design.build, result.prepared_map(index).context)
-        numbers.append([_held_n(robot, friction) for friction in frictions])
+        numbers.append(
+            [
+                (robot.amplification(mu)[0], robot.amplification(mu, 1.0 - IDLE_SHARE)[0],
+                 robot.ideal(mu)[0], robot.pulls_n(mu)[1][0])
+                for mu in frictions
+            ]
+        )  # fmt: skip
         engaged.append(np.count_nonzero(robot.engaged))
         limited.append(robot.pulls_n(task.friction_high)[2][0] > 0.0)
         leaves = int(deployment.tree.is_leaf.sum())
+    parts = ("engaged", "some_idle", "ideal", "force_n")
     low, likely, high = (
-        _held(friction, columns, result.outcomes.maps)
-        for friction, columns in zip(frictions, np.array(numbers).transpose(1, 2, 0), strict=True)
+        HeldForces(
+            friction=mu,
+            **{
+                part: OverMaps.of(column, result.outcomes.maps)
+                for part, column in zip(parts, columns, strict=True)
+            },
+        )
+        for mu, columns in zip(frictions, np.array(numbers).transpose(1, 2, 0), strict=True)
     )
     return AnchoringPrediction(
         label=result.prepared.label,
@@ -107,23 +119,6 @@ def predict_anchoring(
         limited_percent=100.0 * float(np.mean(limited)),
         pressure_kpa=design.build.pressure_kpa,
         mass_g=mass_g,
-    )
-
-
-def _held_n(robot: AnchoredRobots, friction: float) -> tuple[float, ...]:
-    """Return what one robot holds: engaged leaves, some idle, ideal case, and in newtons."""
-    return (
-        float(robot.amplification(friction)[0]),
-        float(robot.amplification(friction, 1.0 - IDLE_SHARE)[0]),
-        float(robot.ideal(friction)[0]),
-        float(robot.pulls_n(friction)[1][0]),
-    )
-
-
-def _held(friction: float, columns: Floats, maps: Sequence[str]) -> HeldForces:
-    engaged, some_idle, ideal, force_n = (OverMaps.of(column, maps) for column in columns)
-    return HeldForces(
-        friction=friction, engaged=engaged, some_idle=some_idle, ideal=ideal, force_n=force_n
     )
 
 
@@ -166,44 +161,62 @@ ANCHORING_NOTE = (
 )
 
 
-def anchoring_section(anchoring: Sequence[AnchoringPrediction]) -> Section:
-    """Return anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
-    tables = [_amplification_table(found) for found in anchoring]
-    tables += [_force_table(found) for found in anchoring if found.has_pouches]
+def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data | Section]:
+    """Yield anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
+    percents = ("engaged_percent", "nothing_percent", "limited_percent")
+    yield Data(
+        {
+            "anchoring": [
+                {
+                    "label": found.label,
+                    "leaves": found.leaves,
+                    "has_pouches": found.has_pouches,
+                    "pressure_kpa": found.pressure_kpa,
+                    "held": [
+                        rounded(asdict(held), 2) | {"friction": held.friction}
+                        for held in found.held
+                    ],
+                    **{name: round(getattr(found, name), 1) for name in percents},
+                }
+                for found in anchoring
+            ]
+        }
+    )
+    number = partial(Number, form=".2f")
+    tables = [
+        Rows(
+            caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps "
+            f"(90 % of the maps). {found.engaged_percent:.1f} % of the leaves are engaged; "
+            f"{found.nothing_percent:.1f} % of the deployments hold nothing (simulated paths, "
+            "assumed friction)",
+            headings=("what holds", *(f"friction {held.friction:g}" for held in found.held)),
+            rows=(
+                ("leaves that are engaged", *(held.engaged.text() for held in found.held)),
+                ("a third of them idle", *(held.some_idle.text() for held in found.held)),
+                ("ideal case: every leaf that came out",
+                 *(held.ideal.text() for held in found.held)),
+            ),
+        )
+        for found in anchoring
+    ]  # fmt: skip
+    tables += [
+        Rows(
+            caption=f"Force on {found.label} at {found.pressure_kpa:g} kPa: only leaves that are "
+            f"engaged hold; film or seam limits some branch in {found.limited_percent:.1f} % of "
+            "the deployments at the highest friction (simulated paths, computed contact, assumed "
+            "friction)",
+            headings=("friction", "median N", "5 % N", "95 % N", "times its own mass"),
+            rows=tuple(
+                (f"{held.friction:g}", number(n.median), number(n.low), number(n.high),
+                 f"{payload_over_mass(n.median, found.mass_g):.0f}" if found.mass_g else "-")
+                for held in found.held for n in (held.force_n,)
+            ),
+        )
+        for found in anchoring
+        if found.has_pouches
+    ]  # fmt: skip
     without = () if anchoring[0].has_pouches else (
         "The design has no pouches, so that every leaf that came out counts and forces in newtons "
         "are not predicted: only the ideal case is.",
     )  # fmt: skip
-    return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
-
-
-def _amplification_table(found: AnchoringPrediction) -> Table:
-    rows = (
-        ("leaves that are engaged", *(held.engaged.text() for held in found.held)),
-        ("a third of them idle", *(held.some_idle.text() for held in found.held)),
-        ("ideal case: every leaf that came out", *(held.ideal.text() for held in found.held)),
-    )
-    return Table(
-        caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps (90 % of "
-        f"the maps). {found.engaged_percent:.1f} % of the leaves are engaged; "
-        f"{found.nothing_percent:.1f} % of the deployments hold nothing (simulated paths, assumed "
-        "friction)",
-        headings=("what holds", *(f"friction {held.friction:g}" for held in found.held)),
-        rows=rows,
-    )
-
-
-def _force_table(found: AnchoringPrediction) -> Table:
-    rows = []
-    for held in found.held:
-        force_n = held.force_n
-        ratio = f"{payload_over_mass(force_n.median, found.mass_g):.0f}" if found.mass_g else "-"
-        numbers = (force_n.median, force_n.low, force_n.high)
-        rows.append((f"{held.friction:g}", *(f"{number:.2f}" for number in numbers), ratio))
-    return Table(
-        caption=f"Force on {found.label} at {found.pressure_kpa:g} kPa: only leaves that are "
-        f"engaged hold; film or seam limits some branch in {found.limited_percent:.1f} % of the "
-        "deployments at the highest friction (simulated paths, computed contact, assumed friction)",
-        headings=("friction", "median N", "5 % N", "95 % N", "times its own mass"),
-        rows=tuple(rows),
-    )
+    yield Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))

@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
+from vinefab.core.statistics import holm, mean_interval, sign_flip_p
 from vinefab.core.view import (
     Answer,
     Block,
@@ -21,14 +21,15 @@ from vinefab.core.view import (
     Origin,
     Picture,
     Result,
+    Rows,
     Section,
-    Table,
     Value,
 )
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan
+from vinefab.prediction.deployment_sections import spread_pictures
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -39,15 +40,17 @@ from vinefab.prediction.family_deployments import (
     deployment_notes,
     no_progress,
     numbered_names,
+    part_of,
 )
 from vinefab.prediction.measures import (
     COVERAGE,
     MEASURES,
     Measure,
     MeasureTable,
+    means_by_map,
     spreads_content,
 )
-from vinefab.prediction.pictures import contact_chart, paired_difference_chart, spread_chart
+from vinefab.prediction.pictures import contact_chart, paired_difference_chart
 from vinefab.prediction.prediction_width import (
     CONTACT_MEASURES,
     ContactRange,
@@ -181,6 +184,10 @@ class DesignComparison(Result):
         some, ranked = self.results[0].outcomes, self.ranked(self.measure)
         best = [d for d in self.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
         clear = all(difference.is_clear for difference in best)
+        sizes = {
+            name: f"{counted(one.branch_count, 'branch')} on {counted(one.depth, 'level')}"
+            for name, one in zip(self.names, self.designs, strict=True)
+        }
         yield Answer(
             f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}, "
             f"{'' if clear else 'not '}clearly ahead of every other (simulated).",
@@ -200,11 +207,11 @@ class DesignComparison(Result):
                 Fact("growth", self.growth),
             )
         )
-        yield Table(
+        yield Rows(
             caption=f"{measure.title} (simulated)",
             headings=("design", "mean", "over what contacts may be like", "size"),
             rows=tuple(
-                (name, measure.text(mean), self.over_contacts(name, measure), self._size(name))
+                (name, measure.text(mean), self.over_contacts(name, measure), sizes[name])
                 for name, mean in ranked
             ),
         )
@@ -216,7 +223,7 @@ class DesignComparison(Result):
 
     def sections(self) -> Iterator[Block]:
         """Yield charts of every measure, designs over contacts and on the same map."""
-        measure, outcomes = self.measure, self.outcomes()
+        measure = self.measure
         words = (
             "Each design met the same maps from the same poses, so that differences are paired: "
             "first minus second, averaged on each map. Intervals are bootstraps over maps. The "
@@ -224,18 +231,9 @@ class DesignComparison(Result):
             "give a mean as far from 0; with more than two designs it is adjusted for the number "
             "of pairs (Holm), within each measure. Clear means below 0.05."
         )
-        charts = tuple(
-            Picture(
-                image=page_svg(
-                    spread_chart(
-                        m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)}
-                    )
-                ),
-                caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
-            )
-            for m in _shown_measures(outcomes)
+        yield Section(
+            title="Side by side", paragraphs=(words,), pictures=spread_pictures(self.outcomes())
         )
-        yield Section(title="Side by side", paragraphs=(words,), pictures=charts)
         yield contact_section(self, measure)
         index = self.median_deployment(measure)
         world, options = self.results[0].prepared_map(index).world, self.plan.options
@@ -255,10 +253,6 @@ class DesignComparison(Result):
             for name, design, result in zip(self.names, self.designs, self.results, strict=True)
         )
         yield Section(title="On the same map", pictures=grown)
-
-    def _size(self, name: str) -> str:
-        design = self.designs[self.names.index(name)]
-        return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
     @property
     def means(self) -> dict[str, float]:
@@ -339,9 +333,8 @@ def compare_designs(
     names = numbered_names([design.name for design in designs])
     results = []
     for index, design in enumerate(designs):
-        results.append(
-            deploy_family(design, prepared, plan, _share_of_design(progress, index, len(designs)))
-        )
+        ends = (0.9 * number / len(designs) for number in (index, index + 1))
+        results.append(deploy_family(design, prepared, plan, part_of(progress, *ends)))
     return DesignComparison(
         names=names,
         designs=tuple(designs),
@@ -366,67 +359,43 @@ def paired_differences(
     """Return every pair of designs in one measure, p-values adjusted for the number of pairs."""
     found = []
     for one, two in combinations(range(len(names)), 2):
-        differences = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
-        groups = outcomes[one].maps
-        # Differences on one map are alike; where there is one map, poses have to do.
-        means = (
-            group_means(differences, groups)
-            if len(set(groups)) > 1
-            else differences[np.isfinite(differences)]
-        )
+        apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
+        means = means_by_map(apart, outcomes[one].maps)
         if len(means):
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]
-    return tuple(
-        _paired_difference(measure, pair, p, adjusted)
-        for pair, p, adjusted in zip(found, chances, holm(chances), strict=True)
-    )
-
-
-def _paired_difference(
-    measure: Measure, pair: tuple[str, str, np.ndarray], p: float, adjusted: float
-) -> PairedDifference:
-    first, second, means = pair
-    low, high = mean_interval(means)
-    better = means > 0.0 if measure.better == "more" else means < 0.0
-    won = np.mean(better + 0.5 * (means == 0.0))
-    return PairedDifference(
-        measure=measure,
-        first=first,
-        second=second,
-        mean=float(means.mean()),
-        low=low,
-        high=high,
-        p=p,
-        p_adjusted=adjusted,
-        won_percent=100.0 * float(won),
-        pairs=len(means),
-    )
-
-
-def _share_of_design(progress: ProgressCallback, index: int, count: int) -> ProgressCallback:
-    return lambda share, words: progress(0.9 * (index + share) / count, words)
-
-
-def _shown_measures(outcomes: Mapping[str, MeasureTable]) -> list[Measure]:
-    """Return the measures that any of the designs has."""
-    return [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
-
-
-def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
-    """Return every measure of every design, as numbers."""
-    rows = tuple(
-        (
-            measure.label,
-            *(
-                "-" if (spread := found.spread(measure)) is None else spread.shown(measure)
-                for found in outcomes.values()
-            ),
+    made = list[PairedDifference]()
+    for (first, second, means), p, adjusted in zip(found, chances, holm(chances), strict=True):
+        low, high = mean_interval(means)
+        better = means > 0.0 if measure.better == "more" else means < 0.0
+        won = np.mean(better + 0.5 * (means == 0.0))
+        made.append(
+            PairedDifference(
+                measure=measure,
+                first=first,
+                second=second,
+                mean=float(means.mean()),
+                low=low,
+                high=high,
+                p=p,
+                p_adjusted=adjusted,
+                won_percent=100.0 * float(won),
+                pairs=len(means),
+            )
         )
-        for measure in _shown_measures(outcomes)
+    return tuple(made)
+
+
+def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
+    """Return every measure of every design, as numbers."""
+    spreads = [(m, [found.spread(m) for found in outcomes.values()]) for m in MEASURES]
+    rows = tuple(
+        (measure.label, *("-" if one is None else one.shown(measure) for one in some))
+        for measure, some in spreads
+        if any(some)
     )
     some = next(iter(outcomes.values()))
-    return Table(
+    return Rows(
         caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
@@ -434,9 +403,9 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Table:
     )
 
 
-def paired_difference_table(differences: Sequence[PairedDifference]) -> Table:
+def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
     """Return pairs in their measures, as numbers."""
-    return Table(
+    return Rows(
         caption="Paired differences (simulated)",
         headings=(
             "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "pairs",
@@ -464,7 +433,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)
     )
-    table = Table(
+    table = Rows(
         caption=f"Mean {shown.title} over the same maps and poses (simulated)",
         headings=("design", *(f"{angle:g} deg" for angle in found.contacts[0].angles_deg)),
         rows=rows,

@@ -8,7 +8,7 @@ of s at its base, at most its own length. Growth to a length passes through the 
 smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
+from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import Engine, grow
+from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -59,7 +60,7 @@ class History:
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
         pose = self.final.pose
-        deployment = grow(self.design, self.terrain, pose, self.options, engine, plan)
+        deployment = grow_on(self.design, self.terrain, pose, self.options, engine, plan)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
@@ -231,17 +232,31 @@ FRAMES = 40
 """Default number of frames of an animation."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DeployedDesign:
-    """A deployment with its design, map and growth options."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class DeployedDesign(Result):
+    """A deployment with its design, map and growth options.
 
-    # design, world, options: what was grown, where and by which rules
+    Parameters
+    ----------
+    design, world, options
+        What was grown, where and by which rules.
+    terrain
+        The map made ready for growth.
+    deployment
+        Where every branch ended.
+    notes
+        What its user should know about the options, a sentence each.
+    fronts
+        At which lengths of the growing front, mm, or in how many equal steps JSON has its shape.
+    """
+
     design: Design
     world: Map
-    terrain: Terrain  # the map made ready for growth
+    terrain: Terrain
     options: GrowthOptions
     deployment: Deployment
-    notes: tuple[str, ...] = ()  # what its user should know about the options, a sentence each
+    notes: tuple[str, ...] = ()
+    fronts: int | tuple[float, ...] | None = None
 
     @property
     def stops(self) -> dict[str, int]:
@@ -266,38 +281,39 @@ class DeployedDesign:
             ],
         }
 
-    def summary(self) -> list[str]:
-        """Return the result in a few lines for the user."""
-        tree, grown_mm = self.deployment.tree, float(self.deployment.grown_mm.sum())
+    def view(self) -> Iterator[Block]:
+        """Yield where the branches ended, a plan, by which rules they grew, and what is odd."""
+        tree = self.deployment.tree
         stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
-        return [
-            f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
-            f"{counted(len(tree), 'branch')}: {stops} (simulated)",
-            f"growth: {growth_text(self.options, [self.design])}",
-            *self.notes,
-            f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
-            *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
-            *places_text("no room to start for branch", self.without_room),
-            *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
-            *self._tight_exits(),
-        ]
+        yield Answer(
+            f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}: "
+            f"{counted(len(tree), 'branch')}, {stops} (simulated)"
+        )
+        yield Picture(image=lambda: self.picture(".svg"), caption="Where it ended (simulated).")
+        grown = Number(float(self.deployment.grown_mm.sum()), "mm", ".1f")
+        planned = f"of {tree.total_length_mm:.1f} mm planned"
+        growth = growth_text(self.options, [self.design])
+        yield Facts((Fact("grown", grown, detail=planned), Fact("growth", growth)))
+        yield Notes(self.notes)
+        tight = np.flatnonzero(self.deployment.tight_exit).tolist()
+        names = ", ".join(tree.ids[branch] for branch in tight[:_MOST_NAMED])
+        bows = (
+            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
+            f"tip, where a real one may bow: {names}{', ...' * (len(tight) > _MOST_NAMED)}"
+        )
+        yield Notes(
+            (
+                *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
+                *places_text("no room to start for branch", self.without_room),
+                *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
+                *([bows] if tight else []),
+            )
+        )
 
     @property
     def without_room(self) -> tuple[BranchPlace, ...]:
         """The branches that were too wide for the place where they should have started."""
         return without_room(self.design, self.deployment, self.options)
-
-    def _tight_exits(self) -> list[str]:
-        """Return a warning about branches that may bow in reality, if any do."""
-        tight = np.flatnonzero(self.deployment.tight_exit)
-        if len(tight) == 0:
-            return []
-        names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:_MOST_NAMED])
-        more = ", ..." if len(tight) > _MOST_NAMED else ""
-        return [
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
-            f"tip, where a real one may bow: {names}{more}"
-        ]
 
     @property
     def history(self) -> History:
@@ -306,17 +322,12 @@ class DeployedDesign:
             design=self.design, terrain=self.terrain, options=self.options, final=self.deployment
         )
 
-    def text(self, frames: Sequence[DeploymentFrame] | None = None) -> str:
-        """Return the deployment as JSON, ``vinefab/deployment-1``.
-
-        Parameters
-        ----------
-        frames
-            Earlier shapes to put in as ``history``.
-        """
+    def json_text(self) -> str:
+        """Return every branch with its points as JSON: ``vinefab/deployment-1``."""
         names = (self.design.name, self.world.name)
-        history = None if frames is None else history_content(frames)
-        return deployment_text(self.deployment, *names, self.metrics, history)
+        fronts = self.fronts
+        shapes = None if fronts is None else history_content(frames_of(self.history, fronts))
+        return deployment_text(self.deployment, *names, self.metrics, shapes)
 
     @property
     def _widths_mm(self) -> tuple[float, ...]:
@@ -360,7 +371,7 @@ def deploy(
     choice = GrowthChoice.of([design], given).single
     pose = pose or first_start(world)
     terrain = Terrain.of(world)
-    deployment = grow(design, terrain, pose, choice.options)
+    deployment = grow_on(design, terrain, pose, choice.options)
     return DeployedDesign(
         design=design,
         world=world,
@@ -406,7 +417,7 @@ def deploy_from_starts(
     options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
-        (_start_name(world, number), grow(design, terrain, start.pose, options))
+        (_start_name(world, number), grow_on(design, terrain, start.pose, options))
         for world, terrain in terrains
         for number, start in enumerate(world.starts, start=1)
     )

@@ -1,20 +1,30 @@
 """Sections on deployments: how measures are spread, some of them drawn, how branches ended."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.validation import Floats
+from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
-from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
+from vinefab.prediction.measures import (
+    MEASURES,
+    STUCK_STOPS,
+    Measure,
+    MeasureTable,
+    Spread,
+    spreads_content,
+)
 from vinefab.prediction.pictures import spread_chart
 
 TOO_FINE = 400
@@ -25,19 +35,51 @@ _NUMBER_HEADINGS = (
 )  # fmt: skip
 
 
-def spread_section(families: Sequence[MeasureTable]) -> Section:
-    """Return how every measure is spread over deployments, as charts and numbers."""
-    shown = [measure for measure in MEASURES if any(f.spread(measure) for f in families)]
-    pictures = tuple(
-        Picture(
-            image=page_svg(
-                spread_chart(m, {f.label: f.values[m.key] for f in families if f.spread(m)})
-            ),
-            caption=f"{_capital(m.title)}: {m.meaning} (simulated).",
+def spread_pictures(named: Mapping[str, MeasureTable]) -> tuple[Picture, ...]:
+    """Return the distribution of every measure that any of some tables has."""
+
+    def chart(measure: Measure, shown: Mapping[str, Floats]) -> Picture:
+        return Picture(
+            image=lambda: page_svg(spread_chart(measure, shown)),
+            caption=f"{_capital(measure.title)}: {measure.meaning} (simulated).",
         )
-        for m in shown
+
+    every = (
+        (m, {name: found.values[m.key] for name, found in named.items() if found.spread(m)})
+        for m in MEASURES
     )
-    tables = [_spread_table(outcomes, shown) for outcomes in families]
+    return tuple(chart(measure, shown) for measure, shown in every if shown)
+
+
+def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
+    """Yield how every measure is spread over deployments, as charts and numbers."""
+    every = [_every_deployment(outcomes) for outcomes in families]
+    yield Data(
+        lambda: {
+            "fields": [
+                {
+                    "label": outcomes.label,
+                    "maps": outcomes.map_count,
+                    "spread": spreads_content(outcomes),
+                    **document([table]),
+                }
+                for outcomes, table in zip(families, every, strict=True)
+            ]
+        }
+    )
+    tables = [
+        Rows(
+            caption=f"{_capital(outcomes.label)} (simulated)",
+            headings=("measure", *_NUMBER_HEADINGS, "count"),
+            rows=tuple(
+                (measure.label, spread.shown(measure),
+                 *(measure.of(getattr(spread, name)) for name in Spread.NUMBERS[3:]), spread.count)
+                for measure in MEASURES
+                if (spread := outcomes.spread(measure)) is not None
+            ),
+        )
+        for outcomes in families
+    ]  # fmt: skip
     words = (
         "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
         "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
@@ -47,12 +89,30 @@ def spread_section(families: Sequence[MeasureTable]) -> Section:
     counts = "; ".join(
         f"{outcomes.label}: {counted(len(outcomes), 'deployment')}" for outcomes in families
     )
-    return Section(
+    yield Section(
         title="Predictions",
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),
-        pictures=pictures,
-        tables=(*tables, *(_every_deployment(outcomes, shown) for outcomes in families)),
+        pictures=spread_pictures({outcomes.label: outcomes for outcomes in families}),
+        tables=(*tables, *(replace(table, key="") for table in every)),
     )
+
+
+def _every_deployment(outcomes: MeasureTable) -> Rows:
+    """Return the measures of every deployment, a row each."""
+    place = partial(Number, form=".2f", decimals=2)
+    # A robot that never emerged needs no pressure: there is no number then.
+    return Rows(
+        caption=f"Every deployment on {outcomes.label}",
+        headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in MEASURES)),
+        rows=tuple(
+            (name, place(pose.x_mm), place(pose.y_mm), place(deg(pose.heading_rad)),
+             *(m.of(outcomes.values[m.key][index]) for m in MEASURES))
+            for index, (name, pose) in enumerate(zip(outcomes.maps, outcomes.poses, strict=True))
+        ),
+        folded=True,
+        key="deployments",
+        keys=("map", "pose.x_mm", "pose.y_mm", "pose.heading_deg", *(m.key for m in MEASURES)),
+    )  # fmt: skip
 
 
 def deployment_picture(
@@ -73,20 +133,19 @@ def deployment_section(
     """Return pictures of deployments, and how all branches ended."""
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     drawn = "Bodies are drawn as wide as they inflate." if any(widths_mm) else f"{BODY_IS_LINE}."
-    pictures = [
-        Picture(
-            image=deployment_picture(design, world, deployment, options),
-            caption=f"{words} (simulated).",
-        )
-        for words, world, deployment in deployed
-    ]
     return Section(
         title="Deployments",
         paragraphs=(
             f"Growth model: {growth_text(options, [design])}. Planar and supported; branches do "
             f"not push on each other. {drawn}",
         ),
-        pictures=tuple(pictures),
+        pictures=tuple(
+            Picture(
+                image=deployment_picture(design, world, deployment, options),
+                caption=f"{words} (simulated).",
+            )
+            for words, world, deployment in deployed
+        ),
         tables=tuple(stop_table(label, deployments) for label, deployments in ended),
     )
 
@@ -95,41 +154,7 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _spread_table(outcomes: MeasureTable, measures: Sequence[Measure]) -> Table:
-    rows = []
-    for measure in measures:
-        spread = outcomes.spread(measure)
-        if spread is not None:
-            numbers = [measure.number(getattr(spread, name)) for name in Spread.NUMBERS[3:]]
-            mean = measure.interval(spread.mean, spread.low, spread.high)
-            rows.append((measure.label, mean, *numbers, str(spread.count)))
-    return Table(
-        caption=f"{_capital(outcomes.label)} (simulated)",
-        headings=("measure", *_NUMBER_HEADINGS, "count"),
-        rows=tuple(rows),
-    )
-
-
-def _every_deployment(outcomes: MeasureTable, measures: Sequence[Measure]) -> Table:
-    rows = tuple(
-        (
-            name,
-            f"{pose.x_mm:.2f}",
-            f"{pose.y_mm:.2f}",
-            f"{deg(pose.heading_rad):.2f}",
-            *(measure.number(outcomes.values[measure.key][index]) for measure in measures),
-        )
-        for index, (name, pose) in enumerate(zip(outcomes.maps, outcomes.poses, strict=True))
-    )
-    return Table(
-        caption=f"Every deployment on {outcomes.label}",
-        headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in measures)),
-        rows=rows,
-        folded=True,
-    )
-
-
-def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
+def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
     """Return how the branches of some deployments ended, a row for each level."""
     levels: dict[int, Counter[int]] = {}
     shares: dict[int, list[float]] = {}
@@ -151,7 +176,7 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
         for level, counts in sorted(levels.items())
     )
     total = sum(len(deployment.tree) for deployment in deployments)
-    return Table(
+    return Rows(
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",

@@ -7,10 +7,10 @@ from itertools import islice
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.validation import whole
-from vinefab.core.verbs import MOST_SEED
 from vinefab.growth.batch import BLOCK, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -20,7 +20,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import stayed_text
-from vinefab.prediction.measures import MEASURES, MeasureTable, measured_shape, worst_pressures_of
+from vinefab.prediction.measures import MEASURES, MeasureTable, measured_shapes, worst_pressures_of
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, trunks_with_room
 
@@ -76,6 +76,11 @@ def no_progress(_share: float, _words: str) -> None:
     """Report nothing."""
 
 
+def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
+    """Return what tells the progress of a part of the work."""
+    return lambda share, words: progress(start + (end - start) * share, words)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PredictionPlan:
     """How often, and by which rules, a design is deployed."""
@@ -116,7 +121,9 @@ class PreparedFamily:
     @property
     def distinct(self) -> "PreparedFamily":
         """The same with every pose once: all deployments have the same contacts."""
-        return replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+        once = replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+        object.__setattr__(once, "atlas", self.atlas)
+        return once
 
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""
@@ -154,20 +161,22 @@ def deploy_family(
     """Deploy a design from every pose on a family of maps and measure every deployment."""
     progress(0.0, f"{design.name}: growing")
     launches = prepared.launches()
-    deployments = _grown(design, launches, plan.options)
+    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
+    deployments = batch.regrown()
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
     if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
-        unpressed = _grown(design, launches, plan.options.changed(pressure_stop=False))
+        free = plan.options.changed(pressure_stop=False)
+        unpressed = Batch(Plans.of([design], free), launches, free).regrown()
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, deployment in enumerate(deployments):
-        context = prepared.maps[terrain[index]].context
-        columns[index, :-2] = measured_shape(deployment, design, context, plan.anchoring)
-        progress(
-            (index + 1) / len(deployments),
-            f"{index + 1} of {counted(len(deployments), 'deployment')}",
-        )
+    contexts = [prepared_map.context for prepared_map in prepared.maps]
+    done = 0
+    for rows in batch.each(lambda block: measured_shapes(block, design, contexts, plan.anchoring)):
+        columns[done : done + len(rows), :-2] = rows
+        done += len(rows)
+        words = f"{done} of {counted(len(deployments), 'deployment')}"
+        progress(done / len(deployments), words)
     one_by_one, first = iter(unpressed), 0
     while some := list(islice(one_by_one, BLOCK)):
         columns[first : first + len(some), -2:] = worst_pressures_of(some, design).T
@@ -182,10 +191,6 @@ def deploy_family(
     return FamilyDeployments(
         prepared=prepared, deployments=deployments, unpressed=unpressed, outcomes=outcomes
     )
-
-
-def _grown(design: Design, launches: Launches, options: GrowthOptions) -> Sequence[Deployment]:
-    return Batch(Plans.of([design], options), launches, options).regrown()
 
 
 def deployment_notes(

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.view import Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.fix import (
@@ -24,7 +24,6 @@ from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
-from vinefab.model.score import Score
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -37,8 +36,8 @@ FIX_TASKS = ("coverage", "reach", "anchoring")
 _WINDOW_RULE = "VF-P03"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FixProposal:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ProposedFix(Result):
     """The outcome of a search for the smallest change."""
 
     before: CheckReport  # the check of the design as it was
@@ -51,48 +50,61 @@ class FixProposal:
     # not enough, without all of them.
     in_the_way: tuple[str, ...] = ()
     is_enough: bool = True  # whether any one of these is enough
+    cost: tuple[str, ...] = ()  # what it costs in score, a line each
 
     @property
     def failed(self) -> bool:
         """Whether there are errors that no proposal clears."""
         return bool(self.before.blocking) and self.design is None
 
+    @property
+    def report(self) -> CheckReport:
+        """The check of the changed design, of the nearest one found, or of the design itself."""
+        return self.after or self.before
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command: 1 where errors are left."""
+        return int(self.failed)
+
+    def view(self) -> Iterator[Block]:
+        """Yield the changed design, what was changed, and what it costs."""
+        if self.design is not None and (drawn := self.design._repr_svg_()):
+            yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
+        verdict = [self.report.verdict] if self.design is not None else []
+        before = self.before.summary if self.before.blocking else ()
+        changes = (line.strip() for line in (*self.lines(), *self.cost))
+        yield Notes((*before, *changes, *verdict))
+
+    def json_text(self) -> str:
+        """Return the check of the design as it was, as JSON: ``vinefab/checks-1``."""
+        return self.before.json_text()
+
     def lines(self) -> list[str]:
         """Return the outcome in words."""
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:
-            return self._failed_lines()
+            named, words = _rules(self.report), _listed(sorted(self.keep), "and")
+            kept = f" and keeps {words}" if words else ""
+            lines = [
+                f"fix: no change of the design was found that clears {named}{kept}; nothing written"
+            ]
+            if self.in_the_way:
+                joint = "or" if self.is_enough else "and"
+                without = _listed([f"--keep {word}" for word in self.in_the_way], joint)
+                lines.append(f"  in the way: a change was found without {without}")
+            return lines
+        prunes = any(change.what == BRANCHES for change in self.changes)
+        branches = "nothing was found that keeps every branch" if prunes else "every branch stays"
         cost = sum(change.cost for change in self.changes)
         count = len(self.changes)
         what = "1 change clears" if count == 1 else f"{count} changes clear"
         cleared = f"{what} {_rules(self.before)}"
-        summary = f"fix: {cleared}; weighted size {cost:.2f}; {self._branches_text}"
+        summary = f"fix: {cleared}; weighted size {cost:.2f}; {branches}"
         lines = [summary, *(f"  {change.text}" for change in self.changes)]
-        if cost > LARGE_CHANGE and not self._prunes and BRANCHES not in self.keep:
+        if cost > LARGE_CHANGE and not prunes and BRANCHES not in self.keep:
             lines.append("  that is a large change; fewer branches instead: --keep length,angle")
-        return lines
-
-    @property
-    def _branches_text(self) -> str:
-        return "nothing was found that keeps every branch" if self._prunes else "every branch stays"
-
-    @property
-    def _prunes(self) -> bool:
-        return any(change.what == BRANCHES for change in self.changes)
-
-    def _failed_lines(self) -> list[str]:
-        named = _rules(self.after or self.before)
-        words = _listed(sorted(self.keep), "and")
-        kept = f" and keeps {words}" if words else ""
-        lines = [
-            f"fix: no change of the design was found that clears {named}{kept}; nothing written"
-        ]
-        if self.in_the_way:
-            without = _listed(
-                [f"--keep {word}" for word in self.in_the_way], "or" if self.is_enough else "and"
-            )
-            lines.append(f"  in the way: a change was found without {without}")
         return lines
 
 
@@ -105,7 +117,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     *,
     growth: Mapping[str, object] | None = None,
     keep: frozenset[str] = frozenset(),
-) -> FixProposal:
+) -> ProposedFix:
     """Return the smallest change found that clears a design's errors.
 
     Fillets alone are tried first, then widths, tapers, lengths and angles, and fewer branches only
@@ -121,18 +133,24 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     keep
         What must not change, words of `KEEPS`.
     """
-    grown = partial(_deployed, maps=maps, growth=growth)
+
+    def grown(changed: Design) -> Deployed:
+        if not maps:  # then the simulator is not even imported
+            return ()
+        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
+
+        return deploy_from_starts(changed, maps, growth)
 
     before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_CUT_BRANCHES:
-        return FixProposal(before=before, design=None, after=None)
+        return ProposedFix(before=before, design=None, after=None)
     after: CheckReport | None = None
     for stage in fix_stages(keep):
         for found, report in _rounds(design, profile, limits, grown, progress, stage):
             after = report
             if not report.blocking:
                 proposed = _named(design, found)
-                return FixProposal(
+                return ProposedFix(
                     before=before,
                     design=proposed,
                     after=replace(report, design=proposed.name),
@@ -141,7 +159,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
                 )
     targets = FixTargets.of(design, profile, limits, margin=MARGINS[0])
     words, is_enough = _in_the_way(design, targets, keep)
-    return FixProposal(
+    return ProposedFix(
         before=before, design=None, after=after,
         keep=keep, in_the_way=words, is_enough=is_enough,
     )  # fmt: skip
@@ -180,21 +198,19 @@ def _rounds(
             return
         report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
         yield found, report
-        share = _window_share(report)
+        # How much of what growth takes on maps is allowed, 1 where that is no error.
+        shares = (
+            finding.limit / finding.measured
+            for finding in report.blocking
+            if finding.rule == _WINDOW_RULE and finding.measured and finding.limit
+        )
+        share = next(shares, 1.0)
         if share < 1.0:
             window_share *= 0.98 * share
         else:
             margin = next(margins, 0.0)
             if margin == 0.0:
                 return
-
-
-def _window_share(report: CheckReport) -> float:
-    """Return how much of what growth takes on maps is allowed, 1 where that is no error."""
-    for finding in report.blocking:
-        if finding.rule == _WINDOW_RULE and finding.measured and finding.limit:
-            return finding.limit / finding.measured
-    return 1.0
 
 
 def _named(design: Design, found: FixedDesign) -> Design:
@@ -236,29 +252,15 @@ def score_change_lines(
             score_design_on_task(design, maps, ScorePlan(task=task), options)
             for design in (before, after)
         )
+        # The difference of two scores from the same poses.
+        names = [evaluation.map_name for evaluation in old.evaluations]
+        several = len(set(names)) > 1
+        means = group_means(new.scores - old.scores, names if several else range(len(names)))
+        low, high = mean_interval(means)
+        pairs = f"{len(means)} {'maps' if several else 'poses'}"
+        interval = f"95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
+        interval = "one pose: no interval" if math.isnan(low) else interval
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
         where = f"mean over {counted(len(maps), 'map')}"
-        lines.append(f"  {task}, {where}: {scores} (simulated; {_difference_text(old, new)})")
+        lines.append(f"  {task}, {where}: {scores} (simulated; {means.mean():+.4f}, {interval})")
     return lines
-
-
-def _difference_text(old: Score, new: Score) -> str:
-    """Return the mean difference of two scores from the same poses, with its interval."""
-    names = [evaluation.map_name for evaluation in old.evaluations]
-    several = len(set(names)) > 1
-    groups = names if several else list(range(len(names)))
-    differences = group_means(new.scores - old.scores, groups)
-    pairs = f"{len(differences)} {'maps' if several else 'poses'}"
-    low, high = mean_interval(differences)
-    if math.isnan(low):
-        return f"{differences.mean():+.4f}, one pose: no interval"
-    return f"{differences.mean():+.4f}, 95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
-
-
-def _deployed(design: Design, maps: Sequence[Map], growth: Mapping[str, object] | None) -> Deployed:
-    """Deploy a design; without maps the simulator is not even imported."""
-    if not maps:
-        return ()
-    from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
-
-    return deploy_from_starts(design, maps, growth)

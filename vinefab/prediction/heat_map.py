@@ -1,8 +1,10 @@
 """Where a design goes on one map: many deployments from varied poses, laid on each other."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,13 +14,13 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import PredictionPlan
@@ -84,15 +86,29 @@ def heat_map_of(
 ) -> HeatMap:
     """Return where a design goes on a map from varied poses."""
     world = prepared_map.world
-    varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
+    # The default range of poses where the map gives none.
+    spread: dict[str, Any] = {
+        "spread_x_mm": LEAST_SPREAD_MM,
+        "spread_y_mm": LEAST_SPREAD_MM,
+        "spread_heading_rad": rad(LEAST_SPREAD_DEG),
+    }
+    starts = tuple(one if one.has_spread else replace(one, **spread) for one in world.starts)
+    varied = replace(world, starts=starts)
     drawn = draw_poses(varied, poses, trials.seed)
     launches = Launches.of(TerrainSet([prepared_map.terrain]), [drawn])
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = batch.deployments()
-    low_mm, cell_mm, shape = _raster(world)
+    x_min, y_min, x_max, y_max = world.bounds.bounds
+    low_mm, cell_mm = (x_min, y_min), max(world.size_mm) / _CELLS
+    shape = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
     passed = np.zeros(shape)
     for deployment in deployments:
         passed += body_cells(deployment, design.build.widths_mm, low_mm, cell_mm, shape)
+    start = varied.starts[0]
+    where = f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map"
+    if start.area is not None:
+        kind = "line" if isinstance(start.area, LineString) else "area"
+        where = f"from the free part of the start's {kind}"
     return HeatMap(
         world=world,
         low_mm=low_mm,
@@ -100,17 +116,8 @@ def heat_map_of(
         share=passed / len(deployments),
         deployments=len(deployments),
         spots=stuck_spots(deployments, SPOT_SHARE * max(world.size_mm)),
-        spread=_spread_text(varied.starts[0]),
+        spread=f"{where} and {deg(start.spread_heading_rad):g} degrees either way",
     )
-
-
-def _spread_text(start: Start) -> str:
-    """Return the range that poses are drawn from, in words."""
-    turn = f"{deg(start.spread_heading_rad):g} degrees either way"
-    if start.area is not None:
-        kind = "line" if isinstance(start.area, LineString) else "area"
-        return f"from the free part of the start's {kind} and {turn}"
-    return f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map and {turn}"
 
 
 def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[StuckSpot, ...]:
@@ -142,54 +149,48 @@ def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[Stu
     return tuple(spots)
 
 
-def _varied(start: Start) -> Start:
-    """Return a start with a range of poses, the default one where the map gives none."""
-    if start.has_spread:
-        return start
-    return replace(
-        start,
-        spread_x_mm=LEAST_SPREAD_MM,
-        spread_y_mm=LEAST_SPREAD_MM,
-        spread_heading_rad=rad(LEAST_SPREAD_DEG),
-    )
-
-
-def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
-    x_min, y_min, x_max, y_max = world.bounds.bounds
-    cell_mm = max(world.size_mm) / _CELLS
-    rows, columns = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
-    return (x_min, y_min), cell_mm, (rows, columns)
-
-
-def heat_section(heat: HeatMap) -> Section:
-    """Return where robots go on one map, and where they get stuck."""
+def heat_blocks(heat: HeatMap) -> Iterator[Data | Section]:
+    """Yield where robots go on one map, and where they get stuck."""
     often, ever = heat.percent_passed(0.5), heat.percent_passed()
+    yield Data(
+        {
+            "heat": {
+                "map": heat.world.name,
+                "deployments": heat.deployments,
+                "cell_mm": round(heat.cell_mm, 2),
+                "ever_passed_percent": round(ever, 1),
+                "mostly_passed_percent": round(often, 1),
+            }
+        }
+    )
+    number = partial(Number, form=".1f", decimals=1)
     words = (
         f"{counted(heat.deployments, 'deployment')} on {heat.world.name}, poses drawn "
         f"{heat.spread} (uniform; "
         f"simulated). Some body covers {ever:.1f} % of the free space; more than half of the "
         f"deployments cover {often:.1f} %. The raster's cells are {heat.cell_mm:.2f} mm."
     )
-    rows = tuple(
-        (str(number), f"{spot.x_mm:.1f}", f"{spot.y_mm:.1f}", f"{spot.percent:.1f}")
-        for number, spot in enumerate(heat.spots, start=1)
-    )
-    table = Table(
-        caption="Where branches stop head-on or in a corner most often (simulated)",
-        headings=("place", "x mm", "y mm", "% of deployments"),
-        rows=rows,
-    )
-    nowhere = "No branch got stuck on this map." if not rows else ""
-    return Section(
+    yield Section(
         title="Where it goes and where it gets stuck",
-        paragraphs=(words, nowhere) if nowhere else (words,),
+        paragraphs=(words, *([] if heat.spots else ["No branch got stuck on this map."])),
         pictures=(
             Picture(
-                image=page_svg(heat_plan(heat)),
+                image=lambda: page_svg(heat_plan(heat)),
                 caption=f"{heat.world.name}: share of the deployments whose body passes each "
                 "place, and rings where branches get stuck, numbered as in the table (simulated).",
                 wide=True,
             ),
         ),
-        tables=(table,) if rows else (),
+        tables=(
+            Rows(
+                caption="Where branches stop head-on or in a corner most often (simulated)",
+                headings=("place", "x mm", "y mm", "% of deployments"),
+                rows=tuple(
+                    (place, number(spot.x_mm), number(spot.y_mm), number(spot.percent))
+                    for place, spot in enumerate(heat.spots, start=1)
+                ),
+                key="heat.stuck",
+                keys=("", "x_mm", "y_mm", "percent"),
+            ),
+        ),
     )

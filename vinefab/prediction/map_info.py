@@ -1,7 +1,7 @@
 """Size, passages and room of a map, ``vinefab/map-info-1``."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from os import PathLike
@@ -25,7 +25,7 @@ from vinefab.core.view import (
     Number,
     Picture,
     Result,
-    Table,
+    Rows,
     Text,
     Value,
 )
@@ -113,7 +113,19 @@ def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[flo
     def share_of(radius_mm: float) -> float:
         return float(_swept(home, start, radius_mm).area / free.area)
 
-    return {share: _widest_mm(share_of, share, start.clearance_mm) for share in SHARES}
+    found = dict[float, float | None]()
+    for share in SHARES:
+        low_mm, high_mm = 0.0, start.clearance_mm
+        if share_of(high_mm) >= share:
+            low_mm = high_mm
+        for _ in range(_HALVINGS if low_mm < high_mm else 0):
+            middle_mm = 0.5 * (low_mm + high_mm)
+            if share_of(middle_mm) >= share:
+                low_mm = middle_mm
+            else:
+                high_mm = middle_mm
+        found[share] = math.pi * low_mm if low_mm > 0.0 else None
+    return found
 
 
 def body_room(free: BaseGeometry, starts: tuple[StartRoom, ...], width_mm: float) -> Body:
@@ -152,21 +164,6 @@ def _home(free: BaseGeometry, start: StartRoom) -> BaseGeometry:
     """Return the part of the free space that a start is in."""
     point = Point(start.pose.x_mm, start.pose.y_mm)
     return next((part for part in shapely.get_parts(free) if part.intersects(point)), Point())
-
-
-def _widest_mm(
-    share_of: Callable[[float], float], share: float, clearance_mm: float
-) -> float | None:
-    low_mm, high_mm = 0.0, clearance_mm
-    if share_of(high_mm) >= share:
-        return math.pi * high_mm
-    for _ in range(_HALVINGS):
-        middle_mm = 0.5 * (low_mm + high_mm)
-        if share_of(middle_mm) >= share:
-            low_mm = middle_mm
-        else:
-            high_mm = middle_mm
-    return math.pi * low_mm if low_mm > 0.0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,7 +257,7 @@ class MapInfo(Result):
         )
         yield Data({"environment": world.environment, "seed": world.seed, "standing": "computed"})
         yield Notes(tuple(f"note: {note}" for note in size_notes(world)))
-        yield Table(
+        yield Rows(
             caption="reach over the bounds, and do nothing there (computed)",
             headings=("obstacle", "of it"),
             rows=tuple((n, share(part, form=".3g")) for n, part in self.outside.items()),
@@ -268,7 +265,7 @@ class MapInfo(Result):
             keys=("obstacle", "share"),
             most=_MOST_NAMED,
         )
-        yield Table(
+        yield Rows(
             caption="narrowest passages (computed); body: lay-flat width of the widest that fits",
             headings=("width", "x", "y", "between", "body", "dead end as large as a circle of"),
             rows=tuple(gate.cells for gate in self.passages),
@@ -279,7 +276,7 @@ class MapInfo(Result):
                 for gate in self.passages
             ),
         )
-        yield Table(
+        yield Rows(
             caption="starts (computed)",
             headings=("X,Y,DEG", "to the nearest wall", "widest body that fits"),
             rows=tuple(room.cells for room in self.starts),
@@ -289,7 +286,7 @@ class MapInfo(Result):
         )
         if not self.starts:
             yield Text("the map has no start: the room for robots is not computed")
-        yield Table(
+        yield Rows(
             caption="widest body with room in a share of the free area (computed, within 1 %)",
             headings=("of the free area", "lay-flat width"),
             rows=tuple(
@@ -377,39 +374,31 @@ def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) ->
     whole("passages", passages, 0, 1000)
     free = Terrain.of(world).free_space()
     starts = tuple(start_room(free, start.pose) for start in world.starts)
-    return MapInfo(
-        world=world,
-        free=free,
-        passages=_gates(world, narrow_passages(free, passages)),
-        starts=starts,
-        widest_mm=widest_bodies(free, starts),
-        body=None if width_mm is None else body_room(free, starts, width_mm),
-        outside=_outside_shares(world),
-    )
-
-
-def _outside_shares(world: Map) -> dict[int, float]:
+    walls = STRtree([world.bounds.boundary, *world.obstacles])
+    names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
+    gates = []
+    for passage in narrow_passages(free, passages):
+        # Where obstacles touch, the one that stands first in the file is named.
+        first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
+        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
     shapely.prepare(world.bounds)
     obstacles = np.array(world.obstacles, dtype=np.object_)
     over = np.flatnonzero(~shapely.covers(world.bounds, obstacles))
     beyond_mm2 = shapely.area(shapely.difference(obstacles[over], world.bounds))
     shares = beyond_mm2 / shapely.area(obstacles[over])
-    return {
-        int(index) + 1: float(share)
-        for index, share in zip(over, shares, strict=True)
-        if share > LEAST_OUTSIDE_SHARE
-    }
-
-
-def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[NarrowPassage, ...]:
-    walls = STRtree([world.bounds.boundary, *world.obstacles])
-    names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
-    gates = []
-    for passage in passages:
-        # Where obstacles touch, the one that stands first in the file is named.
-        first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
-        gates.append(NarrowPassage(passage=passage, between=(names[first], names[last])))
-    return tuple(gates)
+    return MapInfo(
+        world=world,
+        free=free,
+        passages=tuple(gates),
+        starts=starts,
+        widest_mm=widest_bodies(free, starts),
+        body=None if width_mm is None else body_room(free, starts, width_mm),
+        outside={
+            int(index) + 1: float(share)
+            for index, share in zip(over, shares, strict=True)
+            if share > LEAST_OUTSIDE_SHARE
+        },
+    )
 
 
 PLAUSIBLE_MM = 60.0, 20_000.0

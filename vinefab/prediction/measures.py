@@ -11,6 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import NO_INTERVAL, Number
+from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.laser import GrowthConstants
@@ -163,6 +164,14 @@ MEASURES = (
 )  # fmt: skip
 
 
+def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
+    """Return the mean of each map, or the known values where there is one map.
+
+    Deployments on one map are alike; where there is one map, poses have to do.
+    """
+    return group_means(values, maps) if len(set(maps)) > 1 else values[np.isfinite(values)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """How a measure is spread over deployments."""
@@ -199,7 +208,7 @@ class Spread:
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return None
-        means = group_means(values, groups) if len(set(groups)) > 1 else known
+        means = means_by_map(values, groups)
         low, high = mean_interval(means)
         p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
         return cls(
@@ -259,35 +268,19 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
 STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
-def measure_deployment(
-    deployment: Deployment,
-    design: Design,
-    ground: MapContext,
-    unpressed: Deployment,
-    anchoring: Anchoring | None = None,
+def measured_shapes(
+    block: Block, design: Design, contexts: Sequence[MapContext], anchoring: Anchoring
 ) -> Floats:
-    """Return the measures of a deployment, in the order of `MEASURES`.
-
-    Parameters
-    ----------
-    unpressed
-        The same deployment where no pressure stops it: what growth to every tip needs.
-    anchoring
-        How anchoring is scored; the task's defaults if None.
-    """
-    shape = measured_shape(deployment, design, ground, anchoring or Anchoring())
-    return np.append(shape, worst_pressures_kpa(unpressed, design))
-
-
-def measured_shape(
-    deployment: Deployment, design: Design, ground: MapContext, anchoring: Anchoring
-) -> Floats:
-    """Return all but the last two of `MEASURES`, which are the pressures."""
-    score, terms = Coverage().evaluate(deployment, ground)
-    reached, _ = Reach().evaluate(deployment, ground)
-    held = anchoring.anchored(deployment, design.build, ground).amplification(anchoring.friction)
-    areas = score, 100.0 * terms["area"], 100.0 * reached, held[0]
-    return np.array([*areas, *shares_percent(deployment)])
+    """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
+    coverage = Coverage().evaluate_block(block, contexts)
+    reach = Reach().evaluate_block(block, contexts)
+    rows = []
+    for index, terrain in enumerate(block.terrain.tolist()):
+        grown = block.deployment(index)
+        held = anchoring.anchored(grown, design.build, contexts[terrain])
+        rows.append((held.amplification(anchoring.friction)[0], *shares_percent(grown)))
+    areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
+    return np.column_stack([*areas, np.array(rows)])
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
@@ -297,18 +290,12 @@ def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
     return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())
 
 
-def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, float]:
-    """Return the pressure that growth to the worst tip takes with film stored loosely and tightly.
-
-    NaN if nothing emerged.
-    """
-    loose_kpa, tight_kpa = worst_pressures_of([deployment], design)[:, 0].tolist()
-    return loose_kpa, tight_kpa
-
-
 def worst_pressures_of(deployments: Sequence[Deployment], design: Design) -> Floats:
-    """Return `worst_pressures_kpa` of deployments of one design, shape (2, n)."""
-    pressures = _pressures_kpa(deployments, design, (LOOSE, TIGHT))
+    """Return the pressures that growth to the worst tip takes, film stored loosely and tightly.
+
+    Shape (2, n); NaN where nothing emerged.
+    """
+    pressures = growth_pressures_kpa(deployments, design)
     first = np.cumsum([0, *(len(deployment.tree) for deployment in deployments[:-1])])
     worst = np.fmax.reduceat(pressures, first, axis=1)
     return np.asarray(worst)
@@ -321,9 +308,13 @@ TIGHT = FITTED
 
 
 def growth_pressures_kpa(
-    deployment: Deployment, design: Design, fits: Sequence[GrowthConstants] = (LOOSE, TIGHT)
+    deployments: Sequence[Deployment],
+    design: Design,
+    fits: Sequence[GrowthConstants] = (LOOSE, TIGHT),
 ) -> Floats:
     """Return the pressure that growth to each tip takes, a row per fit, shape (fits, n).
+
+    Of several deployments the tips come one after the other.
 
     The same model as `physics.growth_pressure`, which says what counts as a turn. There every
     path is worked out from its base; here each branch goes on from its parent's result, on arrays.
@@ -340,13 +331,6 @@ def growth_pressures_kpa(
     ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
     path, M the sum of its lengths, each times that product over the turns behind it.
     """
-    return _pressures_kpa([deployment], design, fits)
-
-
-def _pressures_kpa(
-    deployments: Sequence[Deployment], design: Design, fits: Sequence[GrowthConstants]
-) -> Floats:
-    """Return the pressures of several deployments, one after the other."""
     gain, drawn_mm = _path_gains(deployments, fits[0].friction.value)
     own = np.concatenate([deployment.tree.level for deployment in deployments]) - 1
     of_tree: dict[int, Floats] = {}  # deployments of one plan share their tree
@@ -399,7 +383,8 @@ def _path_gains(deployments: Sequence[Deployment], friction: float) -> tuple[Flo
             has = runs.count[members] > step
             at = runs.first[members[has]] + step
             # At the base net: a joint and the hinge that bends it back are one turn.
-            turn[has] = _between(before[has], runs.heading[at])
+            between = np.remainder(runs.heading[at] - before[has] + math.pi, math.tau) - math.pi
+            turn[has] = np.abs(between)
             bend = np.exp(friction * turn)
             g, m = g * bend, m * bend
             m[has] += runs.length_mm[at]
@@ -433,9 +418,3 @@ class _Runs:
         return cls(
             np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
         )
-
-
-def _between(one_rad: Floats, two_rad: Floats) -> Floats:
-    """Return the angles between directions, 0 to pi."""
-    turns: Floats = np.abs(np.remainder(two_rad - one_rad + math.pi, math.tau) - math.pi)
-    return turns

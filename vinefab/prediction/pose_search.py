@@ -6,8 +6,8 @@ pose comes from draws that no choice has seen (`vinefab.prediction.aiming`).
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,8 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.map import Map, Pose, Start
-from vinefab.model.start_place import StartPlace, start_from, start_pieces, with_starts
+from vinefab.model.map import Map, Pose
+from vinefab.model.start_place import start_from, start_pieces, with_starts
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.task import Task, outcomes
@@ -64,9 +64,7 @@ class PoseDraws:
 
     def with_contacts_of(self, other: "PoseDraws") -> "PoseDraws":
         """Return the same placing errors with the contacts of other draws."""
-        return PoseDraws(
-            offset_mm=self.offset_mm, turn_rad=self.turn_rad, half_angle_rad=other.half_angle_rad
-        )
+        return replace(self, half_angle_rad=other.half_angle_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +179,7 @@ class PoseTrial:
 
     def launches(self, poses: Floats, draws: PoseDraws) -> Launches:
         """Return every pose at every draw as launches of a batch, pose by pose."""
-        placed = [_pose(row) for row in self.placed(poses, draws).tolist()]
+        placed = [pose_of(row) for row in self.placed(poses, draws).tolist()]
         angles = np.tile(draws.half_angle_rad, len(poses))
         return Launches.of(self.terrains, [placed], angles)  # type: ignore[arg-type]
 
@@ -254,8 +252,10 @@ def printed_pose(trial: PoseTrial, row: Floats) -> Floats:
     return np.array([*place, rad(heading_deg)])
 
 
-def _pose(row: Sequence[float]) -> Pose:
-    return Pose(x_mm=row[0], y_mm=row[1], heading_rad=row[2])
+def pose_of(row: Iterable[float]) -> Pose:
+    """Return the pose of a row of `printed_pose`: what is printed is what was tried."""
+    x_mm, y_mm, heading_rad = map(float, row)
+    return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=heading_rad)
 
 
 # --- Where a base may stand ---------------------------------------------------------------------
@@ -305,7 +305,12 @@ class BaseRegion:
             starts, areas = _start_places(trial, world)
             words = "where the map's starts are"
         else:
-            there = with_starts(world, [_start_in_words(where)], "--where")
+            try:
+                place = start_from(where, "--where")
+            except BadInputError as error:
+                allowed = f"{', '.join(WHERE)}, or {error.allowed}"
+                raise BadInputError("--where", where, allowed) from error
+            there = with_starts(world, [place], "--where")
             starts, areas = _start_places(trial, there)
             words, start = f"at {where}", there.starts[0]
             if start.spread_heading_rad > 0.0:
@@ -398,7 +403,11 @@ def _places_in(areas: BaseGeometry, spacing_mm: float) -> Floats:
     if areas.is_empty:
         return found[0]
     x_min, y_min, x_max, y_max = areas.bounds
-    axes = [_evenly_mm(low, high, spacing_mm) for low, high in ((x_min, x_max), (y_min, y_max))]
+    axes = []
+    for low, high in ((x_min, x_max), (y_min, y_max)):  # as far from the ends at both
+        count = max(1, round((high - low) / spacing_mm))
+        half = np.arange(count) - 0.5 * (count - 1)
+        axes.append(0.5 * (low + high) + (high - low) / count * half)
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     for part in shapely.get_parts(areas):
         inside = grid[shapely.contains_xy(part, grid)]
@@ -406,14 +415,6 @@ def _places_in(areas: BaseGeometry, spacing_mm: float) -> Floats:
             inside = shapely.get_coordinates(shapely.point_on_surface(part))
         found.append(inside)
     return np.concatenate(found)
-
-
-def _evenly_mm(low: float, high: float, spacing_mm: float) -> Floats:
-    """Return places about so far apart between two ends, and as far from these at both."""
-    count = max(1, round((high - low) / spacing_mm))
-    step = (high - low) / count
-    half = np.arange(count) - 0.5 * (count - 1)
-    return np.asarray(0.5 * (low + high) + step * half)
 
 
 def _parts(shape: BaseGeometry, *kinds: str) -> BaseGeometry:
@@ -452,13 +453,6 @@ def _start_places(trial: PoseTrial, world: Map) -> tuple[BaseGeometry, BaseGeome
     both = shapely.GeometryCollection(flat)
     areas = shapely.union_all(shapely.get_parts(_parts(both, "Polygon")))
     return _parts(both, "Point", "LineString"), _parts(areas, "Polygon")
-
-
-def _start_in_words(text: str) -> Start | StartPlace:
-    try:
-        return start_from(text, "--where")
-    except BadInputError as error:
-        raise BadInputError("--where", text, f"{', '.join(WHERE)}, or {error.allowed}") from error
 
 
 # --- The search ---------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from pathlib import Path
 
 import numpy as np
 
@@ -17,9 +18,10 @@ from vinefab.core.view import (
     Notes,
     Origin,
     Picture,
-    Result,
     Section,
     Tone,
+    WrittenResult,
+    document,
 )
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
@@ -37,15 +39,15 @@ from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
+    anchoring_blocks,
     anchoring_headline,
     anchoring_on,
-    anchoring_section,
     predict_anchoring,
 )
 from vinefab.prediction.deployment_sections import (
     deployment_picture,
     deployment_section,
-    spread_section,
+    spread_blocks,
 )
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
@@ -56,9 +58,10 @@ from vinefab.prediction.family_deployments import (
     deploy_family,
     deployment_notes,
     no_progress,
+    part_of,
     typical,
 )
-from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
+from vinefab.prediction.heat_map import HeatMap, heat_blocks, heat_map_of
 from vinefab.prediction.measures import (
     COVERAGE,
     REACH,
@@ -68,27 +71,18 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
 )
-from vinefab.prediction.prediction_json import (
-    anchoring_content,
-    effect_content,
-    field_content,
-    heat_content,
-    tolerance_content,
-    window_content,
-)
 from vinefab.prediction.prediction_width import (
     ContactRange,
     PressureRange,
     contact_range,
     pressure_range,
-    width_content,
-    width_section,
+    width_blocks,
 )
 from vinefab.prediction.pressure_window import (
     PressureWindow,
     burst_basis,
+    window_blocks,
     window_of,
-    window_section,
 )
 from vinefab.prediction.provenance import model_assumptions
 from vinefab.prediction.sensitivity import (
@@ -97,9 +91,9 @@ from vinefab.prediction.sensitivity import (
     Tolerance,
     VariantEvaluator,
     sensitivity,
-    sensitivity_section,
+    sensitivity_blocks,
     tolerance,
-    tolerance_section,
+    tolerance_blocks,
 )
 
 MOST_PICTURES = 6
@@ -112,7 +106,7 @@ _SHARES = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Predicted(Result):
+class Predicted(WrittenResult):
     """What a design is expected to do, and how it is made."""
 
     prepared: Prepared  # job and check
@@ -129,6 +123,7 @@ class Predicted(Result):
     tolerance: Tolerance
     more: tuple[Section, ...] = ()  # what else its page shows
     origin: Origin | None = None  # what it takes to get it again
+    path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
     section_count = 13
 
@@ -182,33 +177,27 @@ class Predicted(Result):
                 "tone": tone,
             }
         )
-        yield Data(
-            lambda: {
-                "fields": [field_content(result.outcomes) for result in self.results],
-                "pressure_window": None if self.window is None else window_content(self.window),
-                "anchoring": [anchoring_content(prediction) for prediction in self.anchoring],
-                "width": width_content(self.contacts, self.pressure),
-                "heat": heat_content(self.heat),
-                "sensitivity": [effect_content(effect) for effect in self.effects],
-                "tolerance": tolerance_content(self.tolerance),
-            }
-        )
+        yield Data(lambda: {"pressure_window": None, **document(self._predictions())})
 
-    def sections(self) -> Iterator[Section]:
-        """Yield the predictions and how the robot is made."""
+    def _predictions(self) -> Iterator[Block]:
+        """Yield what is predicted; its numbers stand in JSON too."""
+        if self.window is not None:
+            yield from window_blocks(self.window, burst_basis(self.prepared.profile))
+        yield from spread_blocks([result.outcomes for result in self.results])
+        yield from heat_blocks(self.heat)
+        yield from anchoring_blocks(self.anchoring)
+        yield from width_blocks(self.contacts, self.pressure)
+        yield from sensitivity_blocks(self.effects, QUICK_MEASURES)
+        yield from tolerance_blocks(self.tolerance)
+
+    def sections(self) -> Iterator[Block]:
+        """Yield the deployments, the predictions and how the robot is made."""
         design, profile = self.prepared.design, self.prepared.profile
         yield from self.more
+        yield self._deployments()
         if self.window is None:
             yield pressure_section(design, profile)
-        else:
-            yield window_section(self.window, burst_basis(profile))
-        yield spread_section([result.outcomes for result in self.results])
-        yield self._deployments()
-        yield heat_section(self.heat)
-        yield anchoring_section(self.anchoring)
-        yield width_section(self.contacts, self.pressure)
-        yield sensitivity_section(self.effects, QUICK_MEASURES)
-        yield tolerance_section(self.tolerance)
+        yield from self._predictions()
         yield from making_sections(self.prepared)
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
@@ -274,7 +263,8 @@ def predict(
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
-    mass_g = _mass_g(prepared)
+    bill = bill_of_materials(prepared.job, prepared.profile)
+    mass_g = next((line.value for line in bill if line.item == "robot film mass"), 0.0)
     return Predicted(
         prepared=prepared,
         results=results,
@@ -305,17 +295,6 @@ class _AllDeployments(Collection[Deployment]):
 
     def __contains__(self, deployment: object) -> bool:
         return any(deployment is one for one in self)
-
-
-def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
-    """Return a teller for a part of the work."""
-    return lambda share, words: progress(start + (end - start) * share, words)
-
-
-def _mass_g(prepared: Prepared) -> float:
-    """Return the mass of the robot's film from its bill of materials."""
-    lines = bill_of_materials(prepared.job, prepared.profile)
-    return next((line.value for line in lines if line.item == "robot film mass"), 0.0)
 
 
 MANY_PERCENT = 10.0
@@ -366,7 +345,16 @@ def cautions(
     sentences = [*recipe_cautions(prepared.profile)]
     warnings = prepared.report.count(Severity.WARNING)
     skipped = len(prepared.report.skipped)
-    sentences += _about_pressure(window) if window else []
+    if window is not None and window.is_open and not window.is_open_tight:
+        sentences.append(
+            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
+            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
+        )
+    if window is not None and window.standing is Standing.ASSUMED:
+        sentences.append(
+            "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
+            "tube that growth was fitted to."
+        )
     for measure in (STUCK, UNDEPLOYED):
         spread = outcomes.spread(measure)
         if spread is not None and spread.mean >= MANY_PERCENT:
@@ -383,21 +371,6 @@ def cautions(
     return tuple(sentences)
 
 
-def _about_pressure(window: PressureWindow) -> list[str]:
-    sentences = []
-    if window.is_open and not window.is_open_tight:
-        sentences.append(
-            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
-            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
-        )
-    if window.standing is Standing.ASSUMED:
-        sentences.append(
-            "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
-            "tube that growth was fitted to."
-        )
-    return sentences
-
-
 def headlines(
     outcomes: MeasureTable,
     window: PressureWindow | None,
@@ -410,7 +383,16 @@ def headlines(
     holding = next(h for h in anchoring if h.label == outcomes.label)
     found.append(anchoring_headline(holding))
     if window is not None:
-        found.append(_pressed(window))
+        room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
+        pressed = Fact(
+            name="pressure window",
+            value=room if window.is_open else "none",
+            detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest "
+            f"part may take; working pressure {window.working_kpa:g} kPa (computed from assumed "
+            "numbers)",
+            tone="good" if window.is_open and window.holds_working else "bad",
+        )
+        found.append(pressed)
     return tuple(headline for headline in found if headline is not None)
 
 
@@ -437,15 +419,4 @@ def _measured(
         value=measure.text(spread.mean),
         detail=f"mean over {outcomes.label}, {interval}{width}{over} (simulated)",
         tone="caution" if most is not None and spread.mean >= most else "good",
-    )
-
-
-def _pressed(window: PressureWindow) -> Fact:
-    room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
-    return Fact(
-        name="pressure window",
-        value=room if window.is_open else "none",
-        detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest part "
-        f"may take; working pressure {window.working_kpa:g} kPa (computed from assumed numbers)",
-        tone="good" if window.is_open and window.holds_working else "bad",
     )

@@ -4,16 +4,17 @@ Whether a tip that meets a wall slides or stops changes scores more than most de
 tube that the growth pressure was fitted to, and how the film is stored. None of them is known.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -33,6 +34,7 @@ from vinefab.prediction.measures import (
     TIGHT_PRESSURE,
     Measure,
     MeasureTable,
+    means_by_map,
 )
 from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
@@ -118,7 +120,7 @@ def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthO
 
 def contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
     """Return the mean of values with its interval, each under the name of its map."""
-    means = group_means(values, names) if len(set(names)) > 1 else values
+    means = means_by_map(values, names)
     low, high = mean_interval(means)
     return ContactValue(mean=float(means.mean()), low=low, high=high)
 
@@ -239,12 +241,56 @@ def contact_words(found: ContactRange) -> str:
     )
 
 
-def width_section(contacts: ContactRange, pressure: PressureRange | None) -> Section:
-    """Return how wide predictions are over contacts and pressure."""
-    tables = [_contact_table(contacts)]
-    words = [contact_words(contacts)]
+def width_blocks(
+    contacts: ContactRange, pressure: PressureRange | None
+) -> Iterator[Data | Section]:
+    """Yield how wide predictions are over contacts and pressure."""
+    yield Data(
+        {
+            "width": {
+                "contacts": {
+                    "head_on_half_angle_deg": list(contacts.angles_deg),
+                    **({} if contacts.standing == "assumed" else {"standing": contacts.standing}),
+                    "deployments": contacts.deployments,
+                    "means": {
+                        m.key: [m.rounded(v.mean) for v in contacts.values[m.key]]
+                        for m in CONTACT_MEASURES
+                    },
+                },
+                "pressure": None if pressure is None else {"working_kpa": pressure.working_kpa},
+            }
+        }
+    )
+    over_contacts = Rows(
+        caption=f"Means over {contacts.label}, {counted(contacts.deployments, 'deployment')} at "
+        "each half-angle, with 95 % intervals over maps (simulated)",
+        headings=("measure", *(f"{angle:g} deg" for angle in contacts.angles_deg)),
+        rows=tuple(
+            (m.label, *(m.of(v.mean, v.low, v.high) for v in contacts.values[m.key]))
+            for m in CONTACT_MEASURES
+        ),
+    )
+    tables, words = [over_contacts], [contact_words(contacts)]
     if pressure is not None:
-        tables.append(_pressure_table(pressure))
+        percent = partial(Number, unit="%", form=".1f", decimals=1)
+        reaches = Rows(
+            caption=f"How far it gets at {pressure.working_kpa:g} kPa on {pressure.label}, "
+            f"{counted(pressure.deployments, 'deployment')} (simulated; assumed constants)",
+            headings=(
+                "film stored", "fitted tube", "length grown", "branches out of pressure",
+                "deployments without any", "95 % need",
+            ),
+            rows=tuple(
+                (reach.storage, Number(reach.fitted_diameter_mm, "mm", "g"),
+                 percent(reach.grown_percent), percent(reach.stopped_percent),
+                 percent(reach.full_percent), percent(reach.needed_kpa, unit="kPa"))
+                for reach in pressure.reaches
+            ),
+            key="width.pressure.reaches",
+            keys=("film_stored", "fitted_diameter_mm", "grown_percent", "stopped_percent",
+                  "full_percent", "needed_kpa"),
+        )  # fmt: skip
+        tables.append(reaches)
         words.append(
             f"At {pressure.working_kpa:g} kPa a tip stops where drag and turns have used up the "
             "pressure. What that takes depends on how the film lies in its store, and on the "
@@ -252,84 +298,13 @@ def width_section(contacts: ContactRange, pressure: PressureRange | None) -> Sec
             "published (both assumed)."
         )
     picture = Picture(
-        image=page_svg(contact_chart({"": contacts}, COVERAGE)),
+        image=lambda: page_svg(contact_chart({"": contacts}, COVERAGE)),
         caption=f"{COVERAGE.title.capitalize()} over the head-on half-angle, with its 95 % "
         "interval over maps (simulated).",
     )
-    return Section(
+    yield Section(
         title="How wide the prediction is",
         paragraphs=tuple(words),
         tables=tuple(tables),
         pictures=(picture,),
     )
-
-
-def _contact_table(found: ContactRange) -> Table:
-    rows = tuple(
-        (
-            measure.label,
-            *(measure.interval(v.mean, v.low, v.high) for v in found.values[measure.key]),
-        )
-        for measure in CONTACT_MEASURES
-    )
-    return Table(
-        caption=f"Means over {found.label}, {counted(found.deployments, 'deployment')} at each "
-        "half-angle, "
-        "with 95 % intervals over maps (simulated)",
-        headings=("measure", *(f"{angle:g} deg" for angle in found.angles_deg)),
-        rows=rows,
-    )
-
-
-def _pressure_table(found: PressureRange) -> Table:
-    rows = tuple(
-        (
-            reach.storage,
-            f"{reach.fitted_diameter_mm:g} mm",
-            f"{reach.grown_percent:.1f} %",
-            f"{reach.stopped_percent:.1f} %",
-            f"{reach.full_percent:.1f} %",
-            "nothing grew" if reach.needed_kpa is None else f"{reach.needed_kpa:.1f} kPa",
-        )
-        for reach in found.reaches
-    )
-    return Table(
-        caption=f"How far it gets at {found.working_kpa:g} kPa on {found.label}, "
-        f"{counted(found.deployments, 'deployment')} (simulated; assumed constants)",
-        headings=(
-            "film stored", "fitted tube", "length grown", "branches out of pressure",
-            "deployments without any", "95 % need",
-        ),
-        rows=rows,
-    )  # fmt: skip
-
-
-def width_content(contacts: ContactRange, pressure: PressureRange | None) -> dict[str, object]:
-    """Return both ranges as they stand in JSON, rounded as they are shown."""
-    return {
-        "contacts": {
-            "head_on_half_angle_deg": list(contacts.angles_deg),
-            **({} if contacts.standing == "assumed" else {"standing": contacts.standing}),
-            "deployments": contacts.deployments,
-            "means": {
-                measure.key: [measure.rounded(v.mean) for v in contacts.values[measure.key]]
-                for measure in CONTACT_MEASURES
-            },
-        },
-        "pressure": None
-        if pressure is None
-        else {
-            "working_kpa": pressure.working_kpa,
-            "reaches": [
-                {
-                    "film_stored": reach.storage,
-                    "fitted_diameter_mm": reach.fitted_diameter_mm,
-                    "grown_percent": round(reach.grown_percent, 1),
-                    "stopped_percent": round(reach.stopped_percent, 1),
-                    "full_percent": round(reach.full_percent, 1),
-                    "needed_kpa": None if reach.needed_kpa is None else round(reach.needed_kpa, 1),
-                }
-                for reach in pressure.reaches
-            ],
-        },
-    }

@@ -1,12 +1,13 @@
 """The pressure window of a design over its deployments: numbers, chart and section."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
@@ -165,52 +166,58 @@ def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[Level
     return tuple(found)
 
 
-def window_section(window: PressureWindow, burst_basis: str) -> Section:
-    """Return the pressure window as a chart and numbers."""
+def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section]:
+    """Yield the pressure window as a chart and numbers; ``basis``: of burst pressures."""
+    kpa = partial(Number, form=".1f", decimals=1)
+    mm = partial(Number, form=".2f", decimals=2)
+    yield Data(
+        {
+            "pressure_window": {
+                "is_open": window.is_open,
+                "needed_kpa": round(window.needed_kpa, 1),
+                "allowed_kpa": round(window.allowed_kpa, 1),
+                "working_kpa": window.working_kpa,
+                "safety_factor": window.safety_factor,
+                "standing": window.standing.value,
+            }
+        }
+    )
     words = (
         "A robot can be deployed where the pressure that growth to the worst tip needs lies below "
         "what its widest part may take. Narrow branches after many turns need most; wide tubes "
         "burst first. How the film is stored decides much and is not known: stored loosely, "
         "nothing holds it back; tightly, it is drawn off a spool."
     )
-    needs = Table(
+    needs = Rows(
         caption="Pressure to grow to the worst tip over deployments (simulated paths; nested "
         "capstan with published constants, scaled by 1/diameter from a tube whose diameter is "
         "assumed)",
         headings=("film stored", "5 % kPa", "median kPa", "95 % kPa", "greatest kPa", "enough for"),
         rows=tuple(
-            (
-                need.storage,
-                f"{need.p05_kpa:.1f}",
-                f"{need.median_kpa:.1f}",
-                f"{need.p95_kpa:.1f}",
-                f"{need.greatest_kpa:.1f}",
-                f"{need.enough_percent:.1f} %",
-            )
+            (need.storage, kpa(need.p05_kpa), kpa(need.median_kpa), kpa(need.p95_kpa),
+             kpa(need.greatest_kpa), kpa(need.enough_percent, "%"))
             for need in (window.loose, window.tight)
         ),
-    )
-    stands = Table(
+        key="pressure_window.needs",
+        keys=("film_stored", "p05_kpa", "median_kpa", "p95_kpa", "greatest_kpa", "enough_percent"),
+    )  # fmt: skip
+    stands = Rows(
         caption=f"What each width stands, over allowed {window.safety_factor:g} (assumed), "
         f"and how far it stretches at the working pressure of {window.working_kpa:g} kPa; "
-        f"{burst_basis}",
+        f"{basis}",
         headings=(
             "part", "lay-flat mm", "inflated mm", "seam stands kPa", "may take kPa", "hoop strain",
         ),
         rows=tuple(
-            (
-                level.name,
-                f"{level.width_mm:.2f}",
-                f"{level.inflated_mm:.2f}",
-                f"{level.burst_kpa:.1f}",
-                f"{level.allowed_kpa:.1f}",
-                f"{level.strain_percent:.0f} %",
-            )
+            (level.name, mm(level.width_mm), mm(level.inflated_mm), kpa(level.burst_kpa),
+             kpa(level.allowed_kpa), Number(round(level.strain_percent), "%", "d"))
             for level in window.levels
         ),
+        key="pressure_window.widths",
+        keys=("part", "width_mm", "inflated_mm", "burst_kpa", "allowed_kpa", "strain_percent"),
     )  # fmt: skip
     picture = Picture(
-        image=page_svg(window_chart(window)),
+        image=lambda: page_svg(window_chart(window)),
         caption="Bars of growth: 5 to 95 % of the deployments, line at the median (simulated). "
         "Bars of widths: what they may take; line at what their seams stand "
         f"({window.standing.value}).",
@@ -220,7 +227,7 @@ def window_section(window: PressureWindow, burst_basis: str) -> Section:
         f"'Enough for' is the share of the deployments that grow in full with the "
         f"{window.allowed_kpa:.1f} kPa that every width may take."
     )
-    return Section(
+    yield Section(
         title="Pressure window",
         paragraphs=(words, note),
         pictures=(picture,),

@@ -53,13 +53,12 @@ Numbers = tuple[tuple[str, Quantity], ...]
 
 def model_assumptions(options: GrowthOptions) -> Numbers:
     """Return the numbers of the models behind predictions, by name with unit."""
-    contacts = _contact_numbers(options)
-    return (*_growth_numbers(options), *contacts, *_pressure_numbers(), *_task_numbers())
-
-
-def _growth_numbers(options: GrowthOptions) -> Numbers:
     angles = dict.fromkeys(deg(angle_rad) for angle_rad in options.half_angle_range_rad)
     found, name = options.measured_half_angle, "growth.head_on_half_angle_deg"
+    factor = RULES["VF-P01"].limits["safety_factor"]
+    coverage, friction = Coverage(), ASSUMED_FRICTION
+    yours, printed = "measure your robots", "film on printed plastic"
+    own = "vinefab's own, the paper does not give it"
     return (
         *(
             _assumed(name, angle, "real robots: at most about 15")
@@ -67,10 +66,25 @@ def _growth_numbers(options: GrowthOptions) -> Numbers:
             else (name, _of_photos(found, angle))
             for angle in angles
         ),
-        _assumed(
-            "making.length_tolerance_percent", LENGTH_TOLERANCE_PERCENT, "measure your robots"
-        ),
-        _assumed("making.angle_tolerance_deg", ANGLE_TOLERANCE_DEG, "measure your robots"),
+        _assumed("making.length_tolerance_percent", LENGTH_TOLERANCE_PERCENT, yours),
+        _assumed("making.angle_tolerance_deg", ANGLE_TOLERANCE_DEG, yours),
+        *_contact_numbers(options),
+        ("pressure.yield_kpa", FITTED.yield_kpa),
+        ("pressure.drag_kpa_m", FITTED.drag_kpa_m),
+        ("pressure.storage_tight_kpa", FITTED.storage_kpa),
+        ("pressure.storage_loose_kpa", NO_TENSION),
+        ("pressure.friction", FITTED.friction),
+        ("pressure.fitted_diameter_mm", FITTED_DIAMETER_MM),
+        _assumed("pressure.safety_factor", factor, "burst over allowed pressure"),
+        _assumed("anchoring.friction", friction.value, printed),
+        _assumed("anchoring.friction_low", friction.low, printed),
+        _assumed("anchoring.friction_high", friction.high, printed),
+        _assumed("coverage.sensor_radius_mm", coverage.radius_mm, own),
+        _assumed("coverage.weight_area", coverage.weight_area, own),
+        _assumed("coverage.weight_count", coverage.weight_count, own),
+        _assumed("coverage.weight_length", coverage.weight_length, own),
+        _assumed("coverage.weight_film", coverage.weight_film, own),
+        _assumed("reach.buffer_mm", Reach().buffer_mm, own),
     )
 
 
@@ -99,35 +113,6 @@ def _contact_numbers(options: GrowthOptions) -> Numbers:
 def _of_photos(found: MeasuredNumber, value: float) -> Quantity:
     source = f"{found.text()}; {found.source}"
     return Quantity(value=value, standing=Standing.MEASURED, source=source)
-
-
-def _pressure_numbers() -> Numbers:
-    factor = RULES["VF-P01"].limits["safety_factor"]
-    return (
-        ("pressure.yield_kpa", FITTED.yield_kpa),
-        ("pressure.drag_kpa_m", FITTED.drag_kpa_m),
-        ("pressure.storage_tight_kpa", FITTED.storage_kpa),
-        ("pressure.storage_loose_kpa", NO_TENSION),
-        ("pressure.friction", FITTED.friction),
-        ("pressure.fitted_diameter_mm", FITTED_DIAMETER_MM),
-        _assumed("pressure.safety_factor", factor, "burst over allowed pressure"),
-    )
-
-
-def _task_numbers() -> Numbers:
-    coverage, friction = Coverage(), ASSUMED_FRICTION
-    own = "vinefab's own, the paper does not give it"
-    return (
-        _assumed("anchoring.friction", friction.value, "film on printed plastic"),
-        _assumed("anchoring.friction_low", friction.low, "film on printed plastic"),
-        _assumed("anchoring.friction_high", friction.high, "film on printed plastic"),
-        _assumed("coverage.sensor_radius_mm", coverage.radius_mm, own),
-        _assumed("coverage.weight_area", coverage.weight_area, own),
-        _assumed("coverage.weight_count", coverage.weight_count, own),
-        _assumed("coverage.weight_length", coverage.weight_length, own),
-        _assumed("coverage.weight_film", coverage.weight_film, own),
-        _assumed("reach.buffer_mm", Reach().buffer_mm, own),
-    )
 
 
 def _assumed(name: str, value: float, source: str) -> tuple[str, Quantity]:

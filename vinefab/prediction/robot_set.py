@@ -9,7 +9,7 @@ which is much closer.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,16 +126,6 @@ class RobotSet:
     cover: Cover  # what can be covered
 
     @property
-    def means(self) -> list[float]:
-        """Mean share that the first 1, 2, ... cover at fresh draws."""
-        return [float(value) for value in self.fresh.mean(axis=1)]
-
-    @property
-    def intervals(self) -> list[tuple[float, float]]:
-        """95 % intervals of these means."""
-        return [mean_interval(row) for row in self.fresh]
-
-    @property
     def least_share(self) -> float:
         """At least this share of what the best set of as many candidates covers, by the bound."""
         return self.choice.covered[-1] / max(self.choice.bounds[-1], 1e-300)
@@ -211,7 +201,10 @@ class TeamSearch:
         for shift in range(SET_DRAWS):
             rows: Ints = np.arange(shift, len(poses), SET_DRAWS)
             if len(rows):
-                bits[rows] = self._covered_bits(poses[rows], _shifted(draws, shift))
+                offset_mm = np.roll(draws.offset_mm, shift, axis=0)
+                turn_rad = np.roll(draws.turn_rad, shift)
+                other_contacts = replace(draws, offset_mm=offset_mm, turn_rad=turn_rad)
+                bits[rows] = self._covered_bits(poses[rows], other_contacts)
         choice = chosen_greedily(CoveredSets(bits=bits, weight=weight), count)
         chosen = np.array([printed_pose(self.trial, poses[index]) for index in choice.chosen])
         fresh, covered, shown = self._fresh_shares(chosen, rng)
@@ -249,16 +242,10 @@ class TeamSearch:
         return np.array(shares), np.array(firsts), tuple(shown)
 
 
-def _shifted(draws: PoseDraws, shift: int) -> PoseDraws:
-    """Return draws whose placing errors meet other contacts."""
-    return PoseDraws(
-        offset_mm=np.roll(draws.offset_mm, shift, axis=0),
-        turn_rad=np.roll(draws.turn_rad, shift),
-        half_angle_rad=draws.half_angle_rad,
-    )
-
-
 def union_curve(found: RobotSet) -> Sequence[tuple[int, float, float, float, float]]:
     """Return for each number of robots: mean, low and high at fresh draws, bound of the search."""
-    rows = zip(found.means, found.intervals, found.choice.bounds, strict=True)
-    return [(n, mean, low, high, bound) for n, (mean, (low, high), bound) in enumerate(rows, 1)]
+    rows = zip(found.fresh, found.choice.bounds, strict=True)
+    return [
+        (count, float(shares.mean()), *mean_interval(shares), bound)
+        for count, (shares, bound) in enumerate(rows, 1)
+    ]

@@ -2,31 +2,28 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
-from vinefab.core.plain_text import counted
 from vinefab.core.view import (
-    Answer,
     Block,
     Fact,
     Facts,
-    Notes,
+    Number,
     Picture,
+    Rows,
     Section,
-    Table,
-    Tone,
 )
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
-from vinefab.growth.options import GrowthOptions, growth_text
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -40,19 +37,13 @@ from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
-from vinefab.prediction.run_winner import (
-    PLACED_OFF,
-    contact_ends,
-    contacts_over,
-    interval_words,
-    placed_off_range,
-    unseen_family,
-)
+from vinefab.prediction.run_winner import unseen_family
 from vinefab.search.evaluator import with_pose_range
-from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
+from vinefab.search.live_page import PAGE_NAME, run_facts
+from vinefab.search.record.elsewhere import angles_standing
 from vinefab.search.record.generations import curve_of
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
-from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile
+from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile, violations_of
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
@@ -90,8 +81,13 @@ class EndedRun:
             Its result, where it is known with the times and notes of this session.
         """
         archive = RunArchive.read(folder / RECORD_FILE)
-        result = result or archive.result()
-        return cls(result=result, settings=archive.settings, maps=archive.maps)
+        settings = archive.settings
+        run = cls(result=result or archive.result(), settings=settings, maps=archive.maps)
+        if result is None and not run.result.fabricable:
+            profile = run.profile() if run.result.checked else None
+            broken = violations_of(run.result, settings, profile)
+            run = replace(run, result=replace(run.result, violations=broken))
+        return run
 
     @property
     def design(self) -> Design:
@@ -133,90 +129,24 @@ def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
     return write_text(folder / PAGE_NAME, page(title, blocks), force=force)
 
 
-def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
-    """Return what a run has found, in one line."""
-    found, task = run.result.prediction, run.settings.task.name
-    score = f"{task} {run.result.score.composite['mean']:.3f} on fresh poses (simulated)"
-    if found:
-        low, high = contact_ends(found)
-        score = (
-            f"{task} {interval_words(found['unseen']['score'])} on {found['unseen']['label']}, "
-            f"{low:.3f} to {high:.3f} over contacts (simulated)"
-        )
-    made = manufacturable_words(run.result, violations)
-    return f"found {run.design.name}: {score}; {_size(run)}; {made}; open {where}"
-
-
-def _size(run: EndedRun) -> str:
-    """Return the winner's size, and its pieces where it may have several."""
-    return "; ".join(filter(None, (size_words(run.design), run.result.pieces_words)))
-
-
-def manufacturable_words(result: RunResult, violations: str) -> str:
-    """Return whether a run's winner is manufacturable."""
-    if not result.checked:
-        return "manufacturability not asked for"
-    if violations:
-        return f"not manufacturable ({violations.split(' ', 1)[0]})"
-    return "manufacturable"
-
-
 def run_blocks(run: EndedRun) -> Iterator[Block]:
     """Yield the page of a run that has ended, the answer and a picture first."""
-    result = run.result
     checked = _checked(run)
-    made, tone = _made(run, checked)
     unseen = _unseen(run)
     first, *shown = _shown(run, unseen)
-    yield Answer(f"{_verdict(run)}; {_size(run)}; {made}.", tone)
+    # The winner is drawn on a map first, and flat with the rules below.
+    answer, *view = (one for one in run.result.view() if not isinstance(one, Picture))
+    yield answer
     yield first
-    yield Facts(tuple(_headlines(run)), lead=True)
-    notes = (*result.notes, *filter(None, [result.prediction.get("note", "")]))
-    yield Notes(
-        (
-            *(f"{extension.text}." for extension in result.extensions),
-            *(f"{text[:1].upper()}{text[1:]}." for text in notes),
-            *([f"Repair: {result.repair}."] if result.repair else []),
-            *(f"Resumed with other package versions: {drift}." for drift in result.drift),
-        )
-    )
-    designs, count = counted(result.evaluations, "design"), len(result.history)
-    words = result.pieces_words
-    yield Facts(
-        (
-            *run_facts(run.settings),
-            Fact("stopped by", result.stopped),
-            Fact("evaluated", f"{designs} in {counted(count, 'generation')}"),
-            *([Fact("cut in", f"{words} (computed)")] if words else []),
-            Fact("run", result.run_id),
-            Fact("growth model", growth_text(run.settings.growth, [run.design])),
-        )
-    )
+    yield from view
+    chosen = Fact("winner chosen", f"among the finalists by fitness {_chosen_by(run.settings)}")
+    yield Facts((*run_facts(run.settings), chosen))
     yield from shown
     yield from _width_sections(run)
     yield _sheet_section(run, checked)
     yield _limit_section(run, checked, unseen)
     yield _found_section(run)
     yield _files_section(run)
-
-
-def _verdict(run: EndedRun) -> str:
-    found, task = run.result.prediction, run.settings.task.name
-    if not found:
-        mean = run.result.score.composite["mean"]
-        return f"{task} {mean:.3f} on fresh poses on the training maps (simulated)"
-    unseen = found["unseen"]
-    return f"{task} {interval_words(unseen['score'])} on {unseen['label']} (simulated)"
-
-
-def _made(run: EndedRun, checked: CheckReport | str) -> tuple[str, Tone]:
-    asked = run.settings.evaluation.fabricable
-    if isinstance(checked, str):
-        return f"not checked: {checked}", "caution"
-    if not checked.blocking:
-        return "manufacturable by the rules", "good"
-    broken = ", ".join(sorted({finding.rule for finding in checked.blocking}))
-    return f"not manufacturable: {broken}", "bad" if asked else "caution"
 
 
 def _chosen_by(settings: RunSettings) -> str:
@@ -226,39 +156,6 @@ def _chosen_by(settings: RunSettings) -> str:
     if chooses_on_fresh_maps(settings):
         return f"on {FRESH_MAPS} other maps that the search did not see"
     return "on these poses"
-
-
-def _headlines(run: EndedRun) -> Iterator[Fact]:
-    found, task = run.result.prediction, run.settings.task.name
-    fresh = run.result.score
-    if found:
-        unseen = found["unseen"]
-        count = counted(unseen["deployments"], "deployment")
-        yield Fact(
-            f"{task} on {unseen['label']}",
-            interval_words(unseen["score"]),
-            detail=f"mean over {count}, in brackets its 95 % interval over maps (simulated)",
-        )
-        low, high = contact_ends(found)
-        over = contacts_over(found).removesuffix(")")
-        yield Fact(
-            f"{task} over contacts",
-            f"{low:.3f} to {high:.3f}",
-            detail=f"mean there at {over}; simulated)",
-        )
-        low, high = placed_off_range(found)
-        yield Fact(
-            f"{task} placed off",
-            f"{low:.3f} to {high:.3f}",
-            detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
-            "off (assumed; simulated)",
-        )
-    yield Fact(
-        f"{task} on the training maps",
-        f"{fresh.composite['mean']:.3f}",
-        detail=f"mean over {counted(len(fresh.evaluations), 'fresh pose')} (simulated); the winner "
-        f"was chosen among the finalists {_chosen_by(run.settings)}",
-    )
 
 
 def _unseen(run: EndedRun) -> PreparedFamily:
@@ -281,16 +178,13 @@ def _shown(run: EndedRun, unseen: PreparedFamily) -> Iterator[Picture | Section]
         for index in range(kept)
     ]
     yield Section(title="The winner on its training maps", pictures=tuple(on_training))
+    # A run with maps of its own has no unseen ones.
+    where = unseen.label if unseen.label.startswith("other poses") else "unseen maps"
     yield Section(
-        title=f"The winner on {_where(unseen)}",
+        title=f"The winner on {where}",
         pictures=tuple(on_unseen.values()),
         tables=(stop_table(unseen.label, elsewhere),),
     )
-
-
-def _where(unseen: PreparedFamily) -> str:
-    """Return where a winner is shown: a run with maps of its own has no unseen ones."""
-    return unseen.label if unseen.label.startswith("other poses") else "unseen maps"
 
 
 def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
@@ -331,22 +225,21 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     found = run.result.prediction
     if not found:
         return ()
-    angles = found["head_on_half_angles_deg"]
-    standing = found.get("head_on_half_angles_standing", "assumed")
-    contacts = Table(
-        caption=f"Mean {found['task']} score over the head-on half-angle ({standing}), with 95 % "
-        "intervals over maps, from the same poses (simulated)",
-        headings=("where", *(f"{angle:g} deg" for angle in angles)),
-        rows=tuple(
-            (found[key]["label"], *(interval_words(v) for v in found[key]["over_contacts"]))
-            for key in ("unseen", "training")
-        ),
-    )
-    placed = Table(
+    standing = angles_standing(found)
+    signed = partial(Number, form="+.3f")
+    placed = Rows(
         caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
         "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
-        rows=tuple(_placed_row(row) for row in found["placed_off"]),
+        rows=tuple(
+            (
+                f"{row['knob']} {row['step']:+g} {row['unit']}",
+                signed(row["change"]),
+                "-" if row["low"] is None else f"{row['low']:+.3f} to {row['high']:+.3f}",
+                row["deployments"],
+            )
+            for row in found["placed_off"]
+        ),
     )
     words = (
         f"{_KNOWN[standing == 'assumed']} nor how well a "
@@ -354,20 +247,8 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."
     )
-    section = Section(title="How wide the score is", paragraphs=(words,), tables=(contacts, placed))
+    section = Section(title="How wide the score is", paragraphs=(words,), tables=(placed,))
     return (section,)
-
-
-def _placed_row(row: dict[str, Any]) -> tuple[str, ...]:
-    change = "-" if row["change"] is None else f"{row['change']:+.3f}"
-    known = row["low"] is not None
-    interval = f"{row['low']:+.3f} to {row['high']:+.3f}" if known else "-"
-    return (
-        f"{row['knob']} {row['step']:+g} {row['unit']}",
-        change,
-        interval,
-        str(row["deployments"]),
-    )
 
 
 def _checked(run: EndedRun) -> CheckReport | str:
@@ -399,40 +280,36 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
 def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
     """Return what limits the winner: walls and pressure, rules, bounds of the space."""
     tables = [
-        Table(
+        Rows(
             caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
             "stricter (computed)",
             headings=("rule", "what", "measured", "limit", "branches"),
             rows=() if isinstance(checked, str) else _rule_rows(run, checked),
         ),
-        Table(
+        Rows(
             caption="Variables of the search in which the winner lies at an end of its range",
             headings=("variable", "winner", "end of its range"),
             rows=tuple(_bound_rows(run)),
         ),
     ]
-    empty = [table.caption for table in tables if not table.rows]
-    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
-    return Section(
-        title="What limits it",
-        paragraphs=(
-            _stop_words(run, unseen),
-            *([f"Limits of the space: {kept} (planned)."] if kept else []),
-            *_bed_words(run, checked),
-            *(f"{caption}: none." for caption in empty),
-        ),
-        tables=tuple(table for table in tables if table.rows),
-    )
-
-
-def _stop_words(run: EndedRun, unseen: PreparedFamily) -> str:
     stops = np.concatenate([deployment.stop for deployment in run.grown(unseen)])
     shares = [
         f"{100 * share:.0f} % {STOP_WORDS[stop]}"
         for stop in Stop
         if (share := float(np.mean(stops == stop))) > 0.0
     ]
-    return f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}."
+    empty = [table.caption for table in tables if not table.rows]
+    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
+    return Section(
+        title="What limits it",
+        paragraphs=(
+            f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}.",
+            *([f"Limits of the space: {kept} (planned)."] if kept else []),
+            *_bed_words(run, checked),
+            *(f"{caption}: none." for caption in empty),
+        ),
+        tables=tuple(table for table in tables if table.rows),
+    )
 
 
 def _bed_words(run: EndedRun, checked: CheckReport | str) -> tuple[str, ...]:
@@ -460,42 +337,32 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
     close: dict[str, tuple[Finding, float | None]] = {}
     if run.design.branch_count <= TOO_FINE:
         profile = run.profile()
+        changed = by_rule(changed_limits(run.design, profile))
         for factor in (1.0 - NEAR, 1.0 + NEAR):
-            stricter = check_design(
-                run.design, profile, _scaled_limits(run.design, profile, factor)
-            )
+            scaled = {
+                rule.id: {
+                    name: factor * value
+                    for name, value in {**rule.limits, **changed.get(rule.id, {})}.items()
+                    if name.endswith(("error", "warning"))
+                }
+                for rule in RULES.values()
+            }
+            stricter = check_design(run.design, profile, scaled)
             for finding in stricter.findings:
                 if finding.rule not in found and finding.limit is not None:
                     close.setdefault(finding.rule, (finding, finding.limit / factor))
     ranks = list(Severity)
     return tuple(
-        _rule_row(*one, how)
+        (
+            one.rule,
+            f"{how} ({one.severity}): {RULES[one.rule].title}",
+            Number(one.measured, one.unit).text,
+            Number(limit, one.unit).text,
+            ", ".join(one.branches[:4]),
+        )
         for how, kind in (("broken", found), ("close", close))
-        for one in sorted(kind.values(), key=lambda one: ranks.index(one[0].severity))
+        for one, limit in sorted(kind.values(), key=lambda pair: ranks.index(pair[0].severity))
     )
-
-
-def _scaled_limits(
-    design: Design, profile: LaserProfile, factor: float
-) -> dict[str, dict[str, float]]:
-    changed = by_rule(changed_limits(design, profile))
-    return {
-        rule.id: {
-            name: factor * value
-            for name, value in {**rule.limits, **changed.get(rule.id, {})}.items()
-            if name.endswith(("error", "warning"))
-        }
-        for rule in RULES.values()
-    }
-
-
-def _rule_row(finding: Finding, limit: float | None, how: str) -> tuple[str, ...]:
-    unit = f" {finding.unit}" if finding.unit else ""
-    measured = "-" if finding.measured is None else f"{finding.measured:.4g}{unit}"
-    allowed = "-" if limit is None else f"{limit:.4g}{unit}"
-    title = RULES[finding.rule].title
-    who = ", ".join(finding.branches[:4])
-    return finding.rule, f"{how} ({finding.severity}): {title}", measured, allowed, who
 
 
 def _bound_rows(run: EndedRun) -> Iterator[tuple[str, str, str]]:
@@ -529,18 +396,8 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
-    finalists = Table(
-        caption="Finalists on the same fresh poses (simulated), the winner first: chosen by their "
-        f"fitness {_chosen_by(run.settings)}",
-        headings=("fitness", "mean score", "penalty", "branches", "levels"),
-        rows=tuple(
-            (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",
-             str(f.design.branch_count), str(f.design.depth))
-            for f in run.result.finalists
-        ),
-    )  # fmt: skip
     paragraphs = (*section.paragraphs, *words)
-    return replace(section, paragraphs=paragraphs, pictures=pictures, tables=(finalists,))
+    return replace(section, paragraphs=paragraphs, pictures=pictures)
 
 
 def _files_section(run: EndedRun) -> Section:
@@ -550,7 +407,7 @@ def _files_section(run: EndedRun) -> Section:
         ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
         (f"{PICTURES}/", "the pictures of this page"),
     )
-    table = Table(caption="In this folder", headings=("file", "what"), rows=rows)
+    table = Rows(caption="In this folder", headings=("file", "what"), rows=rows)
     return Section(
         title="Files and time",
         paragraphs=(f"The last session: {run.result.times.summary}.",),

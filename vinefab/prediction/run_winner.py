@@ -1,14 +1,18 @@
-"""What a run's winner is expected to do elsewhere: on unseen maps, over contacts, placed off."""
+"""A run in a folder, and what its winner is expected to do elsewhere.
+
+A winner is tried on unseen maps, over what contacts may be like, and placed off.
+"""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import rounded
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
@@ -27,30 +31,76 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.prediction_width import (
     ContactValue,
-    contact_angles_words,
     contact_value,
 )
-from vinefab.prediction.sensitivity import (
-    HEADING_STEPS_DEG,
-    SIDEWAYS_STEPS_MM,
-    moved_poses,
-    shifted_pose,
-    turned_pose,
-)
+from vinefab.prediction.sensitivity import moved_poses, placings
 from vinefab.search.evaluator import final_seed, with_pose_range
+from vinefab.search.live_page import LivePage
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunResult
-from vinefab.search.run import run_profile
-from vinefab.search.settings import RunSettings, targets_mm
-from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
+from vinefab.search.parallel.point_evaluator import PointEvaluator
+from vinefab.search.record.elsewhere import placed_off_range
+from vinefab.search.record.generations import Progress
+from vinefab.search.record.result import RunResult, resumed_limits
+from vinefab.search.run import run_profile, run_search
+from vinefab.search.settings import RunLimits, RunSettings, targets_mm
+from vinefab.tasks.evaluate import score_designs, trunks_with_room
 from vinefab.tasks.task import Task
+
+
+def run_in_folder(  # noqa: PLR0913  options by keyword
+    settings: RunSettings,
+    folder: Path,
+    *,
+    again: str,
+    page: bool = True,
+    resume: bool = False,
+    limits: RunLimits | None = None,
+    workers: int | PointEvaluator = 1,
+    progress: Callable[[Progress], None] | None = None,
+    source: Path | None = None,
+    task: Task | None = None,
+) -> RunResult:
+    """Run the optimizer with its record, and predict what its winner does elsewhere.
+
+    Parameters
+    ----------
+    again
+        The command that resumes the run.
+    page
+        Whether to keep a page of the run current while it is going on.
+    resume, limits, workers, progress, source, task
+        As in `vinefab.search.run.run_search`.
+    """
+
+    def search(report: Callable[[Progress], None] | None) -> RunResult:
+        return run_search(
+            settings,
+            folder,
+            resume=resume,
+            limits=limits,
+            workers=workers,
+            progress=report,
+            predict=predict_winner,
+            source=source,
+            task=task,
+        )
+
+    if not page:
+        return search(progress)
+    shown = resumed_limits(folder, settings) if resume else settings
+    with LivePage(folder, shown, again) as live:
+
+        def report(done: Progress) -> None:
+            live.update(done)
+            if progress is not None:
+                progress(done)
+
+        return search(report)
+
 
 UNSEEN_DEPLOYMENTS = 50
 """Deployments that a winner is tried in elsewhere, each on a map of its own where maps are
 generated: the same maps for every run of an environment, so that runs can be compared."""
-
-PLACED_OFF = 10.0
-"""A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,26 +135,30 @@ class WinnerTrial:
     def placed_off(self, family: PreparedFamily) -> tuple[dict[str, Any], ...]:
         """Return what placing the body elsewhere does, a step each, from the same poses."""
         exact = self.scores(family)
-        moves = [
-            *(
-                ("heading", d, "deg", partial(turned_pose, turn_rad=rad(d)))
-                for d in HEADING_STEPS_DEG
-            ),
-            *(("position", d, "mm", partial(shifted_pose, step_mm=d)) for d in SIDEWAYS_STEPS_MM),
-        ]
         return tuple(
             {"knob": knob, "step": step, "unit": unit, **self._change(family, move, exact)}
-            for knob, step, unit, move in moves
+            for knob, step, unit, move in placings()
         )
 
     def _change(
         self, family: PreparedFamily, move: Callable[[Pose], Pose], exact: Floats
     ) -> dict[str, Any]:
-        poses = self._with_room(family, moved_poses(family, move))
-        free = np.array([pose is not None for row in poses for pose in row])
+        # Not where the trunk has no room there, or had none before.
+        poses = [
+            [
+                pose is not None
+                and all(trunks_with_room(self.design, [place], ((before, pose),), self.growth))
+                and pose
+                for before, pose in zip(places, row, strict=True)
+            ]
+            for place, places, row in zip(
+                family.maps, family.poses, moved_poses(family, move), strict=True
+            )
+        ]
+        free = np.array([bool(pose) for row in poses for pose in row])
         if not free.any():
             return {"deployments": 0, "change": None, "low": None, "high": None}
-        kept = tuple(tuple(pose for pose in row if pose is not None) for row in poses)
+        kept = tuple(tuple(pose for pose in row if pose) for row in poses)
         values = np.full(len(exact), np.nan)
         values[free] = self.scores(replace(family, poses=kept))
         means = group_means(values - exact, names_of(family))
@@ -112,24 +166,8 @@ class WinnerTrial:
         return {
             "deployments": int(free.sum()),
             "change": float(means.mean()),
-            "low": _plain(low),
-            "high": _plain(high),
+            **_ends(low, high),
         }
-
-    def _with_room(
-        self, family: PreparedFamily, moved: tuple[tuple[Pose | None, ...], ...]
-    ) -> tuple[tuple[Pose | None, ...], ...]:
-        """Return moved poses, None where the trunk has no room there, or had none before."""
-        return tuple(
-            tuple(
-                pose if pose is not None and self._has_room(place, (before, pose)) else None
-                for before, pose in zip(family.poses[index], row, strict=True)
-            )
-            for index, (place, row) in enumerate(zip(family.maps, moved, strict=True))
-        )
-
-    def _has_room(self, place: PreparedMap, poses: tuple[Pose, ...]) -> bool:
-        return all(trunks_with_room(self.design, [place], (poses,), self.growth))
 
 
 def names_of(family: PreparedFamily) -> list[str]:
@@ -149,46 +187,30 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         growth=settings.growth.at_one_angle,
     )
     fresh = PreparedFamily(
-        label=_maps_text(len(evaluator.maps), "training map"),
+        label=counted(len(evaluator.maps), "training map"),
         maps=evaluator.maps,
         poses=evaluator.final_conditions(settings.search.seed).poses,
     ).distinct
     unseen, note = unseen_family(settings, fresh)
+    standing = settings.growth.contact_angles_standing
+    # As records always were: nothing where the half-angles are assumed.
+    angles = {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
     content = {
         "task": settings.task.name,
         "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
-        **_angles_standing(settings.growth),
+        **angles,
         "trained_half_angle_deg": settings.growth.half_angle_deg,
         "unseen": _family_content(trial, unseen),
         "training": _family_content(trial, fresh),
         "placed_off": list(trial.placed_off(unseen)),
         "note": note,
     }
-    pieces = _pieces_content(trial.design, settings)
-    content = {**content, **({"pieces": pieces} if pieces else {})}
+    if trial.design.build.pieces is not None:  # how many it is cut in (computed)
+        cut = partition_of(trial.design, run_profile(settings.evaluation))
+        count = None if cut.unparted else len(cut.pieces)
+        proven = cut.proven_least and not cut.unparted
+        content["pieces"] = {"count": count, "proven_least": proven}
     return {**content, "origin": _origin(content)}
-
-
-def _angles_standing(growth: GrowthOptions) -> dict[str, str]:
-    """Return where the half-angles come from; nothing where they are assumed, as they were."""
-    standing = growth.contact_angles_standing
-    return {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
-
-
-def contacts_over(content: Mapping[str, Any]) -> str:
-    """Return over which half-angles a winner was tried, in words."""
-    standing = content.get("head_on_half_angles_standing", "assumed")
-    return contact_angles_words(content["head_on_half_angles_deg"], standing)
-
-
-def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
-    """Return how many pieces a winner is cut in (computed); nothing where it must be one."""
-    if design.build.pieces is None:
-        return {}
-    partition = partition_of(design, run_profile(settings.evaluation))
-    if partition.unparted:
-        return {"count": None, "proven_least": False}
-    return {"count": len(partition.pieces), "proven_least": partition.proven_least}
 
 
 def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any]:
@@ -204,11 +226,12 @@ def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any
 
 
 def _value(value: ContactValue) -> dict[str, float | None]:
-    return {"mean": value.mean, "low": _plain(value.low), "high": _plain(value.high)}
+    return {"mean": value.mean, **_ends(value.low, value.high)}
 
 
-def _plain(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
+def _ends(low: float, high: float) -> dict[str, float | None]:
+    ends = {"low": low, "high": high}
+    return {name: end if math.isfinite(end) else None for name, end in ends.items()}
 
 
 def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[PreparedFamily, str]:
@@ -219,118 +242,50 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
     fresh
         The training maps.
     """
-    note = _own_places(settings)
+    start, note = settings.maps.start, ""
+    if len(targets_mm(settings)):
+        note = "on no unseen maps, because the run's targets are points of its own"
+    elif start is not None and not (isinstance(start, StartPlace) and start.side):
+        note = "on no unseen maps, because the run's start is a place on its own"
+    share = settings.evaluation.pose_range
     if not settings.maps.files and not note:
         environment, options = settings.maps.environment, settings.maps.options
         try:
-            family = _started(unseen_maps(environment, UNSEEN_DEPLOYMENTS, 0, options), settings)
-            return _prepared(family, settings, 1, 0), note
+            family = unseen_maps(environment, UNSEEN_DEPLOYMENTS, 0, options)
+            if start is not None:  # from the side that the run starts from
+                worlds = tuple(with_starts(one, (start,), "maps.start") for one in family.worlds)
+                label = f"{family.label} from the {start_text(start)}"
+                family = MapFamily(label=label, worlds=worlds)
+            worlds = tuple(with_pose_range(world, share) for world in family.worlds)
+            return _prepared(replace(family, worlds=worlds), settings, 1, 0), note
         except BadInputError as error:
             note = f"on no unseen maps, because one of them cannot be used: {error}"
     worlds = tuple(prepared.world for prepared in fresh.maps)
     count = math.ceil(UNSEEN_DEPLOYMENTS / len(worlds))
-    label = f"other poses on the {_maps_text(len(worlds), 'training map')}"
+    label = f"other poses on the {counted(len(worlds), 'training map')}"
     family = MapFamily(label=label, worlds=worlds)
     # Poses by which the winner was not chosen.
     seed = final_seed(settings.search.seed) + len(worlds)
-    return _prepared(family, _with_whole_range(settings), count, seed), note
-
-
-def _own_places(settings: RunSettings) -> str:
-    """Return why a run that names places has no unseen maps; empty if it names none."""
-    if len(targets_mm(settings)):
-        return "on no unseen maps, because the run's targets are points of its own"
-    start = settings.maps.start
-    if start is not None and not (isinstance(start, StartPlace) and start.side):
-        return "on no unseen maps, because the run's start is a place on its own"
-    return ""
-
-
-def _started(family: MapFamily, settings: RunSettings) -> MapFamily:
-    """Return unseen maps with the side that a run starts from."""
-    start = settings.maps.start
-    if start is None:
-        return family
-    worlds = tuple(with_starts(world, (start,), "maps.start") for world in family.worlds)
-    return replace(family, label=f"{family.label} from the {start_text(start)}", worlds=worlds)
-
-
-def _with_whole_range(settings: RunSettings) -> RunSettings:
-    # The run's pose range was applied to these maps already.
-    return settings.changed(evaluation=settings.evaluation.changed(pose_range=1.0))
+    return _prepared(family, settings, count, seed), note
 
 
 def _prepared(family: MapFamily, settings: RunSettings, poses: int, seed: int) -> PreparedFamily:
-    share = settings.evaluation.pose_range
-    worlds = tuple(with_pose_range(world, share) for world in family.worlds)
     plan = PredictionPlan(poses=poses, seed=seed, options=settings.growth.at_one_angle)
-    return PreparedFamily.of(replace(family, worlds=worlds), plan).distinct
-
-
-def _maps_text(count: int, name: str) -> str:
-    return f"{count} {name}{'' if count == 1 else 's'}"
+    return PreparedFamily.of(family, plan).distinct
 
 
 def _origin(content: Mapping[str, Any]) -> dict[str, object]:
     """Return what of a prediction stands in the winner's design file."""
     unseen = content["unseen"]
     score = unseen["score"]
-    low, high = placed_off_range(content)
     interval = [score["low"], score["high"]]
+    over_contacts = [value["mean"] for value in unseen["over_contacts"]]
     return {
         "unseen": f"{unseen['label']}, {counted(unseen['deployments'], 'deployment')} (simulated)",
         "unseen_score": round(score["mean"], 4),
-        **({} if None in interval else {"unseen_score_interval": _rounded(interval)}),
+        **({} if None in interval else {"unseen_score_interval": rounded(interval, 4)}),
         "unseen_half_angles_deg": content["head_on_half_angles_deg"],
-        "unseen_score_over_contacts": _rounded([v["mean"] for v in unseen["over_contacts"]]),
-        "unseen_score_placed_off": _rounded([low, high]),
+        "unseen_score_over_contacts": rounded(over_contacts, 4),
+        "unseen_score_placed_off": rounded(placed_off_range(content), 4),
         **({"pieces": count} if (count := content.get("pieces", {}).get("count")) else {}),
     }
-
-
-def _rounded(values: list[float]) -> list[float]:
-    return [round(value, 4) for value in values]
-
-
-def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the least and the greatest mean score of a body placed off by up to `PLACED_OFF`."""
-    score = content["unseen"]["score"]["mean"]
-    changes = [
-        row["change"]
-        for row in content["placed_off"]
-        if abs(row["step"]) <= PLACED_OFF and row["change"] is not None
-    ]
-    return score + min([0.0, *changes]), score + max([0.0, *changes])
-
-
-def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[float, float]:
-    """Return the least and the greatest mean score over contacts."""
-    means = [value["mean"] for value in content[family]["over_contacts"]]
-    return min(means), max(means)
-
-
-def prediction_lines(content: Mapping[str, Any]) -> list[str]:
-    """Return what a winner is expected to do elsewhere as lines for the user."""
-    unseen, training = content["unseen"], content["training"]
-    low, high = placed_off_range(content)
-    over = f"over {contacts_over(content)}"
-    lines = [
-        f"on {family['label']}, {counted(family['deployments'], 'deployment')} (simulated): mean "
-        f"{interval_words(family['score'])}; {over} {least:.3f} to {most:.3f}"
-        for family, (least, most) in (
-            (unseen, contact_ends(content)),
-            (training, contact_ends(content, "training")),
-        )
-    ]
-    lines.append(
-        f"placed off by up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg (assumed): {low:.3f} to "
-        f"{high:.3f} on {unseen['label']} (simulated)"
-    )
-    return [*lines, *([content["note"]] if content["note"] else [])]
-
-
-def interval_words(score: Mapping[str, float | None]) -> str:
-    """Return a mean score with its 95 % interval."""
-    if score["low"] is None:
-        return f"{score['mean']:.3f}"
-    return f"{score['mean']:.3f} [{score['low']:.3f}, {score['high']:.3f}]"

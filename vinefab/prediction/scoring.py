@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import Design
@@ -57,22 +56,19 @@ def score_design_on_task(
     poses = poses_on(prepared_maps, plan.poses, seeds, repeats=varied)
     score = score_design(design, prepared_maps, poses, task, options)
     stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design, options)
-    return replace(
-        _with_parts(score, task, map_weights([len(places) for places in poses])),
-        growth=options.content,
-        grown=growth_text(options, [design]),
-        notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),
-    )
-
-
-def _with_parts(score: Score, task: Task, weights: Floats | None) -> Score:
-    """Return a score with what earned and cost how much of it."""
+    # What earned and cost how much of it.
     evaluations = tuple(
         replace(each, parts=score_parts(task, each.score, each.terms)) for each in score.evaluations
     )
     names = tuple(evaluations[0].parts)
-    if not names:
-        return score
     table = np.array([[each.parts[name] for name in names] for each in evaluations])
-    means = np.average(table, axis=0, weights=weights).tolist()
-    return replace(score, evaluations=evaluations, parts=dict(zip(names, means, strict=True)))
+    weights = map_weights([len(places) for places in poses])
+    means = np.average(table, axis=0, weights=weights).tolist() if names else []
+    return replace(
+        score,
+        evaluations=evaluations,
+        parts=dict(zip(names, means, strict=True)),
+        growth=options.content,
+        grown=growth_text(options, [design]),
+        notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),
+    )

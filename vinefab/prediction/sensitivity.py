@@ -13,8 +13,8 @@ from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.core.view import Picture, Section, Table
-from vinefab.growth.batch import Batch, Block, Launches
+from vinefab.core.view import Data, Picture, Rows, Section
+from vinefab.growth.batch import Batch, Block, Launches, Workspace
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
 from vinefab.model.deployment import Deployment, Stop
@@ -91,6 +91,15 @@ class Scatter:
     p95: float
     typical: float  # median absolute change of a single deployment
 
+    @classmethod
+    def of(cls, measure: Measure, exact: Floats, made: Floats) -> "Scatter":
+        """Return the scatter over robots and launches, ``made`` of shape (robots, launches)."""
+        p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0]).tolist()
+        typical = float(np.nanmedian(np.abs(made - exact)))
+        return cls(
+            measure=measure, exact=float(np.nanmean(exact)), p05=p05, p95=p95, typical=typical
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
@@ -126,6 +135,9 @@ ANGLE_TOLERANCE_DEG = 2.0
 
 ROBOTS = 40
 
+ROBOTS_TOGETHER = 8
+"""So many are grown at once: what a map costs is paid once for all of them."""
+
 _STREAM = 1703
 
 
@@ -156,6 +168,7 @@ class VariantEvaluator:
         self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
         self.launches = self.prepared.launches()
         # Deployments on one map are alike; where there is one map, poses have to do.
+        self._workspaces = list[Workspace]()  # of all batches: what one allocated, others use
         alike = self.launches.terrain if len(maps) > 1 else np.arange(len(self.launches))
         self.groups = [str(index) for index in alike.tolist()]
         self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
@@ -178,7 +191,8 @@ class VariantEvaluator:
             shares = np.array([shares_percent(deployment)[:2] for deployment in deployments])
             return np.column_stack([100.0 * seen, 100.0 * reached, shares])
 
-        rows = np.concatenate(list(Batch(Plans.joined(plans), launches, options).each(measured)))
+        batch = Batch(Plans.joined(plans), launches, options, self._workspaces)
+        rows = np.concatenate(list(batch.each(measured)))
         if any((deployment.stop == Stop.PRESSURE).any() for deployment in unpressed):
             free = Plans.joined([plan.without_pressure for plan in plans])
             unpressed = Batch(free, launches, options).deployments()
@@ -229,10 +243,15 @@ def tolerance(
     """Return how robots of the same design differ when each branch is made a little off."""
     options, tree = evaluator.plan.options, branch_tree(evaluator.design)
     rows = []
-    for robot in range(ROBOTS):
-        made = made_tree(tree, child(seed, _STREAM, robot))
-        rows.append(evaluator.grow([Plan.of(evaluator.design, options, made)], options)[0])
-        progress((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
+    for first in range(0, ROBOTS, ROBOTS_TOGETHER):
+        made = [
+            made_tree(tree, child(seed, _STREAM, robot))
+            for robot in range(first, min(first + ROBOTS_TOGETHER, ROBOTS))
+        ]
+        rows += [
+            *evaluator.grow([Plan.of(evaluator.design, options, one) for one in made], options)
+        ]
+        progress(len(rows) / ROBOTS, f"{len(rows)} of {ROBOTS} robots as made")
     values = np.array(rows)
     return Tolerance(
         length_percent=LENGTH_TOLERANCE_PERCENT,
@@ -240,22 +259,10 @@ def tolerance(
         robots=ROBOTS,
         launches=len(evaluator.launches),
         scatter=tuple(
-            _scatter(measure, evaluator.exact[:, column], values[:, :, column])
+            Scatter.of(measure, evaluator.exact[:, column], values[:, :, column])
             for column, measure in enumerate(QUICK_MEASURES)
             if np.isfinite(values[:, :, column]).any(axis=1).all()
         ),
-    )
-
-
-def _scatter(measure: Measure, exact: Floats, made: Floats) -> Scatter:
-    """Return the scatter of one measure, over robots and launches, shape (robots, launches)."""
-    p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0])
-    return Scatter(
-        measure=measure,
-        exact=float(np.nanmean(exact)),
-        p05=float(p05),
-        p95=float(p95),
-        typical=float(np.nanmedian(np.abs(made - exact))),
     )
 
 
@@ -277,30 +284,29 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
 
 def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
     design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
-    for step in HEADING_STEPS_DEG:
-        moved = moved_poses(evaluator.prepared, partial(turned_pose, turn_rad=rad(step)))
-        yield PredictionVariant(
-            knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
-        )
-    for step in SIDEWAYS_STEPS_MM:
-        moved = moved_poses(evaluator.prepared, partial(shifted_pose, step_mm=step))
-        yield PredictionVariant(
-            knob="position", step=step, unit="mm", design=design, options=options, poses=moved
-        )
+    exact = PredictionVariant(
+        knob="", step=0.0, unit="", design=design, options=options, poses=poses
+    )
+    for knob, step, unit, move in placings():
+        moved = moved_poses(evaluator.prepared, move)
+        yield replace(exact, knob=knob, step=step, unit=unit, poses=moved)
     for step in LENGTH_STEPS_PERCENT:
         other = scaled_tree(design, 1.0 + step / 100.0)
-        yield PredictionVariant(
-            knob="lengths", step=step, unit="%", design=other, options=options, poses=poses
-        )
+        yield replace(exact, knob="lengths", step=step, unit="%", design=other)
     for step in HEAD_ON_STEPS_DEG:
         low_rad, high_rad = (
             min(angle + rad(step), math.pi / 2.0) for angle in options.half_angle_range_rad
         )
         wider = options.changed(head_on_half_angle_rad=(low_rad, high_rad))
-        yield PredictionVariant(
-            knob="head-on half-angle", step=step, unit="deg",
-            design=design, options=wider, poses=poses,
-        )  # fmt: skip
+        yield replace(exact, knob="head-on half-angle", step=step, unit="deg", options=wider)
+
+
+def placings() -> Iterator[tuple[str, float, str, Callable[[Pose], Pose]]]:
+    """Yield how a base may be placed off: knob, step, unit, and what moves a pose so."""
+    for step in HEADING_STEPS_DEG:
+        yield "heading", step, "deg", partial(turned_pose, turn_rad=rad(step))
+    for step in SIDEWAYS_STEPS_MM:
+        yield "position", step, "mm", partial(shifted_pose, step_mm=step)
 
 
 def scaled_tree(design: Design, factor: float) -> Design:
@@ -337,8 +343,8 @@ def shifted_pose(pose: Pose, step_mm: float) -> Pose:
     )
 
 
-def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
-    """Return what changes of start, lengths and model do."""
+def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -> Iterator[Section]:
+    """Yield what changes of start, lengths and model do."""
     drawn = (measures[0], measures[-1])
     count = max(effect.count for effect in effects)
     words = (
@@ -348,27 +354,68 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
         "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
         "one is not known, at most about 15 degrees."
     )
-    rows = tuple(
-        (effect.knob, effect.text, *_changes(effect, measures), str(effect.count))
-        for effect in effects
-    )
-    table = Table(
+
+    def cell(change: MeanDifference | None, measure: Measure) -> str:
+        if change is None:
+            return "-"
+        text = measure.interval(change.mean, change.low, change.high)
+        return f"{text}{'*' if change.is_clear else ''}"
+
+    table = Rows(
         caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
         "where there is one map); an "
         "asterisk where the interval leaves out 0 (simulated)",
         headings=("changed", "by", *(m.label for m in measures), "poses"),
-        rows=rows,
-    )
+        rows=tuple(
+            (effect.knob, effect.text, *(cell(effect.changes.get(m.key), m) for m in measures),
+             effect.count)
+            for effect in effects
+        ),
+        key="sensitivity",
+        keys=("knob", "", *("" for _ in measures), "poses"),
+        data=[
+            {
+                "step": effect.step,
+                "unit": effect.unit,
+                "changes": {
+                    m.key: {end: m.content(getattr(change, end)) for end in ("mean", "low", "high")}
+                    for m in QUICK_MEASURES
+                    if (change := effect.changes.get(m.key)) is not None
+                },
+            }
+            for effect in effects
+        ],
+    )  # fmt: skip
     picture = Picture(
-        image=page_svg(effect_panels(effects, drawn)),
+        image=lambda: page_svg(effect_panels(effects, drawn)),
         caption="Mean change with its 95 % interval (simulated).",
         wide=True,
     )
-    return Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
+    yield Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
 
 
-def tolerance_section(tolerance: Tolerance) -> Section:
-    """Return how robots of one design differ."""
+def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
+    """Yield how robots of one design differ."""
+    numbers = {"exact": "as designed", "p05": "5 % of robots", "p95": "95 % of robots",
+               "typical": "one deployment, typically"}  # fmt: skip
+    scatter = [
+        (one.measure, {name: one.measure.of(getattr(one, name)) for name in numbers})
+        for one in tolerance.scatter
+    ]
+    yield Data(
+        {
+            "tolerance": {
+                "length_percent": tolerance.length_percent,
+                "angle_deg": tolerance.angle_deg,
+                "robots": tolerance.robots,
+                "launches": tolerance.launches,
+                "scatter": {
+                    measure.key: {name: value.data for name, value in values.items()}
+                    for measure, values in scatter
+                },
+            }
+        }
+    )
     words = (
         f"{counted(tolerance.robots, 'robot')} were drawn, every branch's length off by up to "
         f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
@@ -376,35 +423,9 @@ def tolerance_section(tolerance: Tolerance) -> Section:
         f"{counted(tolerance.launches, 'pose')} "
         "each (simulated)."
     )
-    rows = tuple(
-        (
-            scatter.measure.title,
-            scatter.measure.unit,
-            scatter.measure.number(scatter.exact),
-            scatter.measure.number(scatter.p05),
-            scatter.measure.number(scatter.p95),
-            scatter.measure.number(scatter.typical),
-        )
-        for scatter in tolerance.scatter
-    )
-    table = Table(
+    table = Rows(
         caption="Means over poses of the robot as designed and of robots as made (simulated)",
-        headings=(
-            "measure", "unit", "as designed", "5 % of robots", "95 % of robots",
-            "one deployment, typically",
-        ),
-        rows=rows,
-    )  # fmt: skip
-    return Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))
-
-
-def _changes(effect: Effect, measures: Sequence[Measure]) -> list[str]:
-    cells = []
-    for measure in measures:
-        change = effect.changes.get(measure.key)
-        if change is None:
-            cells.append("-")
-            continue
-        text = measure.interval(change.mean, change.low, change.high)
-        cells.append(f"{text}{'*' if change.is_clear else ''}")
-    return cells
+        headings=("measure", "unit", *numbers.values()),
+        rows=tuple((measure.title, measure.unit, *row.values()) for measure, row in scatter),
+    )
+    yield Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))

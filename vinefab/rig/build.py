@@ -12,7 +12,7 @@ from shapely import Point, Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.model.map import Map
-from vinefab.rig.open_shell import corbelled, hollowed, label_of, shell_wall_mm, shell_walls
+from vinefab.rig.open_shell import corbelled, hollowed, number_marks, shell_wall_mm, shell_walls
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.rig_options import GRID_MM, MOST_PARTS, Printer, RigOptions
 from vinefab.rig.rig_plan import (
@@ -366,7 +366,7 @@ def _courses_of(
     if wall_mm and not options.top_mm:
         closed, thick_mm = polygon_parts(Polygon()), 2.0 * options.mark_depth_mm
         if options.mark_depth_mm:
-            closed, marks = label_of(piece.number, outline, wall_mm)
+            closed, marks = number_marks(piece.number, outline, wall_mm)
     elif options.mark_depth_mm:
         marks = engraved_marks(piece.number, outline, from_below=False)
     courses = [Course(pieces=polygon_parts(walls), low_mm=0.0, high_mm=high_mm)]

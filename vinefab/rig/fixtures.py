@@ -262,11 +262,17 @@ def board_markers(pads: tuple[MarkerPad, ...], options: RigOptions) -> BoardMark
     """Return pads and engraved lines of a board: hatched cells, or where a paper marker goes."""
     if options.style == "plate" or options.marker_kind not in ("engrave", "paper"):
         return BoardMarkers()
-    lines = _hatch if options.marker_kind == "engrave" else _frame
+    if options.marker_kind == "engrave":
+        marks = [line for pad in pads for line in _hatch(pad, options)]
+    else:  # the square of a paper marker, with its number in it
+        marks = [LineString(_recess(pad).exterior.coords) for pad in pads]
+        for pad in pads:
+            middle = pad.paper.centroid
+            marks += centred(strokes(str(pad.marker.number), 8.0), middle.x, middle.y)
     return BoardMarkers(
         pads=shapely.union_all([pad.outline for pad in pads]),
         squares=polygon_parts(*(pad.paper for pad in pads)),
-        marks=tuple(line for pad in pads for line in lines(pad, options)),
+        marks=tuple(marks),
     )
 
 
@@ -285,14 +291,6 @@ def _hatch(pad: MarkerPad, options: RigOptions) -> list[LineString]:
         for ends in (line.bounds for line in cut)
         if ends[2] - ends[0] > 1.5 * beam_mm
     ]
-
-
-def _frame(pad: MarkerPad, _: RigOptions) -> list[LineString]:
-    """Return the square of a paper marker, with its number in it."""
-    x_mm, y_mm = pad.paper.centroid.x, pad.paper.centroid.y
-    paper = _recess(pad)
-    number = centred(strokes(str(pad.marker.number), 8.0), x_mm, y_mm)
-    return [LineString(paper.exterior.coords), *number]
 
 
 def marker_notes(pads: tuple[MarkerPad, ...], printer: Printer, options: RigOptions) -> list[str]:

@@ -68,8 +68,13 @@ def make_rig(
     """
     request = request or RigRequest()
     tell = progress or (lambda _, __: None)
-    if not request.allow_empty:
-        _refuse_empty(world)
+    bounds = world.bounds
+    walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
+    solid = walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles)
+    if not (solid or request.allow_empty):
+        allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
+        key = f"map {world.name}: number of obstacles"
+        raise BadInputError(key, 0, f"{allowed} makes a bare tray")
     tell(0.0, "building solids")
     rig, pieces, why_style = _built(world, printer, options)
     rig, fixtures = with_fixtures(rig, world, request.design)
@@ -94,7 +99,11 @@ def make_rig(
             for part in rig.printed
         ),
     )
-    courses = (_course(rig, world, request.design),) if request.design else ()
+    courses = tuple[MapCorridors, ...]()
+    if request.design:  # the corridors as they will be printed, thickened walls included
+        free = shapely.difference(shapely.Polygon(bounds.exterior), rig.walls)
+        place = f"the rig of {world.name}"
+        courses = (corridors_in(world, free, request.design, options.scale, place),)
     report = run_rig_checks(RigSubject(design=request.design, rig=facts, corridors=courses))
     made = RigFiles(
         rig=rig,
@@ -158,19 +167,3 @@ def _in_style(
     if options.style == "plate":
         return build_rig(world, printer, options, plan), ()
     return build_board(world, printer, options, plan)
-
-
-def _refuse_empty(world: Map) -> None:
-    """Refuse a map that has nothing to print but a tray."""
-    bounds = world.bounds
-    walled = bounds.area < bounds.convex_hull.area * (1.0 - _CONVEX)
-    if not walled and not any(obstacle.intersects(bounds) for obstacle in world.obstacles):
-        allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
-        key = f"map {world.name}: number of obstacles"
-        raise BadInputError(key, 0, f"{allowed} makes a bare tray")
-
-
-def _course(rig: Rig, world: Map, design: Design) -> MapCorridors:
-    """Return the corridors as they will be printed, thickened walls included."""
-    free = shapely.difference(shapely.Polygon(world.bounds.exterior), rig.walls)
-    return corridors_in(world, free, design, rig.options.scale, f"the rig of {world.name}")

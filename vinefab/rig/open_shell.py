@@ -198,7 +198,7 @@ def _foot(walls: Polygon, within: BaseGeometry, peg: Polygon) -> BaseGeometry:
     return shapely.intersection(shapely.union_all(ends).convex_hull, within)
 
 
-def label_of(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygons, Polygons]:
+def number_marks(number: int, outline: Polygon, wall_mm: float) -> tuple[Polygons, Polygons]:
     """Return the tongue in a shell's top that bears its number, and the grooves of the number.
 
     It grows from the wall on the left, at the height of the widest place; where there is no room,

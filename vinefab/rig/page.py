@@ -26,15 +26,15 @@ from vinefab.core.view import (
     Picture,
     Remark,
     Result,
+    Rows,
     Section,
-    Table,
 )
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import UNSEEN_DETAIL, StartMark, start_marks
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Box, Ink, Page, Panel, bare_page, page_of, plan_panel
+from vinefab.pages.panel import Box, Ink, Page, Panel, page_of, page_of_paper, plan_panel
 from vinefab.pages.plan import draw_start_range
 from vinefab.rig.build import LoosePiece
 from vinefab.rig.fixtures import Fixtures, MarkerPad, black_cells, outside_of, paper_crop_mm
@@ -177,7 +177,7 @@ def marker_sheet(pads: Sequence[MarkerPad]) -> Page:
         name = f"marker {pad.marker.number}: {_CORNERS[pad.marker.number]}"
         below_mm = y_mm - half_mm - _CROP_MM - 2.5
         panel.words((x_mm, below_mm), name, 8.0, anchor="middle")
-    return bare_page(panel)
+    return page_of_paper(panel)
 
 
 def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LoosePiece] = ()) -> Page:
@@ -220,7 +220,7 @@ def plan_sheet(rig: Rig, world: Map, fixtures: Fixtures, pieces: Sequence[LooseP
         "poster) and measure the ruler."
     )
     panel.words((x_min, low + MARGIN_MM - 5.0), words, 8.0)
-    return bare_page(panel)
+    return page_of_paper(panel)
 
 
 def _true_scale(box_mm: Box) -> Panel:
@@ -311,12 +311,12 @@ class RigFiles(RigRecord, Result):
             ),
             pictures=self._pictures("assembly", "board", "lid"),
             tables=(
-                Table(
+                Rows(
                     caption="Beds (estimate)",
                     headings=("bed", "takes"),
                     rows=tuple((bed.name, bed.estimate.words()) for bed in self.printing.beds),
                 ),
-                Table(
+                Rows(
                     caption="Parts (computed)",
                     headings=("number", "file", "bed", "size as printed, mm", "volume, cm3"),
                     rows=tuple(

@@ -97,7 +97,8 @@ def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
     filled to the share f. Thin parts are all skin, hence the lesser of the two; walls of shells
     have half a wall as skin on each side.
     """
-    time_s = max((_layers(part, printer) for part in parts), default=0) * printer.layer_change_s
+    layers = [math.ceil(part.size_mm[2] / printer.layer_mm) for part in parts]
+    time_s = max(layers, default=0) * printer.layer_change_s
     plastic_mm3 = moving_s = 0.0
     for part in parts:
         sides = upright_faces(part)
@@ -118,10 +119,6 @@ def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
         filament_m=1e-3 * plastic_mm3 / across_mm2,
         time_s=time_s,
     )
-
-
-def _layers(part: RigPart, printer: Printer) -> int:
-    return math.ceil(part.size_mm[2] / printer.layer_mm)
 
 
 def _moving_s(
@@ -149,7 +146,8 @@ def _moving_s(
     )
     travel = printer.travel_speed_mm_s
     hop_s = _HOP_MM / travel + travel / slope + _RETRACT_S
-    hops = _layers(part, printer) * (_HOPS + _HOPS_PER_RING * sides.rings)
+    layers = math.ceil(part.size_mm[2] / printer.layer_mm)
+    hops = layers * (_HOPS + _HOPS_PER_RING * sides.rings)
     return float(wall_s + lines * slowed_s + fill_s + hops * hop_s)
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from vinefab.core.errors import UnreadableFileError
-from vinefab.core.jsontext import GENERATOR, json_text
-from vinefab.core.table import validated
+from vinefab.core.jsontext import GENERATOR, json_text, rounded
+from vinefab.core.table import TablePart, validated
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
@@ -27,6 +27,7 @@ from vinefab.rig.open_shell import shell_words
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig
 from vinefab.rig.part_files import bed_name, read_stl, stl_name
 from vinefab.rig.printing import BASIS, Printing
+from vinefab.rig.rig_options import Printer
 
 RIG_NAME = "rig.json"
 """The file by which the folder of a rig is known again."""
@@ -55,27 +56,27 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
     millimetres, its pose in map coordinates.
     """
     rig, world, printing = record.rig, record.world, record.printing
+    # Numbers are rounded to what they mean, so that files do not differ in a last digit; arrays
+    # (transforms, corners) and what the map and the rules say stay.
     parts = [
-        _rounded(
-            {
-                "name": part.name,
-                "number": part.number,
-                "file": stl_name(part),
-                "sha256": digests[stl_name(part)],
-                "bed": bed_name(printing.bed_of(index)),
-                "row": part.row,
-                "column": part.column,
-                "volume_mm3": part.volume_mm3,
-                "size_mm": part.size_mm,
-                "triangles": len(part.faces),
-                "hollow": part.hollow,
-                "colour_change_mm": part.colour_change_mm,
-            }
-        )
-        | {"transform_to_map": part.to_map}
+        {
+            "name": part.name,
+            "number": part.number,
+            "file": stl_name(part),
+            "sha256": digests[stl_name(part)],
+            "bed": bed_name(printing.bed_of(index)),
+            "row": part.row,
+            "column": part.column,
+            "volume_mm3": part.volume_mm3,
+            "size_mm": part.size_mm,
+            "triangles": len(part.faces),
+            "hollow": part.hollow,
+            "colour_change_mm": part.colour_change_mm,
+            "transform_to_map": part.to_map,
+        }
         for index, part in enumerate(rig.printed)
     ]
-    content = {
+    content: dict[str, Any] = {
         "units": "mm",
         "map": {
             "name": world.name,
@@ -85,8 +86,8 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
             "lower_left_mm": world.bounds.bounds[:2],
             "size_mm": world.size_mm,
         },
-        "printer": _rounded(rig.printer.model_dump()),
-        "options": _rounded(rig.options.model_dump()),
+        "printer": rig.printer.model_dump(),
+        "options": rig.options.model_dump(),
         "style": rig.style,
         "why_style": record.why_style,
         "shells": {
@@ -101,73 +102,60 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
                 "file": bed_name(bed),
                 "sha256": digests[bed_name(bed)],
                 "parts": [rig.printed[at.index].name for at in bed.places],
-                "estimate": _rounded(asdict(bed.estimate)),
+                "estimate": asdict(bed.estimate),
             }
             for bed in printing.beds
         ],
         "laser": [
-            _rounded(
-                {
-                    "file": name,
-                    "sha256": digests[name],
-                    "sheet_mm": (job.sheet_width_mm, job.sheet_height_mm),
-                    "cut_mm": job.length_mm(Operation.CUT),
-                    "mark_mm": job.length_mm(Operation.MARK),
-                }
-            )
+            {
+                "file": name,
+                "sha256": digests[name],
+                "sheet_mm": (job.sheet_width_mm, job.sheet_height_mm),
+                "cut_mm": job.length_mm(Operation.CUT),
+                "mark_mm": job.length_mm(Operation.MARK),
+            }
             for name, job in record.jobs.items()
         ],
         "markers": [
             {
                 "number": marker.number,
                 "corners_mm": marker.corners_mm,
-                "z_mm": round(marker.z_mm, 6),
+                "z_mm": marker.z_mm,
                 "side_printed_mm": rig.options.marker_mm,
                 "made": rig.options.marker_kind,
             }
             for marker in record.fixtures.markers
         ],
         "base_holder": _base_content(record),
-        "estimate": {"basis": BASIS, **_rounded(asdict(printing.total))},
-        "volume_mm3": round(rig.volume_mm3, 6),
-        "joint_gap_mm3": round(rig.joint_gap_mm3, 6),
-        "counts": dict(rig.counts),
-        "thin_places": [_rounded(asdict(place)) for place in rig.thin_places],
-        "against_map": _rounded(asdict(record.comparison)),
+        "estimate": {"basis": BASIS, **asdict(printing.total)},
+        "volume_mm3": rig.volume_mm3,
+        "joint_gap_mm3": rig.joint_gap_mm3,
+        "counts": rig.counts,
+        "thin_places": [asdict(place) for place in rig.thin_places],
+        "against_map": asdict(record.comparison),
         "checks": record.report.content,
-        "notes": list(rig.notes),
+        "notes": rig.notes,
     }
-    return json_text("vinefab/rig-1", content)
+    exact = {key: content[key] for key in ("map", "checks")}
+    return json_text("vinefab/rig-1", {**rounded(content, 6), **exact})
 
 
 def _base_content(record: RigRecord) -> dict[str, object] | None:
     base = record.fixtures.base
     if base is None:
         return None
-    pose = record.world.starts[base.start - 1].pose
     return {
         "start": base.start,
-        "pose": {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": round(pose.heading_deg, 6)},
-        "tube_mm": round(base.tube.diameter_mm, 6),
+        "pose": record.world.starts[base.start - 1].pose.content,
+        "tube_mm": base.tube.diameter_mm,
         "tube_standing": base.tube.standing,
-        "bore_mm": round(base.bore_mm, 6),
-        "axis_mm": round(base.axis_mm, 6),
-        "reach_mm": round(base.reach_mm, 6),
-        "headings_deg": list(base.headings_deg),
-        "screws": {"thread": "M3", "count": 2, "least_length_mm": round(base.screw_mm, 6)},
+        "bore_mm": base.bore_mm,
+        "axis_mm": base.axis_mm,
+        "reach_mm": base.reach_mm,
+        "headings_deg": base.headings_deg,
+        "screws": {"thread": "M3", "count": 2, "least_length_mm": base.screw_mm},
         "parts": [part.name for part in base.parts],
     }
-
-
-def _rounded(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Round numbers to what they mean, so that files do not differ in a last digit."""
-
-    def plain(value: object) -> object:
-        if isinstance(value, tuple):
-            return [plain(one) for one in value]
-        return round(value, 6) if isinstance(value, float) else value
-
-    return {name: plain(value) for name, value in content.items()}
 
 
 def parts_text(rig: Rig, printing: Printing) -> str:
@@ -199,53 +187,44 @@ def parts_text(rig: Rig, printing: Printing) -> str:
 # --- A folder read back: forms hold no more than the rules need
 
 
-class _Known(BaseModel):
-    """Base of forms that ignore the other keys."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
 Above0 = Annotated[float, Field(gt=0)]
 
 
-class PartForm(_Known):
+class PartForm(TablePart):
     """An entry of ``parts`` or ``extras``."""
 
     name: str
     file: FileName
     volume_mm3: Above0
-    size_mm: tuple[float, float, float]
+    size_mm: Annotated[tuple[float, float, float], Field(strict=False)]
 
 
-class PrinterForm(_Known):
+class RigPrinter(Printer):
     """The printer that the rig was made for."""
 
-    name: str
-    bed_width_mm: float
-    bed_depth_mm: float
-    height_mm: float
+    model_config = ConfigDict(extra="ignore")
 
 
-class OptionsForm(_Known):
+class OptionsForm(TablePart):
     """The sizes of the rig."""
 
     height_mm: Above0
     bed_margin_mm: float
 
 
-class MapForm(_Known):
+class MapForm(TablePart):
     """The map of the rig."""
 
     name: str
 
 
-class RigForm(_Known):
+class RigForm(TablePart):
     """``rig.json``."""
 
     schema_: Literal["vinefab/rig-1"] = Field(alias="schema")
     style: Literal["plate", "board", "sheet"]  # sheet: in layers, of earlier versions
     map: MapForm
-    printer: PrinterForm
+    printer: RigPrinter
     options: OptionsForm
     parts: list[PartForm]
     extras: list[PartForm]

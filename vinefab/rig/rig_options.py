@@ -1,20 +1,21 @@
 """What a user chooses about a rig: its sizes and style, and the printer."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from annotated_types import Ge, Interval, Unit
 from pydantic import Field, create_model, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.limits import DEFAULT_MARKER_MM, SMALLEST
 from vinefab.core.table import Table, declared_keys, validated
-from vinefab.core.validation import SMALLEST
-from vinefab.model.corner_marker import DEFAULT_MARKER_MM
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import Quantity
-from vinefab.model.map import Map
+
+if TYPE_CHECKING:
+    from vinefab.model.map import Map
 
 MOST_PARTS = 2000
 """Most parts that may be asked for: every one is a solid, a file and a place on a bed."""
@@ -69,25 +70,17 @@ class Printer(Table):
 
 def _form_of_printers() -> type[Table]:
     """Return the form of a printer's file: every number of `Printer` with its standing."""
-    keys = [key for key in declared_keys(Printer) if key.field != "name"]
-    optional = [key.field for key in keys].index("layer_mm")
+    version = Doc("kind of file and its version")
     fields: dict[str, Any] = {
-        "schema_": (
-            Annotated[
-                Literal["vinefab/printer-1"],
-                Field(alias="schema"),
-                Doc("kind of file and its version"),
-            ],
-            ...,
-        ),
+        "schema_": (Annotated[Literal["vinefab/printer-1"], Field(alias="schema"), version], ...),
         "title": (Annotated[str, Doc("for people")], ...),
     }
-    fields |= {
-        key.field: (Annotated[Quantity, Unit(key.unit), Doc(key.meaning)], ...)
-        if index < optional
-        else (Annotated[Quantity | None, Unit(key.unit), Doc(key.meaning)], None)
-        for index, key in enumerate(keys)
-    }
+    held: tuple[Any, Any] = (Quantity, ...)
+    for key in declared_keys(Printer):
+        if key.field == "layer_mm":  # from here on for estimates only
+            held = (Quantity | None, None)
+        if key.field != "name":
+            fields[key.field] = (Annotated[held[0], Unit(key.unit), Doc(key.meaning)], held[1])
     doc = "A file in ``laser_profiles/printers``; what is for estimates only may be left out."
     return create_model("PrinterForm", __base__=Table, __doc__=doc, **fields)
 
@@ -199,7 +192,7 @@ class RigOptions(Table):
         """Return the gap around what is pushed into each other."""
         return printer.clearance_mm if self.clearance_mm is None else self.clearance_mm
 
-    def fitted(self, world: Map, side_mm: float) -> "RigOptions":
+    def fitted(self, world: "Map", side_mm: float) -> "RigOptions":
         """Return the options with the scale at which the rig's longer side has some length."""
         room_mm = side_mm - 2.0 * self.border_mm
         if not room_mm > 0.0:

@@ -70,7 +70,15 @@ def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> lis
         places = np.arange(np.ceil(left + gap), right - gap + 1e-9, _STEP_MM)
         places = places[np.argsort(np.abs(places - 0.5 * (left + right)), kind="stable")]
         free = places[_is_free(seam, places, plate, solids)]
-        chosen += [_tab(seam, float(at)) for at in free[:1]]
+        for at_mm in free[:1].tolist():
+            near, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
+            corners = [
+                (near, at_mm - _NECK_HALF_MM),
+                (end, at_mm - _END_HALF_MM),
+                (end, at_mm + _END_HALF_MM),
+                (near, at_mm + _NECK_HALF_MM),
+            ]
+            chosen.append(Polygon(corners if seam.upright else [(y, x) for x, y in corners]))
     return chosen
 
 
@@ -86,17 +94,6 @@ def _is_free(
     free = np.asarray(shapely.contains_properly(plate, boxes), dtype=bool)
     free[np.unique(solids.query(boxes, predicate="intersects")[0])] = False
     return free
-
-
-def _tab(seam: TileSeam, along_mm: float) -> Polygon:
-    at, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
-    corners = [
-        (at, along_mm - _NECK_HALF_MM),
-        (end, along_mm - _END_HALF_MM),
-        (end, along_mm + _END_HALF_MM),
-        (at, along_mm + _NECK_HALF_MM),
-    ]
-    return Polygon(corners if seam.upright else [(y, x) for x, y in corners])
 
 
 _GUARD_MM = 2.0

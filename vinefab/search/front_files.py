@@ -9,14 +9,15 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.growth.simulator import grow
+from vinefab.core.view import Number, Rows
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
-from vinefab.model.score import Score
 from vinefab.pages.charts import ends_of
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.page_png import page_png
@@ -25,6 +26,7 @@ from vinefab.pages.panel import Ink, Page, Panel, Primitive, page_of_rows, plan_
 from vinefab.pages.plan import draw_deployment, draw_map, draw_targets
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
+from vinefab.search.record.generations import Finalist
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings, targets_mm
@@ -119,15 +121,11 @@ MOST_ROBOTS = 4
 """Most designs of the front that are drawn, the knee among them if there is one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrontMember:
-    """One design of a front."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontMember(Finalist):
+    """One design of a front, named after the run, with its place on the front."""
 
-    design: Design  # named after the run, with its place on the front
-    score: Score  # on fresh poses
-    fitness: float  # on fresh poses
     further: tuple[float, ...]  # values of the run's further objectives, in their order
-    penalty: float  # 0 if manufacturable, or not checked, and within the limits
     is_knee: bool  # against the run's `front_axis`; a front may have no knee
 
 
@@ -151,11 +149,12 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     bend = knee(fitness[rows], along[rows])
     return tuple(
         FrontMember(
+            x=finalists[row].x,
             design=_named(finalists[row].design, settings, result, place + 1),
             score=finalists[row].score,
             fitness=float(fitness[row]),
-            further=tuple((signs * costs[row]).tolist()),
             penalty=finalists[row].penalty,
+            further=tuple((signs * costs[row]).tolist()),
             is_knee=place == bend,
         )
         for place, row in enumerate(rows.tolist())
@@ -216,25 +215,32 @@ def write_front(
     return members
 
 
-def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[str]:
-    """Return a front as lines for the user, one per design."""
-    names = [settings.task.name, *settings.further_objectives]
-    count = f"{len(members)} design{'s' if len(members) > 1 else ''}"
-    lines = [f"front of {count} (simulated): {', '.join(names)}"]
-    for member in members:
-        further = "  ".join(
-            f"{value:10.0f} {COSTS[name].unit}" if name in COSTS else f"{value:8.4f}"
-            for name, value in zip(settings.further_objectives, member.further, strict=True)
-        )
-        note = "  knee" if member.is_knee else ""
-        broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
-        violations = "" if member.penalty == 0.0 else f"  {broken}"
-        lines.append(f"  {member.design.name}  {member.fitness:8.4f}  {further}{note}{violations}")
+def front_table(members: Sequence[FrontMember], settings: RunSettings) -> Rows:
+    """Return a front, a row per design, the cheapest first."""
+    further = settings.further_objectives
+    units = (COSTS[name].unit if name in COSTS else "" for name in further)
+    broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
+    knee = ""
     if not any(member.is_knee for member in members):
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
         why = "fewer than three designs" if len(members) < 3 else low
-        lines.append(f"  no knee against {settings.front_axis}: {why}")
-    return lines
+        knee = f"; no knee against {settings.front_axis}: {why}"
+    return Rows(
+        caption=f"front of {counted(len(members), 'design')} (simulated){knee}",
+        headings=("design", settings.task.name,
+                  *(f"{name}, {unit}" if unit else name
+                    for name, unit in zip(further, units, strict=True)), ""),
+        rows=tuple(
+            (
+                member.design.name,
+                Number(member.fitness, form=".4f"),
+                *(Number(value, form=".0f" if name in COSTS else ".4f")
+                  for name, value in zip(further, member.further, strict=True)),
+                ", ".join(["knee"] * member.is_knee + [broken] * (member.penalty != 0.0)),
+            )
+            for member in members
+        ),
+    )  # fmt: skip
 
 
 def front_picture(
@@ -274,7 +280,7 @@ def _robots(
     terrain, options = Terrain.of(world), settings.growth.at_one_angle
     return {
         place: FrontRobot(
-            deployment=grow(members[place].design, terrain, world.starts[0].pose, options),
+            deployment=grow_on(members[place].design, terrain, world.starts[0].pose, options),
             widths_mm=options.drawn_widths_mm(members[place].design.build.widths_mm),
             title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
         )

@@ -17,7 +17,7 @@ from vinefab.core.errors import (
 )
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Text
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -29,6 +29,7 @@ from vinefab.pages.page_svg import page_svg
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Generation, Progress, curve_of
+from vinefab.search.record.result import size_words
 from vinefab.search.run import first_map, run_profile
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
@@ -219,7 +220,7 @@ class _BestSoFar:
     def _picture(self, design: Design) -> bytes:
         if self._drawn is None or self._drawn[0] is not design:
             growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
-            deployment = grow(design, Terrain.of(self._world), pose, growth)
+            deployment = grow_on(design, Terrain.of(self._world), pose, growth)
             frame = DeploymentFrame(
                 front_mm=float(deployment.grown_mm.sum()),
                 deployment=deployment,
@@ -230,11 +231,6 @@ class _BestSoFar:
             )
             self._drawn = design, image
         return self._drawn[1]
-
-
-def size_words(design: Design) -> str:
-    """Return the size of a design in words."""
-    return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
 def run_facts(settings: RunSettings) -> tuple[Fact, ...]:

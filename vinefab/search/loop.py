@@ -3,11 +3,12 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.registry import parameter_names
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
@@ -112,8 +113,7 @@ class Search:
             For settings that do not fit together, and spaces that no search could use.
         """
         if task is not None:
-            names = [one.name for one in fields(task)] if is_dataclass(task) else list[str]()
-            own = {name: getattr(task, name) for name in names}
+            own = {name: getattr(task, name) for name in parameter_names(type(task))}
             settings = settings.changed(task=PartSettings(name=task.name, parameters=own))
         spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
         evaluator = Evaluator.of(spec)

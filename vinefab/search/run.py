@@ -1,24 +1,16 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
-import shlex
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError, located, values_hidden
-from vinefab.core.jsontext import json_text
-from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
-from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -45,7 +37,6 @@ from vinefab.search.settings import (
     targets_mm,
 )
 from vinefab.search.space import Space
-from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -65,7 +56,7 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
         with values_hidden():
-            worlds = [read_map(path) for path in settings.maps.files]
+            worlds = [Map.read(path) for path in settings.maps.files]
         return _started(worlds, settings.maps)
     return generated_maps(settings.maps)
 
@@ -110,7 +101,7 @@ def penalty_of(settings: RunSettings) -> Penalty | None:
     """Return the penalty of a run's recipe; None if manufacturability is not checked."""
     if not settings.evaluation.fabricable:
         return None
-    penalty = _recipe_penalty(settings)
+    penalty = ManufacturabilityPenalty(profile=run_profile(settings.evaluation))
     refuse_infeasible_space(SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm))
     return penalty
 
@@ -123,27 +114,30 @@ def recipe_of(settings: RunSettings) -> RunRecipe | None:
     return RunRecipe.of(evaluation.recipe or DEFAULT_RECIPE)
 
 
-def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
-    return ManufacturabilityPenalty(profile=run_profile(settings.evaluation))
-
-
 def run_profile(evaluation: EvaluationSettings) -> LaserProfile:
     """Return the recipe that the designs of a run are checked with."""
     with values_hidden():
         return read_profile(evaluation.recipe or DEFAULT_RECIPE)
 
 
-def violations_of(result: RunResult, settings: RunSettings) -> str:
-    """Return which rules and limits a run's winner violates; empty if none, or none was checked."""
+def violations_of(
+    result: RunResult, settings: RunSettings, profile: LaserProfile | None = None
+) -> str:
+    """Return which rules and limits a run's winner violates; empty if none, or none was checked.
+
+    Parameters
+    ----------
+    profile
+        The recipe that designs were checked with; None: read as the run's settings name it.
+    """
     if result.fabricable:
         return ""
-    rules = _recipe_penalty(settings).violations(result.best) if result.checked else ""
+    rules = ""
+    if result.checked:
+        penalty = ManufacturabilityPenalty(profile=profile or run_profile(settings.evaluation))
+        rules = penalty.violations(result.best)
     limits = Space(settings.space, settings.build).exceeded_limits(result.best)
     return ", ".join([*([rules] if rules else []), *limits])
-
-
-LIMITED = "space."
-"""How violations begin that are of limits of the space alone."""
 
 
 def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvaluator:
@@ -246,93 +240,3 @@ def progress_line(progress: Progress, *, checked: bool) -> str:
         f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
         f"mean {progress.mean:.4f} +- {progress.spread:.4f}{share}"
     )
-
-
-def result_lines(result: RunResult, violations: str = "", *, verbose: bool = False) -> list[str]:
-    """Return the result of a run as lines for the user; verbose: with where the time went."""
-    best, score = result.best, result.score
-    repair = [f"repair: {result.repair}"] if result.repair else []
-    drift = "; ".join(result.drift)
-    newer = [f"resumed with other package versions, so the last digits may differ: {drift}"]
-    beyond = violations.startswith(LIMITED)
-    asked = "robot within the limits" if beyond else "manufacturable robot"
-    failed = f"found no {asked}: the winner violates {violations}"
-    return [
-        f"run {result.run_id}: {counted(len(result.history), 'generation')}, "
-        f"{counted(result.evaluations, 'design')} "
-        f"evaluated, stopped by {result.stopped}",
-        *(newer if drift else []),
-        *(extension.text for extension in result.extensions),
-        *repair,
-        f"winner {best.name}: {counted(best.branch_count, 'branch')} on "
-        f"{counted(best.depth, 'level')}; "
-        f"{result.pieces_words}{'; ' * bool(result.pieces_words)}"
-        f"{_manufacturability(result, violations)}",
-        f"on {counted(len(score.evaluations), 'fresh pose')} on the training maps (simulated): "
-        f"{composites_text(score.composite)}",
-        f"growth: {growth_text(trained_growth(best), [best])}",
-        *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),
-        *_repeat_line(best),
-        *result.notes,
-        *([result.times.summary] if verbose else []),
-        *([failed] if violations else []),
-    ]
-
-
-def _repeat_line(best: Design) -> list[str]:
-    """Return how to get the winner's score again; nothing where the record does not say."""
-    if "seed_of_score" not in best.origin:
-        return []
-    task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
-    words = str(best.origin.get("start", ""))
-    said = bool(words) and not words.startswith("x_mm")  # as --start takes it
-    start = f"--start {shlex.quote(words)} " if said else ""
-    given = "task parameters and start" if words and not said else "task parameters"
-    return [
-        f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
-        f"{start}--map ..., with the training maps in their order and the run's {given}"
-    ]
-
-
-def _manufacturability(result: RunResult, violations: str) -> str:
-    if not result.checked:
-        return "manufacturability not checked (`fabricable = false`)"
-    if violations:
-        beyond = violations.startswith(LIMITED)
-        return "manufacturable, but beyond a limit of the space" if beyond else "not manufacturable"
-    if result.fabricable:
-        return "manufacturable"
-    return "manufacturable, but beyond the stricter limits of the search (see `vinefab check`)"
-
-
-def result_json(result: RunResult) -> str:
-    """Return the result of a run as JSON: ``vinefab/run-result-1``."""
-    content = {
-        "run": result.run_id,
-        "winner": result.best.name,
-        "growth": trained_growth(result.best).content,
-        "notes": list(result.notes),
-        "stopped": result.stopped,
-        "evaluations": result.evaluations,
-        "fabricable": result.fabricable,
-        "repair": result.repair,
-        "extensions": [asdict(extension) for extension in result.extensions],
-        "prediction": {k: v for k, v in result.prediction.items() if k != "origin"} or None,
-        "composite": dict(result.score.composite),
-        "finalists": [
-            {"fitness": f.fitness, "penalty": f.penalty, "composite": dict(f.score.composite)}
-            for f in result.finalists
-        ],
-        "generations": [
-            {
-                "best": g.best,
-                "mean": float(np.nanmean(g.composite)) if g.has_designs else None,
-                "spread": float(np.nanstd(g.composite)) if g.has_designs else None,
-                "fabricable_share": g.fabricable_share,
-                "seconds": g.seconds,
-            }
-            for g in result.history
-        ],
-        "times": {**result.times.plain(), "shares": result.times.shares},
-    }
-    return json_text("vinefab/run-result-1", content)

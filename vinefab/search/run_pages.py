@@ -20,8 +20,8 @@ from vinefab.core.view import (
     Picture,
     Remark,
     Result,
+    Rows,
     Section,
-    Table,
     Value,
 )
 from vinefab.model.files.design_toml import design_text
@@ -64,13 +64,13 @@ class RunListing(Result):
 
     def view(self) -> Iterator[Block]:
         """Yield the runs, those that differ in their seed alone together, and what is broken."""
-        yield Table(
+        yield Rows(
             caption=counted(len(self.rows), "run"),
             headings=("folder", "run", "generations", "best fitness", "winner on fresh poses", ""),
             rows=tuple(map(_run_cells, self.rows)),
         )
         yield from (Remark(f"unreadable: {line}", "warning") for line in self.broken)
-        yield Table(
+        yield Rows(
             caption="runs that differ in their seed alone: winners' mean scores (simulated, each "
             "on its own fresh poses on the training maps); the best of several is partly luck: "
             "compare winners on unseen maps with vinefab compare",
@@ -265,13 +265,3 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         f"evaluated, stopped by {result.stopped}."
     )
     return Section(title="How it was found", paragraphs=(summary,), pictures=(curve, *maps))
-
-
-def unseen_section(rows: tuple[tuple[str, str], ...]) -> Section:
-    """Return the report's section on a run's test on unseen maps."""
-    table = Table(
-        caption="Means with 95 % bootstrap intervals over maps",
-        headings=("", ""),
-        rows=rows,
-    )
-    return Section(title="Result", tables=(table,))

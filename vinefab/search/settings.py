@@ -17,15 +17,16 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, 
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located, nearest, values_hidden
+from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import LATER, Table, validated
 from vinefab.core.validation import SMALLEST, Floats
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
 from vinefab.model.files import toml
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import locate, names, user_names
 from vinefab.model.laser import OperationSettings, Recipe
 from vinefab.model.map import Start
@@ -44,7 +45,6 @@ from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task
 
 MOST_SECONDS = 1e8
-MOST_SEED = 2**62
 
 
 def _start(given: Any) -> Any:  # noqa: ANN401  what pydantic hands on
@@ -62,7 +62,7 @@ class MapSettings(Table):
     environment: Annotated[str, Doc("a generator; see `vinefab map --help`")] = "grid"
     count: Annotated[int, Ge(1), Le(1000), Doc("of maps")] = 4
     seed: Annotated[
-        int, Ge(0), Le(MOST_SEED), Doc("of the first map; the next have the next seeds")
+        int, Ge(0), Le(MOST_FIRST_SEED), Doc("of the first map; the next have the next seeds")
     ] = 1
     options: Annotated[Mapping[str, Any], Doc("of the generator")] = {}
     files: Annotated[
@@ -118,7 +118,7 @@ class SearchSettings(Table):
 
     population: Annotated[int, Ge(2), Le(100_000), Doc("designs of a generation")] = 20
     generations: Annotated[int, Ge(1), Le(1_000_000), Doc("at most")] = 15
-    seed: Annotated[int, Ge(0), Le(MOST_SEED), Doc("of everything random but the maps")] = 1
+    seed: Annotated[int, Ge(0), Le(MOST_FIRST_SEED), Doc("of everything random but the maps")] = 1
     stall_generations: Annotated[
         int, Ge(0), Le(1_000_000), Doc("without improvement that end it; 0: never")
     ] = 0
@@ -196,18 +196,23 @@ class EvaluationSettings(Table):
         return self
 
 
-class RunSettings(Table):
-    """A whole run; `changed` gives another one."""
+class RunTables(Table):
+    """The tables of a run that are the same in files and in Python."""
 
-    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
     maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
-    task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
     space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
     build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
     growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
+    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
+
+
+class RunSettings(RunTables):
+    """A whole run; `changed` gives another one."""
+
+    name: Annotated[str, Doc("of the run and its best design; default: the file's")] = "run"
+    task: Annotated[PartSettings, Doc("what is scored")] = PartSettings(name="coverage")
     optimizer: Annotated[PartSettings, Doc("what searches")] = PartSettings(name="islands")
     search: Annotated[SearchSettings, Doc("how long it searches")] = SearchSettings()
-    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
     objectives: Annotated[
         tuple[str, ...], Field(strict=False), Doc("for a front: the task, other tasks and costs")
     ] = ()
@@ -393,20 +398,15 @@ class OptimizerTable(SearchSettings):
     ] = ()
 
 
-class RunFile(Table):
+class RunFile(RunTables):
     """A whole run file."""
 
     schema_: Annotated[
         Literal["vinefab/run-1"], Field(alias="schema"), Doc("kind of file and its version")
     ] = "vinefab/run-1"
     name: Annotated[str | None, Doc("of the run and its best design; default: the file's")] = None
-    maps: Annotated[MapSettings, Doc("the training maps")] = MapSettings()
     task: Annotated[TaskTable, Doc("what is scored")] = TaskTable()
-    space: Annotated[SpaceSettings, Doc("what may vary")] = SpaceSettings()
-    build: Annotated[BuildSettings, Doc("how every design is made")] = BuildSettings()
-    growth: Annotated[GrowthOptions, Doc("how robots grow")] = GrowthOptions()
     optimizer: Annotated[OptimizerTable, Doc("how it is searched")] = OptimizerTable()
-    evaluation: Annotated[EvaluationSettings, Doc("how a design is judged")] = EvaluationSettings()
 
 
 _MOST_LETTERS = 90
@@ -419,7 +419,7 @@ def read_run(name_or_path: str | PathLike[str]) -> RunSettings:
     content = toml.read_toml(path)
     with located(path):
         _read_files_in(content, path.parent)
-    file = toml.validated(RunFile, content, path)
+    file = validated(RunFile, content, path)
     with located(path):
         return _settings(file, path)
 
@@ -539,7 +539,7 @@ def _points(
         if not file.is_file() and name not in {*names("design"), *user_names("design")}:
             raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
         with values_hidden():
-            design = read_design(file if file.is_file() else name)
+            design = Design.read(file if file.is_file() else name)
         if not low <= design.depth <= high:
             found = f"{name}, a design with {counted(design.depth, 'level')}"
             allowed = f"designs with {low} to {counted(high, 'level')}, as in space.levels"

@@ -360,6 +360,9 @@ class Space:
         """
         values = dict(self._fixed)
         for variable, share in zip(self.variables, x.tolist(), strict=True):
+            # The number of levels comes first; those that a design does not have come last.
+            if variable.level and variable.level > values[0, "levels"]:
+                break
             values[variable.level, variable.name] = variable.value(share)
         depth = int(values[0, "levels"])
         levels = tuple(

@@ -6,7 +6,7 @@ import numpy as np
 
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.anchoring import ASSUMED_FRICTION, NumberRange, amplification_interval
 from vinefab.search.settings import PartSettings, RunSettings
@@ -194,7 +194,7 @@ def _picture(found: Exchange) -> Picture:
     for home in STUDIED_ENVIRONMENTS:
         place = site(maps_of(home, FIRST_TEST_SEED, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_TEST_SEED])
-        robot = grow(design_from(found.kept_design(home)), place.terrain, pose, PAPER_GROWTH)
+        robot = grow_on(design_from(found.kept_design(home)), place.terrain, pose, PAPER_GROWTH)
         score = float(found.kept_unseen(home, home)[0, 0, 0])
         panels.append(
             PlanPanel(

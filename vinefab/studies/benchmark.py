@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,12 +20,13 @@ from vinefab.core.compiling import rebindable
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
+from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.growth import kernel
 from vinefab.growth.arrays import Growth, Launch
 from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import KERNEL, grow, rules_of
+from vinefab.growth.simulator import KERNEL, grow_on, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.maps.poses import draw_poses
@@ -524,7 +525,7 @@ class _Reference:
     def error_mm(self) -> float:
         """Return how far its tips are from the kernel's at most."""
         exact = [
-            grow(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
+            grow_on(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
         ]
         found = [tips_mm(branches) for branches in self.grow()]
         return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
@@ -534,7 +535,7 @@ def _interpreted(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
     """Return the branches per second of the kernel as the interpreter runs it."""
     design = tree_of_40()
     taken_s = least_s(
-        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
+        lambda: [grow_on(design, terrain, pose, BENCH_GROWTH, "interpreted") for pose in poses], 1
     )
     return len(poses) * len(branch_tree(design)) / taken_s
 
@@ -553,70 +554,83 @@ def _batched(terrain: Terrain, poses: tuple[Pose, ...], size: int) -> float:
     return len(batch) / least_s(lambda: list(batch.each(len, size=size)), 3)
 
 
-def bench_lines(result: BenchmarkResult) -> list[str]:
-    """Return everything that was measured as lines for the user."""
-    return [
-        "one tree of 40 branches on Grid maps, bare centreline; times of one core",
-        *_compared(result),
-        "",
-        "walls      prepare   per event (from anywhere)   to the first",
-        *(
-            f"{size.walls:<9,d} {size.prepare_s:6.2f} s  {size.ns_per_event:12.1f} ns"
-            f"  {size.ns_per_event / result.sizes[0].ns_per_event:20.2f}"
+def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
+    """Yield everything that was measured."""
+    yield Rows(
+        caption="one tree of 40 branches on Grid maps, bare centreline; times of one core",
+        headings=("", "", ""),
+        rows=tuple(_compared(result)),
+    )
+    yield Rows(
+        caption="growth from anywhere on maps of one density",
+        headings=("walls", "prepare", "per event", "to the first"),
+        rows=tuple(
+            (
+                f"{size.walls:,d}",
+                Number(size.prepare_s, "s", ".2f"),
+                Number(size.ns_per_event, "ns", ".1f"),
+                Number(size.ns_per_event / result.sizes[0].ns_per_event, form=".2f"),
+            )
             for size in result.sizes
         ),
-        "",
-        *_floor(result),
-        "",
-        *(
-            f"{count} thread{'s' if count > 1 else ' '}            {rate:10,.0f} evaluations/s"
-            f"  x {rate / result.threads[1]:.2f}"
-            for count, rate in result.threads.items()
-        ),
-        *(
-            f"{size:<4d} growths per call {rate:10,.0f} growths/s  x {rate / result.batches[1]:.2f}"
-            for size, rate in result.batches.items()
-        ),
-        *(
+    )
+    floor = result.floor
+    yield Notes(
+        (
+            f"floor: {floor.wall_tests:.2f} wall tests of {floor.wall_ns:.1f} ns and "
+            f"{floor.corner_tests:.2f} corner tests of {floor.corner_ns:.1f} ns per event"
+            f" = {floor.ns_per_event:.1f} ns",
+            f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that; "
+            f"{result.foreseen_ns_per_event:.1f} ns where the processor knows the growth by heart",
+            "the rest beside the tests: wrong guesses of branches, finding cells, the tips "
+            "themselves",
+        )
+    )
+    for name, unit, rates in (
+        ("threads", "evaluations/s", result.threads),
+        ("growths per call", "growths/s", result.batches),
+    ):
+        yield Rows(
+            caption=f"by number of {name}",
+            headings=(name, "", "to one"),
+            rows=tuple(
+                (count, Number(rate, unit, ",.0f"), Number(rate / rates[1], form=".2f"))
+                for count, rate in rates.items()
+            ),
+        )
+    yield Notes(
+        tuple(
             f"after {count:,} evaluations the process had taken {peak:.1f} MB at most"
             for count, peak in result.memory.items()
-        ),
-        "",
-        f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps:",
-        *(f"{name:<14} {split.summary}" for name, split in result.searches.items()),
-    ]
+        )
+    )
+    yield Rows(
+        caption=f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps",
+        headings=("", ""),
+        rows=tuple((name, split.summary) for name, split in result.searches.items()),
+    )
 
 
-def _compared(result: BenchmarkResult) -> list[str]:
+def _compared(result: BenchmarkResult) -> Iterator[tuple[Value, ...]]:
+    """Yield what was measured, its rate or time, and what that means."""
     growths_per_s = result.branches_per_s / 40.0
     slower = result.branches_per_s / result.interpreted_branches_per_s
-    return [
-        f"growth             {result.branches_per_s:12,.0f} branches/s"
-        f"  ({growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch)",
-        f"Shapely reference  {result.reference_branches_per_s:12,.0f} branches/s"
-        f"  {result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm",
-        f"interpreted kernel {result.interpreted_branches_per_s:12,.0f} branches/s"
-        f"  {slower:,.0f} times slower",
-        f"full evaluation    {result.evaluations_per_s:12,.0f} trees/s scored for coverage"
-        f"  {result.evaluation_over_growth:.2f} times the time of growth alone",
-        f"  in a search      {result.search.trees_per_s:12,.0f} trees/s"
-        f"  (growth {result.search.growth_us:.1f} us, scoring {result.search.scoring_us:.1f} us)",
-        f"penalty            {result.penalty.at_once_us:12.1f} us a design of a generation"
-        f"  {result.penalty.alone_us / result.penalty.at_once_us:,.0f} times longer one by one",
-        *(
-            f"first grow ever    {taken_s:12.2f} s, {name}"
-            for name, taken_s in result.first_grow_s.items()
-        ),
-    ]
-
-
-def _floor(result: BenchmarkResult) -> list[str]:
-    floor = result.floor
-    return [
-        f"floor: {floor.wall_tests:.2f} wall tests of {floor.wall_ns:.1f} ns and "
-        f"{floor.corner_tests:.2f} corner tests of {floor.corner_ns:.1f} ns per event"
-        f" = {floor.ns_per_event:.1f} ns",
-        f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that; "
-        f"{result.foreseen_ns_per_event:.1f} ns where the processor knows the growth by heart",
-        "the rest beside the tests: wrong guesses of branches, finding cells, the tips themselves",
-    ]
+    search, penalty = result.search, result.penalty
+    for name, rate, unit, words in (
+        ("growth", result.branches_per_s, "branches/s",
+         f"{growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch"),
+        ("Shapely reference", result.reference_branches_per_s, "branches/s",
+         f"{result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm"),
+        ("interpreted kernel", result.interpreted_branches_per_s, "branches/s",
+         f"{slower:,.0f} times slower"),
+        ("full evaluation", result.evaluations_per_s, "trees/s", "scored for coverage, "
+         f"{result.evaluation_over_growth:.2f} times the time of growth alone"),
+        ("full evaluation in a search", search.trees_per_s, "trees/s",
+         f"growth {search.growth_us:.1f} us, scoring {search.scoring_us:.1f} us"),
+    ):  # fmt: skip
+        yield name, Number(rate, unit, ",.0f"), words
+    longer = f"{penalty.alone_us / penalty.at_once_us:,.0f} times longer one by one"
+    each = Number(penalty.at_once_us, "us", ".1f")
+    yield "penalty", each, f"for each design of a generation, {longer}"
+    for name, taken_s in result.first_grow_s.items():
+        yield "first grow ever", Number(taken_s, "s", ".2f"), name

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
 from vinefab.core.validation import Floats, whole
+from vinefab.core.view import Block, Notes, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
@@ -343,37 +344,39 @@ def least_seeds(comparisons: int) -> int:
     return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < _SIGNIFICANT)
 
 
-def heading_lines(contest: Contest) -> list[str]:
-    """Return what the numbers of the table are, and whether there are too few seeds."""
+def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[Block]:
+    """Yield the table of a comparison, and whether there are too few seeds."""
     maps, seeds = counted(contest.unseen, "unseen map"), counted(contest.seeds, "seed")
-    lines = [f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]"]
-    if others := len(contest.contenders) - 1:
-        first = contest.contenders[0].label
-        lines.append(f"  difference to {first}, paired by seed [95 %], p by Wilcoxon and Holm")
-        if contest.seeds < (least := least_seeds(others)):
-            lines.append(
-                f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
-                f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
-            )
-    return lines
-
-
-def table_lines(table: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a table as lines for the user."""
-    lines = []
-    for entry in table:
-        unseen = entry["unseen"]
-        line = (
-            f"{entry['problem']:<12} {entry['optimizer']:<28} {unseen['mean']:.4f} "
-            f"[{unseen['low']:.4f}, {unseen['high']:.4f}]"
+    yield Rows(
+        caption=f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]; "
+        "differences are paired by seed, p by Wilcoxon and Holm",
+        headings=(
+            "problem",
+            "optimizer",
+            "score",
+            f"difference to {contest.contenders[0].label}",
+            "p",
+        ),
+        rows=tuple(map(_cells, comparison_table(contest, rows))),
+    )
+    others = len(contest.contenders) - 1
+    if others and contest.seeds < (least := least_seeds(others)):
+        note = (
+            f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
+            f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
         )
-        if difference := entry.get("difference"):
-            line += (
-                f"  {difference['mean']:+.4f} [{difference['low']:+.4f}, {difference['high']:+.4f}]"
-                f" p {difference['p_holm']:.3f}"
-            )
-        lines.append(line)
-    return lines
+        yield Notes((note,))
+
+
+def _cells(entry: Mapping[str, Any]) -> tuple[Value, ...]:
+    """Return an entry of the table as cells; the first contender has no difference."""
+    unseen, more = entry["unseen"], entry.get("difference")
+    score = Number(unseen["mean"], form=".4f", interval=(unseen["low"], unseen["high"]))
+    above: tuple[Value, Value] = ("", "")
+    if more:
+        ends = more["low"], more["high"]
+        above = Number(more["mean"], form="+.4f", interval=ends), Number(more["p_holm"], form=".3f")
+    return entry["problem"], entry["optimizer"], score, *above
 
 
 def comparison_svg(contest: Contest, rows: Sequence[ContestRow]) -> bytes:

@@ -14,6 +14,7 @@ from scipy.stats import gaussian_kde
 
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
+from vinefab.pages.charts import ends_of, series_colour
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT, level_colour
 from vinefab.pages.figure import blank, frame, house_style
 from vinefab.pages.panel import Ink, Page, Panel, page_of_rows, plan_panel
@@ -55,7 +56,7 @@ def grouped_bars(
             width = 0.8 / len(bars)
             for rank, bar in enumerate(bars):
                 x = place + (rank - (len(bars) - 1) / 2) * width
-                colour = LEVEL_COLOURS[names.index(bar.label) % len(LEVEL_COLOURS)]
+                colour = series_colour(names.index(bar.label))
                 known = bar.label if place == 0 else None
                 axes.bar(x, bar.found.value, 0.9 * width, color=colour, alpha=0.75, label=known)
                 ends = [[bar.found.value - bar.found.low], [bar.found.high - bar.found.value]]
@@ -86,7 +87,7 @@ def curves(lines: Mapping[str, ArrayLike], across: str, label: str) -> Figure:
             steps = np.arange(1, values.shape[1] + 1)
             middle = values.mean(axis=0)
             error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
-            colour = LEVEL_COLOURS[rank % len(LEVEL_COLOURS)]
+            colour = series_colour(rank)
             axes.fill_between(
                 steps, middle - error, middle + error, color=colour, alpha=0.2, linewidth=0
             )
@@ -108,12 +109,10 @@ def densities(groups: Mapping[str, ArrayLike], label: str) -> Figure:
     """
     with house_style():
         figure, axes = blank(6.5, 3.6)
-        every = np.concatenate([np.asarray(values, dtype=float) for values in groups.values()])
-        room = 0.15 * (float(np.ptp(every)) or 1.0)
-        x = np.linspace(every.min() - room, every.max() + room, 300)
+        x = np.linspace(*ends_of(*groups.values(), rim=0.15), 300)
         for rank, (name, given) in enumerate(groups.items()):
             values = np.asarray(given, dtype=float)
-            colour = LEVEL_COLOURS[rank % len(LEVEL_COLOURS)]
+            colour = series_colour(rank)
             if np.ptp(values) > 0.0:
                 density = gaussian_kde(values)(x)
                 axes.plot(x, density, color=colour, label=name)

@@ -14,7 +14,7 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.core.view import Picture
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
@@ -109,7 +109,7 @@ class RedeploymentJob:
         ((start,),) = poses_on([place], 1, [self.worlds.seed])
         terrain = Terrain.of(without_bounds(place.world)) if self.open_bounds else place.terrain
         if self.headings == 1:
-            return [grow(design_from(self.design), terrain, start, self.growth)]
+            return [grow_on(design_from(self.design), terrain, start, self.growth)]
         middle_rad = place.world.starts[0].pose.heading_rad
         half_rad = math.radians(FAN_DEG / 2.0)
         design = design_from(self.design)
@@ -117,7 +117,7 @@ class RedeploymentJob:
             Pose(x_mm=start.x_mm, y_mm=start.y_mm, heading_rad=middle_rad + offset)
             for offset in np.linspace(-half_rad, half_rad, self.headings).tolist()
         ]
-        return [grow(design, terrain, pose, self.growth) for pose in poses]
+        return [grow_on(design, terrain, pose, self.growth) for pose in poses]
 
     def reached(self, place: PreparedMap, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
@@ -481,7 +481,7 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
         job = redeployments(size, environment)[0]
         place = site(job.worlds, 0)
         ((pose,),) = poses_on([place], 1, [job.worlds.seed])
-        one = grow(design_from(found[environment].design), place.terrain, pose, PAPER_GROWTH)
+        one = grow_on(design_from(found[environment].design), place.terrain, pose, PAPER_GROWTH)
         shares = [found[environment].one[0, 0, 0], found[environment].many[0, 0, 0]]
         titles = ("one branched deployment", f"{size.headings} of a plain vine")
         for title, share, grown in zip(

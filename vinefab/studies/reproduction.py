@@ -6,7 +6,7 @@ from pathlib import Path
 
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
-from vinefab.core.view import Answer, Block, Fact, Facts, Section, Table
+from vinefab.core.view import Answer, Block, Fact, Facts, Rows, Section
 from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
@@ -34,7 +34,7 @@ class Reproduction:
         return held(self.findings)
 
 
-def reproduce(
+def do_experiments(
     names: Sequence[str],
     folder: Path,
     size: StudySize,
@@ -150,21 +150,33 @@ def _summary_section(findings: Sequence[StudyResult]) -> Section:
         f"(Holm), "
         f"{held_corrected(findings)} still do."
     )
-    rows = tuple((finding.name, *claim.cells()) for finding in findings for claim in finding.claims)
     return Section(
         title="What the paper claims, and whether it holds",
         paragraphs=(*SUMMARY, corrected),
-        tables=(Table(caption="All claims", headings=("experiment", *CLAIM_HEADINGS), rows=rows),),
+        tables=(claims_table(findings),),
+    )
+
+
+def claims_table(findings: Sequence[StudyResult], columns: int | None = None) -> Rows:
+    """Return all claims of some experiments, or the first columns of the table."""
+    return Rows(
+        caption="All claims",
+        headings=("experiment", *CLAIM_HEADINGS)[:columns],
+        rows=tuple(
+            (finding.name, *claim.cells())[:columns]
+            for finding in findings
+            for claim in finding.claims
+        ),
     )
 
 
 def _experiment_section(finding: StudyResult) -> Section:
-    numbers = Table(
+    numbers = Rows(
         caption="Our numbers beside the paper's (simulated, with 95 % intervals)",
         headings=("", "here", "paper"),
         rows=tuple((row.what, row.ours, row.paper) for row in finding.rows),
     )
-    claims = Table(
+    claims = Rows(
         caption="Orderings, tested",
         headings=CLAIM_HEADINGS,
         rows=tuple(claim.cells() for claim in finding.claims),

@@ -6,7 +6,7 @@ import numpy as np
 
 from vinefab.core.validation import Floats
 from vinefab.core.view import Picture
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.pages.figure import svg_bytes
 from vinefab.search.settings import RunSettings
 from vinefab.studies.claims import (
@@ -100,7 +100,7 @@ def maps(store: JobStore) -> StudyResult:
     settings = variety_runs(size)
     runs = [run for group in settings.values() for run in group]
     tested, best_tested = train_and_test(store, list(settings), runs)
-    by_hand = study_scores(store, [unseen_test(size, plain_design(read_design(BY_HAND)), "grid")])
+    by_hand = study_scores(store, [unseen_test(size, plain_design(Design.read(BY_HAND)), "grid")])
     scores, best = {NOT_OPTIMIZED: by_hand, **tested}, {NOT_OPTIMIZED: by_hand, **best_tested}
     return StudyResult(
         name="maps",

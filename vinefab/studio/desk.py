@@ -27,10 +27,9 @@ from vinefab.core.errors import (
 from vinefab.core.hashing import sha256_of
 from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import ORIGIN_RECIPE, Design
+from vinefab.model.design import ORIGIN_RECIPE, Design, design_of
 from vinefab.model.files.design_edit import edited_text
-from vinefab.model.files.design_toml import design_content, design_of, design_text
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.run_recipe import ChosenRecipe
@@ -45,6 +44,7 @@ from vinefab.model.files.shipped import (
     user_root,
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
+from vinefab.model.map import Map
 from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
 from vinefab.studio.state import PAGE, files_named_in, is_name
 
@@ -169,7 +169,7 @@ class Desk:
         """Return the source of a map file that can be read; ``path`` is its path."""
         path = self.allowed_path("map", ask.get("path"))
         stamp = _stamp(path, LARGEST_MAP_BYTES)
-        world = read_map(path)
+        world = Map.read(path)
         self._watch(path, "map", stamp)
         return {
             "source": {"file": self.shown(path)},
@@ -334,7 +334,7 @@ class Desk:
             try:
                 stamp = _stamp(path, LARGEST_MAP_BYTES)
                 if stamp != self._told.get(path):
-                    (read_map if kind == "map" else read_profile)(path)
+                    (Map.read if kind == "map" else read_profile)(path)
             except VinefabError as error:
                 problem = str(error)
         if stamp == self._told.get(path):

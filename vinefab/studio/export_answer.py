@@ -25,8 +25,8 @@ from vinefab.core.errors import (
 from vinefab.core.registry import with_parameters
 from vinefab.core.view import plain_blocks
 from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_text, read_design
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Start
@@ -37,6 +37,7 @@ from vinefab.studio.exports import (
     Export,
     ExportSource,
     PackageExport,
+    command_of,
     inputs_folder,
 )
 from vinefab.studio.panels import Tell
@@ -78,7 +79,7 @@ def _written(kind: Export, source: ExportSource, tell: Tell) -> dict[str, Any]:
     source = source.as_read()
     made = kind.make(source, tell)
     answer: dict[str, Any] = {
-        "command": shlex.join(["vinefab", *kind.words(source)]),
+        "command": command_of(kind, source),
         "written": [],
         "inputs": [],
         "view": plain_blocks(made.view),
@@ -122,7 +123,7 @@ def _command(
             return {"command": _opens(_snapshot_path(ask, given)), "inputs": []}
         kind = _kind(name, _mapping(f"exports.{name}", given))
         source = _source(state, ask, kind, given.get("out"))
-        command = shlex.join(["vinefab", *kind.words(source)])
+        command = command_of(kind, source)
     except VinefabError as error:
         return {"error": str(error)}
     return {"command": command, "inputs": [str(source.folder / file) for file in source.inputs]}
@@ -187,7 +188,7 @@ def _saved_design(design: Design, given: object, roots: tuple[Path, ...]) -> str
     try:
         bare = Path(given).name == given and not Path(given).suffix
         name = given if bare else str(allowed_path("design_file", given, roots))
-        saved = read_design(name)
+        saved = Design.read(name)
     except VinefabError:
         return ""
     return name if design_text(saved) == design_text(design) else ""
@@ -199,7 +200,7 @@ def _saved_map(world: Map, given: object, roots: tuple[Path, ...]) -> str:
         return ""
     try:
         path = allowed_path("map_file", given, roots)
-        saved = read_map(path)
+        saved = Map.read(path)
     except VinefabError:
         return ""
     return str(path) if map_text(saved) == map_text(world) else ""

@@ -4,7 +4,6 @@ Each calls the functions that its command calls, with the same options.
 """
 # ruff: noqa: PLC0415  what an export needs is loaded when it is made: a command line is quick
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,12 +11,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Protocol
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.validation import whole
-from vinefab.core.view import Block, Notes
+from vinefab.core.verbs import Call
+from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.model.design import ORIGIN_RECIPE, Design
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
@@ -52,12 +51,6 @@ class ExportSource:
         return inputs_folder(Path(self.out))
 
     @property
-    def recipe_words(self) -> list[str]:
-        """The option that chooses the recipe, if it is not the default."""
-        usual = self.recipe == DEFAULT_RECIPE and ORIGIN_RECIPE not in self.design.origin
-        return [] if usual else ["--recipe", self.recipe]
-
-    @property
     def growth_given(self) -> dict[str, object]:
         """The growth options that the design would not be grown with by itself."""
         usual = GrowthChoice.of([self.design]).options.content
@@ -70,9 +63,9 @@ class ExportSource:
                 (Path(name) / file).write_bytes(data)
             design, world = self.design, self.world
             if DESIGN_FILE in self.inputs:
-                design = read_design(Path(name) / DESIGN_FILE)
+                design = Design.read(Path(name) / DESIGN_FILE)
             if MAP_FILE in self.inputs:
-                world = read_map(Path(name) / MAP_FILE)
+                world = Map.read(Path(name) / MAP_FILE)
         return replace(self, design=design, world=world)
 
 
@@ -90,13 +83,14 @@ class MadeExport:
 class Export(Protocol):
     """One kind of export; its fields are what the user chooses."""
 
+    verb: ClassVar[str]  # the function that its command calls, ``MODULE.NAME`` of `vinefab.app`
     mark: ClassVar[str]  # the file by which its folder is known again; empty: it is one file
     endings: ClassVar[tuple[str, ...]]  # of its name, if it is one file
     uses_map: ClassVar[bool]
     moves_start: ClassVar[bool]  # whether the page's start has to stand in the map
 
-    def words(self, source: ExportSource) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
+    def given(self, source: ExportSource) -> dict[str, Any]:
+        """Return what the verb is given."""
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the files."""
@@ -110,17 +104,24 @@ class PackageExport:
     allow_uncalibrated: bool = False  # for a recipe that no coupon has confirmed
     r12: bool = False  # also a DXF of release 12
     copies: int = 1  # robots on the bed
+    verb: ClassVar[str] = "making.fabricate"
     mark: ClassVar[str] = "job.json"
     endings: ClassVar[tuple[str, ...]] = ()
     uses_map: ClassVar[bool] = False
     moves_start: ClassVar[bool] = False
 
-    def words(self, source: ExportSource) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        words = ["fabricate", source.design_name, *source.recipe_words]
-        words += [] if self.copies == 1 else ["--copies", str(self.copies)]
-        words += [f"--{n.replace('_', '-')}" for n in _PACKAGE_FLAGS if getattr(self, n)]
-        return [*words, "--out", source.out]
+    def given(self, source: ExportSource) -> dict[str, Any]:
+        """Return what the verb is given."""
+        usual = source.recipe == DEFAULT_RECIPE and ORIGIN_RECIPE not in source.design.origin
+        return {
+            "design": source.design_name,
+            "recipe": None if usual else source.recipe,
+            "out": source.out,
+            "allow_uncalibrated": self.allow_uncalibrated,
+            "copies": self.copies,
+            "r12": self.r12,
+            "make_zip": self.zip,
+        }
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the files of the package, or what forbids them."""
@@ -145,9 +146,6 @@ class PackageExport:
         return replace(made, files=files, beside=beside)
 
 
-_PACKAGE_FLAGS = ("zip", "r12", "allow_uncalibrated")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigExport:
     """Printable obstacles."""
@@ -159,22 +157,25 @@ class RigExport:
     lid: bool = False
     check_robot: bool = True  # check corridors and heights for the design
     pictures: bool = True  # draw the plan and sheets; report.html
+    verb: ClassVar[str] = "making.rig"
     mark: ClassVar[str] = "rig.json"
     endings: ClassVar[tuple[str, ...]] = ()
     uses_map: ClassVar[bool] = True
     moves_start: ClassVar[bool] = True
 
-    def words(self, source: ExportSource) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        usual = RigExport()
-        words = ["rig", source.map_name]
-        words += ["--design", source.design_name] if self.check_robot else []
-        for name in ("printer", "style", "height_mm", "fit_mm"):
-            if getattr(self, name) != getattr(usual, name):
-                words.append(f"--{name.replace('_', '-')}={getattr(self, name)}")
-        words += ["--lid"] if self.lid else []
-        words += [] if self.pictures else ["--no-pictures"]
-        return [*words, "--out", source.out]
+    def given(self, source: ExportSource) -> dict[str, Any]:
+        """Return what the verb is given."""
+        return {
+            "world": source.map_name,
+            "printer": self.printer,
+            "out": source.out,
+            "design": source.design_name if self.check_robot else None,
+            "fit_mm": self.fit_mm or None,
+            "lid": self.lid,
+            "pictures": self.pictures,
+            "style": self.style,
+            "height_mm": self.height_mm,
+        }
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the files of the rig, or what forbids them."""
@@ -204,18 +205,23 @@ class PictureExport:
     animate: bool = False
     frames: int = 24  # of the moving picture
     label: bool = False  # write branch ids in the still one
+    verb: ClassVar[str] = "predicting.grow"
     mark: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = (".svg", ".png", ".gif")
     uses_map: ClassVar[bool] = True
     moves_start: ClassVar[bool] = False
 
-    def words(self, source: ExportSource) -> list[str]:
-        """Return the words of the command after ``vinefab``."""
-        words = ["grow", source.design_name, "--map", source.map_name, *_pose_words(source.pose)]
-        words += growth_words(source.growth_given)
+    def given(self, source: ExportSource) -> dict[str, Any]:
+        """Return what the verb is given."""
+        given: dict[str, Any] = {
+            "design": source.design_name,
+            "map": source.map_name,
+            "pose": source.pose,
+            "growth": _without_contacts(source.growth_given),
+        }
         if self._moves(source):
-            return [*words, "--animate", source.out, "--frames", str(self.frames)]
-        return [*words, *(["--label"] if self.label else []), "--svg", source.out]
+            return {**given, "animate": source.out, "frames": self.frames}
+        return {**given, "out": source.out, "label": self.label}
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the picture."""
@@ -224,13 +230,16 @@ class PictureExport:
         world, suffix = _map_of(source), Path(source.out).suffix
         whole("frames", self.frames, 1, MOST_FRAMES)
         tell(0.1, "growing")
-        found = deploy(source.design, world, _pose_typed(source.pose), source.growth_given)
+        pose = source.pose
+        if pose is not None:  # the command reads its heading in degrees
+            pose = Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
+        found = deploy(source.design, world, pose, source.growth_given)
         tell(0.3, "drawing")
         if self._moves(source):
             data = found.animation(suffix, self.frames)
         else:
             data = found.picture(suffix, named=self.label)
-        return MadeExport(files={"": data}, view=(Notes(tuple(found.summary())),))
+        return MadeExport(files={"": data}, view=tuple(found.view()))
 
     def _moves(self, source: ExportSource) -> bool:
         """Whether it is a moving picture, which a GIF always is."""
@@ -248,30 +257,35 @@ class ReportExport:
     seed: int = 0  # of poses and unseen maps
     environment: str = ""  # predict for unseen maps of it too; empty: for the open map alone
     count: int = 40  # how many of these
+    verb: ClassVar[str] = "predicting.report"
     mark: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = (".html",)
     uses_map: ClassVar[bool] = True
     moves_start: ClassVar[bool] = True
 
-    def words(self, source: ExportSource) -> list[str]:
-        """Return the words of the command after ``vinefab``, as the page itself has them."""
-        words = ["report", source.design_name, "--recipe", source.recipe, "--out", source.out]
-        words += ["--maps", source.map_name] if source.world else []
-        words += ["--environment", self.environment] if self.environment else []
-        # As `core.verbs.Call` words a call: in the order of the verb, without its defaults.
-        more = {"--count": (self.count, 100 if self.environment else self.count),
-                "--poses": (self.poses, 3), "--seed": (self.seed, 0)}  # fmt: skip
-        words += [w for flag, (n, usual) in more.items() if n != usual for w in (flag, str(n))]
-        return [*words, *growth_words(source.growth.content)]
+    def given(self, source: ExportSource) -> dict[str, Any]:
+        """Return what the verb is given."""
+        unseen = {"environment": self.environment, "count": self.count} if self.environment else {}
+        return {
+            "design": source.design_name,
+            "recipe": source.recipe,
+            "out": source.out,
+            "maps": (source.map_name,) if source.world else (),
+            **unseen,
+            "poses": self.poses,
+            "seed": self.seed,
+            "growth": _without_contacts(source.growth.content),
+        }
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:
         """Return the page."""
         from vinefab.prediction.family_deployments import (
             PredictionPlan,
             map_families,
+            part_of,
             unseen_maps,
         )
-        from vinefab.prediction.predict import part_of, predict
+        from vinefab.prediction.predict import predict
         from vinefab.prediction.provenance import origin_of
 
         unseen = None
@@ -281,8 +295,7 @@ class ReportExport:
         poses = whole("poses", self.poses, 1, 1000)
         plan = PredictionPlan(poses=poses, seed=self.seed, options=source.growth)
         found = predict(source.design, source.profile, families, plan, part_of(tell, 0.0, 0.6))
-        command = shlex.join(["vinefab", *self.words(source)])
-        origin = origin_of(command, [source.design], source.profile, families)
+        origin = origin_of(command_of(self, source), [source.design], source.profile, families)
         page = replace(found, origin=origin).page(part_of(tell, 0.6, 1.0))
         return MadeExport(files={"": page.encode()}, view=tuple(found.view()))
 
@@ -301,26 +314,16 @@ def inputs_folder(out: Path) -> Path:
     return out.with_name(f"{out.name}.inputs")
 
 
-def growth_words(given: Mapping[str, object]) -> list[str]:
-    """Return the options of a command that choose some growth options, but for contacts' file."""
-    words = []
-    for name, value in GrowthOptions.of(given).content.items():
-        if name in given and name != "contacts":
-            parts = value if isinstance(value, list) else [value]
-            shown = ",".join(str(part).lower() for part in parts)
-            words += ["--growth", f"{name}={shown}"]
-    return words
+def command_of(kind: Export, source: ExportSource) -> str:
+    """Return the command line that makes an export."""
+    module, _, name = kind.verb.partition(".")
+    verb = getattr(front_door(f"app.{module}"), name)
+    return Call(function=verb, given=kind.given(source)).typed(name)
 
 
-def _pose_words(pose: Pose | None) -> list[str]:
-    if pose is None:
-        return []
-    return [f"--pose={pose.x_mm!r},{pose.y_mm!r},{pose.heading_deg!r}"]
-
-
-def _pose_typed(pose: Pose | None) -> Pose | None:
-    """Return the pose that the command reads: its heading went through degrees."""
-    return None if pose is None else Pose.of((pose.x_mm, pose.y_mm, pose.heading_deg))
+def _without_contacts(growth: Mapping[str, object]) -> dict[str, object]:
+    """Return growth options without the contacts, which are a file of their own."""
+    return {name: value for name, value in growth.items() if name != "contacts"}
 
 
 def _map_of(source: ExportSource) -> Map:

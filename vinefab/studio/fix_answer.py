@@ -9,9 +9,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.rules.fix import KEEPS, parsed_keeps
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
-from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map, Start
-from vinefab.prediction.fix_proposal import FIX_TASKS, FixProposal, propose_fix
+from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content
@@ -37,7 +36,9 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[s
         ``keep``: words of `KEEPS`, besides those that the page's locks ask for.
     """
     keep, words = kept_kinds(state.locks, ask.get("keep") or [])
-    maps = _maps(state)
+    maps: tuple[Map, ...] = ()
+    if state.world is not None and state.start is not None:  # the page's start is the only one
+        maps = (replace(state.world, starts=(Start(pose=state.start),)),)
     tell(0.0, "looking for the smallest change")
     proposal = propose_fix(
         state.design,
@@ -71,48 +72,30 @@ def kept_kinds(locks: frozenset[str], asked: object) -> tuple[frozenset[str], li
 _ONE = {"branches": "number of branches", "length": "length", "angle": "angle", "width": "width"}
 
 
-def _maps(state: StudioState) -> tuple[Map, ...]:
-    """Return the open map with the page's start as its only one; none where the robot has none."""
-    if state.world is None or state.start is None:
-        return ()
-    return (replace(state.world, starts=(Start(pose=state.start),)),)
-
-
-def _proposal_content(proposal: FixProposal, state: StudioState) -> dict[str, Any]:
+def _proposal_content(proposal: ProposedFix, state: StudioState) -> dict[str, Any]:
     content: dict[str, Any] = {
         "nothing_to_fix": not proposal.before.blocking,
         "failed": proposal.failed,
         "lines": [line.strip().removeprefix("fix: ") for line in proposal.lines()],
         "in_the_way": list(proposal.in_the_way),
         "changes": [
-            {
-                "what": change.what,
-                "before": change.before,
-                "after": change.after,
-                "unit": change.unit,
-                "text": change.text,
-            }
+            {name: getattr(change, name) for name in ("what", "before", "after", "unit", "text")}
             for change in proposal.changes
         ],
         "cost": sum(change.cost for change in proposal.changes),
         "design": None,
-        "report": _report_content(proposal.after, state.design.name),
+        "report": None,
     }
+    if proposal.after is not None:
+        content["report"] = report_content(replace(proposal.after, design=state.design.name))
     if proposal.design is not None:
         # On the page it is the same design, changed: it keeps its name and its file.
         content["design"] = design_content(proposal.design.changed(name=state.design.name))
-        content["locks_changed"] = _changed(state, content["design"])
+        before, after = design_content(state.design), content["design"]
+        # Locked values that a proposal changes all the same: no word keeps them.
+        locks = sorted(state.locks)
+        content["locks_changed"] = [key for key in locks if _at(before, key) != _at(after, key)]
     return content
-
-
-def _report_content(report: CheckReport | None, name: str) -> dict[str, Any] | None:
-    return None if report is None else report_content(replace(report, design=name))
-
-
-def _changed(state: StudioState, after: Mapping[str, Any]) -> list[str]:
-    """Return the locked values that a proposal changes all the same: no word keeps them."""
-    before = design_content(state.design)
-    return [key for key in sorted(state.locks) if _at(before, key) != _at(after, key)]
 
 
 def _at(content: Any, key: str) -> Any:  # noqa: ANN401  plain values

@@ -15,7 +15,8 @@ from vinefab.core.errors import (
 )
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
@@ -229,7 +230,7 @@ def front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
     values = known[name]["values"]
     words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
     path = path_inside("design", f"front/{name}.toml", (folder,), folder / "front.json")
-    return design_content(read_design(path)), words
+    return design_content(Design.read(path)), words
 
 
 _MOST_FRONT_BYTES = 1 << 24

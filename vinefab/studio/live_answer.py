@@ -9,7 +9,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import map_text
@@ -17,7 +17,7 @@ from vinefab.model.map import Map
 from vinefab.pages.plan_svg import ground_svg, outline_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
-from vinefab.prediction.measures import worst_pressures_kpa
+from vinefab.prediction.measures import worst_pressures_of
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
@@ -83,7 +83,9 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         return place | _not_grown(state.design, problem)
     prepared = prepared_map(world)
     try:
-        deployment = grow(state.design, prepared.terrain, start, state.growth, engine=engine_now())
+        deployment = grow_on(
+            state.design, prepared.terrain, start, state.growth, engine=engine_now()
+        )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
     scores, problems = _scores(deployment, prepared)
@@ -146,7 +148,7 @@ def _planned(design: Design) -> dict[str, Any]:
 
 
 def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
-    needed_kpa, _ = worst_pressures_kpa(deployment, design)
+    needed_kpa = float(worst_pressures_of([deployment], design)[0, 0])
     return {
         "branches": len(deployment.tree),
         "deployed": int(deployment.deployed.sum()),

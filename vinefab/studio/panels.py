@@ -19,7 +19,7 @@ LIVE = "live"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
+class Question:
     """One kind of question."""
 
     module: str  # in `vinefab.studio`; its function of the same name answers
@@ -33,13 +33,13 @@ class Panel:
 
 
 PANELS = {
-    "live": Panel(module="live_answer", lane=LIVE),
-    "before": Panel(module="live_answer", lane=LIVE),  # of the version that is compared with
-    "front": Panel(module="front_answer", lane=LIVE),
-    "rules": Panel(module="rules_answer", lane="rules"),
-    "fix": Panel(module="fix_answer", lane="fix"),
-    "family": Panel(module="family_answer", lane="family"),
-    "export": Panel(module="export_answer", lane="export"),
+    "live": Question(module="live_answer", lane=LIVE),
+    "before": Question(module="live_answer", lane=LIVE),  # of the version that is compared with
+    "front": Question(module="front_answer", lane=LIVE),
+    "rules": Question(module="rules_answer", lane="rules"),
+    "fix": Question(module="fix_answer", lane="fix"),
+    "family": Question(module="family_answer", lane="family"),
+    "export": Question(module="export_answer", lane="export"),
 }
 """Every panel; files and searches are the desk's."""
 

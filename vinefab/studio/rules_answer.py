@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +12,7 @@ from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
 from vinefab.fabrication.package.sheet_svg import (
-    SIGNS,
+    SEVERITY_SIGNS,
     PlacedFinding,
     beds_svg,
     placed_findings,
@@ -22,12 +23,10 @@ from vinefab.fabrication.rules.annotation import LayoutPlacement
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, pressure_gauge
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
-from vinefab.model.job import Job
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Standing
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import growth_on_maps
 from vinefab.studio.panels import Tell
@@ -67,7 +66,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
     options = growth_on_maps(state.design, state.growth.content).options
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
-        grown = grow(
+        grown = grow_on(
             state.design, terrain_of(state.world), state.start, options, engine="interpreted"
         )
     except BadInputError as error:
@@ -118,30 +117,23 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
     if job is not None:
         placed = placed_findings(job, subject.layout, findings)
         x0, y0, x1, y1 = sheet_box_mm(job)
+        placement = None
+        if not job.sheets:  # where pieces lie apart, the layout has no one place
+            place = LayoutPlacement.of(job)
+            turn_deg = deg(place.angle_rad)
+            placement = {"rotation_deg": turn_deg, "dx_mm": place.dx_mm, "dy_mm": place.dy_mm}
         drawing = {
             "sheet_svg": sheet_svg(job, findings, placed),
             "beds_svg": beds_svg(job),
-            "placement": _placement_content(job),
+            "placement": placement,
             "sheet_box": [round(side, 2) for side in (x0, -y1, x1 - x0, y1 - y0)],
         }
     pairs = zip(findings, placed, strict=True)
     return {
         **drawing,
         "findings": [_finding_content(finding, place) for finding, place in pairs],
-        "signs": {str(severity): path for severity, path in SIGNS.items()},
+        "signs": {str(severity): path for severity, path in SEVERITY_SIGNS.items()},
         "findings_left_out": len(report.findings) - len(findings),
-    }
-
-
-def _placement_content(job: Job) -> dict[str, float] | None:
-    """Return where the flat layout lies on the sheet; None where pieces lie apart."""
-    if job.sheets:
-        return None
-    place = LayoutPlacement.of(job)
-    return {
-        "rotation_deg": deg(place.angle_rad),
-        "dx_mm": place.dx_mm,
-        "dy_mm": place.dy_mm,
     }
 
 
@@ -219,32 +211,16 @@ def _need_content(subject: Subject, worst: WorstBranch) -> dict[str, Any]:
 
 def _bill_content(subject: Subject, profile: LaserProfile) -> list[dict[str, Any]]:
     """Return every line of the bill of materials, and the film in the branches."""
-    film = {
-        "item": "film in branches",
-        "value": subject.layout.tree.total_length_mm,
-        "unit": "mm",
-        "standing": "computed",
-        "basis": "planned lengths of all branches",
-    }
-    return [film, *map(_line_content, _bill(subject.job, subject.design, subject, profile))]
-
-
-def _bill(
-    job: Job | None, design: Design, subject: Subject, profile: LaserProfile
-) -> tuple[BomLine, ...]:
-    if job is None:
-        return ()
-    lines = bill_of_materials(job, profile)
-    if subject.partition is None:
-        return lines
-    return *lines, *joint_lines(design, subject.partition, profile)
-
-
-def _line_content(line: BomLine) -> dict[str, Any]:
-    return {
-        "item": line.item,
-        "value": line.value,
-        "unit": line.unit,
-        "standing": str(line.standing),
-        "basis": line.basis,
-    }
+    film = BomLine(
+        item="film in branches",
+        value=subject.layout.tree.total_length_mm,
+        unit="mm",
+        standing=Standing.COMPUTED,
+        basis="planned lengths of all branches",
+    )
+    lines = [film]
+    if subject.job is not None:
+        lines += bill_of_materials(subject.job, profile)
+        if subject.partition is not None:
+            lines += joint_lines(subject.design, subject.partition, profile)
+    return [{**asdict(line), "standing": str(line.standing)} for line in lines]

@@ -367,14 +367,12 @@ class SearchDesk:
         return str(path.relative_to(self.home) if path.is_relative_to(self.home) else path)
 
     def _free_folder(self) -> Path:
-        base = self.home if self._allows(self.home) else self.roots[0]
+        is_allowed = any(self.home.is_relative_to(root) for root in self.roots)
+        base = self.home if is_allowed else self.roots[0]
         number = 1
         while (base / f"search_{number}").exists():
             number += 1
         return base / f"search_{number}"
-
-    def _allows(self, path: Path) -> bool:
-        return any(path.is_relative_to(root) for root in self.roots)
 
     def _new_folder(self, given: object) -> Path:
         """Return a folder for a new search: none yet, or an empty one."""
@@ -411,7 +409,8 @@ class SearchDesk:
                 settings = read_run(path)
             except VinefabError:
                 continue
-            if _asks_for(settings, recorded):
+            # Seed and limits aside.
+            if first_difference(_compared(settings), _compared(recorded)) is None:
                 return path, _seed_option(settings, recorded)
         allowed = f"its run file: none in {self._shown(folder)} or the folder above asks for it"
         raise BadInputError("run", None, allowed, PAGE)
@@ -540,11 +539,6 @@ def _toml_files(folder: Path, roots: tuple[Path, ...]) -> Iterator[Path]:
             with suppress(OSError):
                 if path.is_file() and path.stat().st_size <= MOST_RUN_FILE_BYTES:
                     yield path
-
-
-def _asks_for(settings: RunSettings, recorded: RunSettings) -> bool:
-    """Tell whether a run file asks for the run of a record, seed and limits aside."""
-    return first_difference(_compared(settings), _compared(recorded)) is None
 
 
 def _compared(settings: RunSettings) -> dict[str, Any]:

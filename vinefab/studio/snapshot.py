@@ -27,9 +27,10 @@ from vinefab.core.file_mark import marked
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
 from vinefab.core.version import __version__
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.map import Map
 from vinefab.studio.design_form import design_form
 from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, is_name, world_of
@@ -121,11 +122,12 @@ def snapshot_html(
         "form": design_form(),
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
+    source = _source(state)  # of the map that the state's edits are made to
     stored = {
         "schema": _SCHEMA,
         "date": options.date,
         "hello": hello,
-        "map": _source_map(state),
+        "map": map_text(world_of({"source": source})) if "file" in source else None,
         "answers": answers,
     }
     page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
@@ -215,7 +217,7 @@ def _map_text(path: Path, file: Path, text: object) -> str:
         raise BadInputError("map", text, "the text of a map file")
     file.write_text(text, encoding="utf-8")
     try:
-        return map_text(read_map(file))
+        return map_text(Map.read(file))
     except BadInputError as error:
         raise BadInputError(f"map.{error.key}", error.value, error.allowed, path) from error
     except UnreadableFileError as error:
@@ -251,12 +253,6 @@ def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
     if given.get("recipe"):
         given["recipe"] = Path(str(given["recipe"])).name
     return given
-
-
-def _source_map(state: Mapping[str, Any]) -> str | None:
-    """Return the text of the map that a state's edits are made to, if it came from a file."""
-    source = _source(state)
-    return map_text(world_of({"source": source})) if "file" in source else None
 
 
 def _stored_script(value: object) -> str:

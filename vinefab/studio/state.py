@@ -15,14 +15,13 @@ from shapely.affinity import translate
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design
-from vinefab.model.files.design_toml import design_of
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.design import Design, design_of
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile
@@ -33,7 +32,6 @@ PAGE = "the page"
 
 MOST_EDITS = 10_000
 MOST_FAMILY, MOST_POSES = 200, 5
-MOST_SEED = 2**62
 
 MapSource = Mapping[str, Any]
 """``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
@@ -168,11 +166,11 @@ def _edited_world(source: str, edits: str, stamp: str) -> Map:
 def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed file is read anew
     given = json.loads(source)
     if "file" in given:
-        return read_map(Path(_text("map.file", given["file"])))
+        return Map.read(Path(_text("map.file", given["file"])))
     environment = _text("map.environment", given.get("environment"))
     options = _mapping("map.options", given.get("options") or {})
     kind = ENVIRONMENTS[environment]
-    seed = whole("map.seed", given.get("seed", 0), 0, MOST_SEED)
+    seed = whole("map.seed", given.get("seed", 0), 0, MOST_FIRST_SEED)
     return kind.make(seed, with_parameters(kind.options, environment, options))
 
 

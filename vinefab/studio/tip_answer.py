@@ -9,7 +9,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, number
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Level
 from vinefab.model.map import Map
@@ -51,7 +51,9 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     chain_mm = deployment.chain_mm(branch)
     if len(chain_mm) < 2:
         return {"level": None, "values": {}}
-    along_mm, turn_rad = _pull(chain_mm, np.array(to_mm), _heading_rad(deployment, branch))
+    (x0, y0), (x1, y1) = chain_mm[-2:].tolist()
+    heading_rad = math.atan2(y1 - y0, x1 - x0)
+    along_mm, turn_rad = _pull(chain_mm, np.array(to_mm), heading_rad)
     return _values(state, deployment, branch, along_mm, turn_rad)
 
 
@@ -62,14 +64,8 @@ def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
     if problem := not_followed(state.design):
         raise VinefabError(problem)
     terrain = prepared_map(state.world).terrain
-    grown = grow(state.design, terrain, state.start, state.growth, engine=engine_now())
+    grown = grow_on(state.design, terrain, state.start, state.growth, engine=engine_now())
     return state.world, grown
-
-
-def _heading_rad(deployment: Deployment, branch: int) -> float:
-    """Return the planned heading of a branch's last stretch."""
-    (x0, y0), (x1, y1) = deployment.chain_mm(branch)[-2:].tolist()
-    return math.atan2(y1 - y0, x1 - x0)
 
 
 def _pull(chain_mm: Floats, to_mm: Floats, heading_rad: float) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import asyncio
 import sys
 
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import Engine, grow
+from vinefab.growth.simulator import Engine, grow_on
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.design import Build, Design, Level
 from vinefab.tasks.evaluate import PreparedMap
@@ -36,7 +36,7 @@ def load_kernel() -> None:
     design = Design(name="warm", trunk_length_mm=40.0, levels=levels, build=Build.standard(2))
     place = PreparedMap.of(pegs_map(1, PegsOptions()))
     start = place.world.starts[0].pose
-    grown = grow(design, place.terrain, start, GrowthOptions(), engine="kernel")
+    grown = grow_on(design, place.terrain, start, GrowthOptions(), engine="kernel")
     for task in TASKS:
         make_task(task, {}).evaluate(grown, place.context)
     _ENGINES.now = "kernel"

@@ -3,13 +3,17 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
+from annotated_types import Ge, Le, Unit
 from numpy.typing import NDArray
+from pydantic import model_validator
+from typing_extensions import Doc
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
+from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
@@ -326,8 +330,12 @@ IDLE_SHARE = 1.0 / 3.0
 """Share of engaged branches that may hold nothing: two of six in the paper's test."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Anchoring:
+Friction = Annotated[float, Ge(0), Le(3)]
+PouchSide = Annotated[float, Ge(0), Le(1e4), Unit("mm")]
+Pull = Annotated[float, Ge(0), Le(1e6), Unit("N/mm")]
+
+
+class Anchoring(Table):
     """Anchoring force of all leaf pouches over that of one pouch without any turn.
 
     ``sum over engaged leaves of exp(mu gamma)``, gamma the absolute turns at contacts from the
@@ -337,50 +345,54 @@ class Anchoring:
     here, or else the design's own; without any, every leaf that deployed counts, as in the paper.
     No branch, the trunk included, holds more than its film and its seam stand.
 
-    Parameters
-    ----------
-    friction
-        Friction coefficient mu of film on the obstacles; the default is an assumption.
-    friction_low, friction_high
-        Its range, for the interval in the terms.
-    count_joint_angles
-        Whether the planned angles at joints count as turns too: nothing need be wrapped there.
-    pouch_length_mm, pouch_width_mm
-        Flat size of every leaf's pouch, along and across; 0: the design's own.
-    only_full_length
-        Whether the pouch of a leaf that stopped early holds nothing: it sits at the very end of
-        the film and has not everted.
-    film_n_mm, seam_n_mm
-        Pull per mm of circumference at which the film tears (strength times thickness) and that
-        the seam is known to stand; 0: no limit. By default those of the shipped film. They limit
-        what is held where pressure and pouch are known.
+    By default the limits are those of the shipped film; they limit what is held where pressure and
+    pouch are known.
     """
 
     name: ClassVar[str] = "anchoring"
     lowest: ClassVar[float] = 0.0
 
-    friction: float = ASSUMED_FRICTION.value
-    friction_low: float = ASSUMED_FRICTION.low
-    friction_high: float = ASSUMED_FRICTION.high
-    count_joint_angles: bool = False
-    pouch_length_mm: float = 0.0
-    pouch_width_mm: float = 0.0
-    only_full_length: bool = True
-    film_n_mm: float = FILM_N_MM
-    seam_n_mm: float = SEAM_N_MM
+    friction: Annotated[
+        Friction, Doc("coefficient mu of film on the obstacles; the default is an assumption")
+    ] = ASSUMED_FRICTION.value
+    friction_low: Annotated[
+        Friction, Doc("lower end of its range, for the interval in the terms")
+    ] = ASSUMED_FRICTION.low
+    friction_high: Annotated[Friction, Doc("upper end of that range")] = ASSUMED_FRICTION.high
+    count_joint_angles: Annotated[
+        bool,
+        Doc(
+            "whether the planned angles at joints count as turns too: nothing need be wrapped there"
+        ),
+    ] = False
+    pouch_length_mm: Annotated[
+        PouchSide, Doc("flat size of every leaf's pouch, along; 0: the design's own")
+    ] = 0.0
+    pouch_width_mm: Annotated[PouchSide, Doc("the same, across")] = 0.0
+    only_full_length: Annotated[
+        bool,
+        Doc(
+            "whether the pouch of a leaf that stopped early holds nothing: it sits at the very end "
+            "of the film and has not everted"
+        ),
+    ] = True
+    film_n_mm: Annotated[
+        Pull,
+        Doc(
+            "pull per mm of circumference at which the film tears (strength times thickness); 0: "
+            "no limit"
+        ),
+    ] = FILM_N_MM
+    seam_n_mm: Annotated[Pull, Doc("pull that the seam is known to stand; 0: no limit")] = SEAM_N_MM
 
-    def __post_init__(self) -> None:
-        number("task.friction", self.friction, 0.0, 3.0)
-        number("task.friction_low", self.friction_low, 0.0, self.friction)
-        number("task.friction_high", self.friction_high, self.friction, 3.0)
-        for name in ("pouch_length_mm", "pouch_width_mm"):
-            number(f"task.{name}", getattr(self, name), 0.0, 1e4, "mm")
+    @model_validator(mode="after")
+    def _ranges(self) -> "Anchoring":
+        number("friction_low", self.friction_low, 0.0, self.friction)
+        number("friction_high", self.friction_high, self.friction, 3.0)
         if (self.pouch_length_mm > 0.0) != (self.pouch_width_mm > 0.0):
             missing = "pouch_width_mm" if self.pouch_length_mm > 0.0 else "pouch_length_mm"
-            allowed = "above 0: a pouch has a length and a width"
-            raise BadInputError(f"task.{missing}", 0.0, allowed)
-        for name in ("film_n_mm", "seam_n_mm"):
-            number(f"task.{name}", getattr(self, name), 0.0, 1e6, "N/mm")
+            raise BadInputError(missing, 0.0, "above 0: a pouch has a length and a width")
+        return self
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the amplification and its terms, with the pouches that are given here.

@@ -1,28 +1,37 @@
 """The coverage task: as much seen area as possible from as simple a robot as possible."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Ge, Le, Unit
+from typing_extensions import Doc
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, Ints, number, positive, whole
+from vinefab.core.table import Table
+from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.covered_cells import CellGrid, Cover, TipCover
-from vinefab.tasks.exact_areas import disc_union, free_disc_areas_mm2, seen_areas
-from vinefab.tasks.fast_areas import Raster, SightLines
+from vinefab.tasks.exact_areas import (
+    disc_polygons,
+    disc_union,
+    free_disc_areas_mm2,
+    seen_areas,
+)
+from vinefab.tasks.fast_areas import FreeArea, SightLines
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
+from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 _ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coverage:
+Weight = Annotated[float, Ge(0), Le(1e3)]
+
+
+class Coverage(Table):
     """Every deployed branch has a sensor at its tip; seen area counts, branches and film cost.
 
     ``score = w_area A/A_free - w_count N/N_max (1 - eta) - w_length L/L_max (1 - eta)
@@ -32,53 +41,40 @@ class Coverage:
     are the paper's (section 2.3); weights, N_max and L_max are vinefab's, for the paper's are not
     published.
 
-    Parameters
-    ----------
-    radius_mm
-        Radius of the disc that one sensor sees.
-    most_branches
-        N_max.
-    most_diagonals
-        L_max over the diagonal of the map's bounds.
-    weight_area, weight_count, weight_length, weight_film
-        Weights of the four terms, at least 0.
-    clip
-        ``free``: only free space is seen and every area above is taken within it. ``none``: whole
-        discs, as the paper's words have it. ``sight``: free space that no wall hides from the
-        sensor.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
-        lines across it in line of sight (`Raster.covered_mm2` and `SightLines.covered_mm2` state
-        the error), a hundred times faster, for searching; taken only where the map is not too
-        large for such discs. ``auto``: fast in a search, else exact.
+    ``exact`` areas are by polygons, for a score that is reported. ``fast`` ones are by strips of
+    free space, or lines across it in line of sight (`FreeArea.covered_mm2` and
+    `SightLines.covered_mm2` state the error), a hundred times faster, for searching; taken only
+    where the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
 
-    radius_mm: float = 50.0
-    most_branches: int = 100
-    most_diagonals: float = 20.0
-    weight_area: float = 1.0
-    weight_count: float = 0.5
-    weight_length: float = 0.5
-    weight_film: float = 0.1
-    clip: Literal["free", "none", "sight"] = "free"
-    area: Literal["auto", "exact", "fast"] = "auto"
-
-    def __post_init__(self) -> None:
-        positive("task.radius_mm", self.radius_mm)
-        whole("task.most_branches", self.most_branches, 1, 100_000)
-        positive("task.most_diagonals", self.most_diagonals, 1e4, "diagonals")
-        for term in ("area", "count", "length", "film"):
-            number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
-        if self.clip not in ("free", "none", "sight"):
-            raise BadInputError("task.clip", self.clip, "'free', 'none' or 'sight'")
-        if self.area not in ("auto", "exact", "fast"):
-            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+    radius_mm: Annotated[
+        float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm"), Doc("of the disc that one sensor sees")
+    ] = 50.0
+    most_branches: Annotated[int, Ge(1), Le(100_000), Doc("N_max")] = 100
+    most_diagonals: Annotated[
+        float, Ge(SMALLEST), Le(1e4), Doc("L_max over the diagonal of the map's bounds")
+    ] = 20.0
+    weight_area: Annotated[Weight, Doc("of the seen area")] = 1.0
+    weight_count: Annotated[Weight, Doc("of the number of branches")] = 0.5
+    weight_length: Annotated[Weight, Doc("of the length")] = 0.5
+    weight_film: Annotated[Weight, Doc("of the film")] = 0.1
+    clip: Annotated[
+        Literal["free", "none", "sight"],
+        Doc(
+            "free: only free space is seen and every area above is taken within it; none: whole "
+            "discs, as the paper's words have it; sight: free space that no wall hides from the "
+            "sensor"
+        ),
+    ] = "free"
+    area: Annotated[
+        Literal["auto", "exact", "fast"], Doc("how areas are found; auto: fast in a search")
+    ] = "auto"
 
     def for_search(self) -> "Coverage":
         """Return the task with fast areas, unless its parameters say how to measure them."""
-        return replace(self, area="fast") if self.area == "auto" else self
+        return self.changed(area="fast") if self.area == "auto" else self
 
     def cover(self, context: MapContext) -> Cover:
         """Return what several robots see together: free space alone, and nothing is subtracted."""
@@ -118,17 +114,21 @@ class Coverage:
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area != "fast":
+        is_fast = self.area == "fast"
+        if not is_fast and (self.clip != "free" or not are_many(block, contexts)):
             return one_by_one(self, block, contexts)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         parts: list[TaskOutcomes] = []
         for terrain, one, two in block.by_terrain():
-            strips = self._strips(contexts[terrain])
-            if strips is None:
+            strips = self._strips(contexts[terrain]) if is_fast else None
+            if is_fast and strips is None:
                 return one_by_one(self, block, contexts)
-            begins = first[one : two + 1] - first[one]
-            seen, summed = strips.covered_mm2(tips_mm[first[one] : first[two]], begins)
+            begins, own_mm = first[one : two + 1] - first[one], tips_mm[first[one] : first[two]]
+            if strips is None:
+                seen, summed = self._free_areas_mm2(own_mm, begins, contexts[terrain])
+            else:
+                seen, summed = strips.covered_mm2(own_mm, begins)
             counts = np.diff(begins)
             parts.append(
                 self._outcomes(seen, summed, counts, lengths_mm[one:two], contexts[terrain])
@@ -179,7 +179,23 @@ class Coverage:
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
         return context.free_area_mm2(union), float(each_mm2.sum())
 
-    def _strips(self, context: MapContext) -> Raster | SightLines | None:
+    def _free_areas_mm2(
+        self, tips_mm: Floats, begins: Ints, context: MapContext
+    ) -> tuple[Floats, Floats]:
+        """Return what `_areas_mm2` would within free space for several final states on one map."""
+        discs = disc_polygons(tips_mm, self.radius_mm)
+        lines = np.arange(len(tips_mm) + 1)
+        seen = context.rows.areas_mm2(discs, begins, tips_mm, lines, self.radius_mm)
+        summed = np.zeros_like(seen)
+        for index, (one, two) in enumerate(itertools.pairwise(begins.tolist())):
+            each_mm2 = free_disc_areas_mm2(tips_mm[one:two], self.radius_mm, context.edges_mm)
+            summed[index] = each_mm2.sum()
+        for index in np.flatnonzero(np.isnan(seen)).tolist():
+            union = disc_union(tips_mm[begins[index] : begins[index + 1]], self.radius_mm)
+            seen[index] = context.free_area_mm2(union)
+        return seen, summed
+
+    def _strips(self, context: MapContext) -> FreeArea | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""
         if self.clip == "sight":
             return context.sight_lines(self.radius_mm)

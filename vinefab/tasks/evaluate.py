@@ -1,6 +1,6 @@
 """Scores of designs over maps and poses, and their composition into one number."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import MEAN_SHARE, STANDARD_DEVIATION, Evaluation, Score, composite_text
+from vinefab.model.score import MEAN_SHARE, STANDARD_DEVIATION, Evaluation, Score
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
@@ -246,15 +246,6 @@ def scores_of(
 
 
 # --- Composition ------------------------------------------------------------------------------
-
-
-def composites_text(composite_of: Mapping[str, float]) -> str:
-    """Return composites in words, with how they are made of scores."""
-    parts = []
-    for kind, value in composite_of.items():
-        made = composite_text(kind)
-        parts.append(f"{kind} {value:.4f}{f' ({made})' if made else ''}")
-    return ", ".join(parts)
 
 
 COMPOSITES = ("mean", "best", "min_deviation", "single")

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
@@ -31,11 +32,17 @@ def disc_union(
     Every disc is a regular polygon of the same area, so that discs that do not meet give their
     exact area.
     """
+    return shapely.union_all(disc_polygons(centres_mm, radius_mm, segments))
+
+
+def disc_polygons(
+    centres_mm: Floats, radius_mm: float, segments: int = _QUARTER_SEGMENTS
+) -> NDArray[np.object_]:
+    """Return equal discs as regular polygons of the same area."""
     step = math.pi / (2 * segments)
     circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
-    return shapely.union_all(
-        shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=segments)
-    )
+    discs = shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=segments)
+    return np.asarray(discs)
 
 
 def free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) -> Floats:

@@ -45,7 +45,7 @@ class Chains(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Raster:
+class FreeArea:
     """The free area of each strip to the left of each abscissa."""
 
     box: Floats  # lower left corner and the side of the cells, mm; shape (3,)
@@ -55,7 +55,7 @@ class Raster:
     segments: Floats  # area of the unit disc below heights evenly spaced from -1 to 1
 
     @classmethod
-    def of(cls, edges_mm: Floats, radius_mm: float) -> "Raster | None":
+    def of(cls, edges_mm: Floats, radius_mm: float) -> "FreeArea | None":
         """Return the raster of a free space, None above `MOST_RASTER_CELLS`.
 
         Parameters

@@ -14,7 +14,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.map import Map
 from vinefab.tasks.exact_areas import TOUCHING_MM
-from vinefab.tasks.fast_areas import Raster, SightLines, WallCells
+from vinefab.tasks.fast_areas import FreeArea, SightLines, WallCells
+from vinefab.tasks.union_areas import FreeRows
 
 Key = TypeVar("Key")
 Part = TypeVar("Part")
@@ -45,10 +46,11 @@ class MapContext:
     diagonal_mm: float  # diagonal of the bounds' box, the length that lengths are compared with
     # edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y
     edges_mm: Floats
-    _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
+    _rasters: dict[tuple[float, bool], FreeArea | None] = field(default_factory=dict)
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
     _cells: dict[str, WallCells] = field(default_factory=dict)
     _tiles: dict[str, shapely.STRtree] = field(default_factory=dict)
+    _rows: dict[str, FreeRows] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
@@ -74,17 +76,17 @@ class MapContext:
         parts = shapely.intersection(shape, near[~whole])
         return float(shapely.area(near[whole]).sum() + shapely.area(parts).sum())
 
-    def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
+    def raster(self, radius_mm: float, *, walls: bool = True) -> FreeArea | None:
         """Return the raster for a radius, cached; None if it would be too large."""
 
-        def build() -> Raster | None:
+        def build() -> FreeArea | None:
             if walls:
-                return Raster.of(self.edges_mm, radius_mm)
+                return FreeArea.of(self.edges_mm, radius_mm)
             # The edges of a box that holds every disc about a point of the map.
             x_min, y_min, x_max, y_max = self.free.bounds
             reach_mm = 1.01 * radius_mm
             box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
-            return Raster.of(_edges_mm(shapely.box(*box)), radius_mm)
+            return FreeArea.of(_edges_mm(shapely.box(*box)), radius_mm)
 
         return _cached(self._rasters, (radius_mm, walls), build)
 
@@ -93,6 +95,11 @@ class MapContext:
         return _cached(
             self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm)
         )
+
+    @property
+    def rows(self) -> FreeRows:
+        """The edges row by row, for exact areas of many growths; cached."""
+        return _cached(self._rows, "all", lambda: FreeRows.of(self.edges_mm))
 
     @property
     def cells(self) -> WallCells:

@@ -2,85 +2,96 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
+from pydantic import BeforeValidator, Field
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
+from vinefab.core.table import Table
+from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
 from vinefab.tasks.covered_cells import BodyCover, CellGrid, Cover, TargetCover
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
+from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
 """Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reach:
+Distance = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
+Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM)]
+Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+
+
+def _points(given: object) -> object:
+    """Return points of any length as given, where they are points."""
+    if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
+        raise ValueError(f"[[x, y], ...], at most {MOST_TARGETS}")
+    for place, point in enumerate(given, start=1):
+        if not isinstance(point, list | tuple) or len(point) != 2:
+            raise BadInputError(f"[{place}]", point, "[x, y] in mm")
+    return tuple(given)
+
+
+class Reach(Table):
     """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets.
 
-    Parameters
-    ----------
-    buffer_mm
-        Largest distance from the body's centreline that counts as reached.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-        (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken only
-        where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
-    target_mm
-        Points in the coordinates of every map: where there are any, the score is the share of them
-        that is reached, and `buffer_mm` and `area` have no effect.
-    tolerance_mm
-        Largest distance, straight, walls or not, at which a target counts as reached (assumed).
-    falloff_mm
-        Beyond the tolerance a target counts less and less, and nothing so much farther; 0: nothing.
-    reached_by
-        What reaches: ``body``, any point of a centreline, or ``tip``, the tip of a branch.
+    ``exact`` areas are by polygons, for a score that is reported; ``fast`` ones on cells of free
+    space (`FreeArea.reached_mm2` states the error), a hundred times faster, for searching; taken
+    only where the map is not too large for such a buffer.
     """
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
 
-    buffer_mm: float = 40.0
-    area: Literal["auto", "exact", "fast"] = "auto"
-    target_mm: tuple[tuple[float, float], ...] = ()
-    tolerance_mm: float = 20.0
-    falloff_mm: float = 0.0
-    reached_by: Literal["body", "tip"] = "body"
-
-    def __post_init__(self) -> None:
-        positive("task.buffer_mm", self.buffer_mm)
-        positive("task.tolerance_mm", self.tolerance_mm)
-        number("task.falloff_mm", self.falloff_mm, 0.0, LARGEST_MM, "mm")
-        if self.reached_by not in ("body", "tip"):
-            raise BadInputError("task.reached_by", self.reached_by, "'body' or 'tip'")
-        if not isinstance(self.target_mm, list | tuple) or len(self.target_mm) > MOST_TARGETS:
-            raise BadInputError(
-                "task.target_mm", self.target_mm, f"[[x, y], ...], at most {MOST_TARGETS}"
-            )
-        points = list[tuple[float, float]]()
-        for place, point in enumerate(self.target_mm, start=1):
-            key = f"task.target_mm[{place}]"
-            plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
-            if not plain or len(point) != 2:
-                raise BadInputError(key, point, "[x, y] in mm")
-            x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
-            points.append((x_mm, y_mm))
-        object.__setattr__(self, "target_mm", tuple(points))
-        if self.area not in ("auto", "exact", "fast"):
-            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+    buffer_mm: Annotated[
+        Distance, Doc("largest distance from the body's centreline that counts as reached")
+    ] = 40.0
+    area: Annotated[
+        Literal["auto", "exact", "fast"], Doc("how areas are found; auto: fast in a search")
+    ] = "auto"
+    target_mm: Annotated[
+        tuple[Point, ...],
+        BeforeValidator(_points),
+        Unit("mm"),
+        Doc(
+            "points in the coordinates of every map: where there are any, the score is the share "
+            "of them that is reached, and `buffer_mm` and `area` have no effect"
+        ),
+    ] = ()
+    tolerance_mm: Annotated[
+        Distance,
+        Doc(
+            "largest distance, straight, walls or not, at which a target counts as reached "
+            "(assumed)"
+        ),
+    ] = 20.0
+    falloff_mm: Annotated[
+        float,
+        Ge(0),
+        Le(LARGEST_MM),
+        Unit("mm"),
+        Doc(
+            "beyond the tolerance a target counts less and less, and nothing so much farther; 0: "
+            "nothing"
+        ),
+    ] = 0.0
+    reached_by: Annotated[
+        Literal["body", "tip"],
+        Doc("body: any point of a centreline; tip: the tip of a branch"),
+    ] = "body"
 
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
-        return replace(self, area="fast") if self.area == "auto" else self
+        return self.changed(area="fast") if self.area == "auto" else self
 
     def check_map(self, world: Map, context: MapContext) -> None:
         """Raise `BadInputError` where a target is not in the free space of a map."""
@@ -129,7 +140,11 @@ class Reach:
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         if self.area != "fast" and not self.target_mm:
-            return one_by_one(self, block, contexts)
+            if not are_many(block, contexts):
+                return one_by_one(self, block, contexts)
+            return concatenated_outcomes(
+                [self._of_bodies(block, *part, contexts[part[0]]) for part in block.by_terrain()]
+            )
         growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():
             context = contexts[terrain]
@@ -149,6 +164,30 @@ class Reach:
             else:
                 parts.append(_outcomes(raster.reached_mm2(chains), grown_mm, context))
         return concatenated_outcomes(parts)
+
+    def _of_bodies(
+        self, block: Block, _terrain: int, one: int, two: int, context: MapContext
+    ) -> TaskOutcomes:
+        """Return what `evaluate` would for the growths ``one .. two - 1``, on one map."""
+        growth, branches = block.growth, np.arange(block.branch[one], block.branch[two])
+        of_growth = np.repeat(np.arange(one, two), np.diff(block.branch[one : two + 1]))
+        first = block.room[of_growth] + growth.first_point[branches + of_growth]
+        count = np.diff(growth.first_point)[branches + of_growth]
+        out = np.flatnonzero(count)
+        line_first = np.concatenate([[0], np.cumsum(count[out])])
+        at = np.repeat(first[out] - line_first[:-1], count[out]) + np.arange(line_first[-1])
+        lines_mm = growth.points[at]
+        near = shapely.buffer(
+            shapely.linestrings(lines_mm, indices=np.repeat(np.arange(len(out)), count[out])),
+            self.buffer_mm,
+            quad_segs=QUARTER_SEGMENTS,
+        )
+        begins = np.searchsorted(of_growth[out], np.arange(one, two + 1))
+        reached_mm2 = context.rows.areas_mm2(near, begins, lines_mm, line_first, self.buffer_mm)
+        for index in np.flatnonzero(np.isnan(reached_mm2)).tolist():
+            union = shapely.union_all(near[begins[index] : begins[index + 1]])
+            reached_mm2[index] = context.free_area_mm2(union)
+        return _outcomes(reached_mm2, _sums(growth.grown, block.branch[one : two + 1]), context)
 
     def _of_targets(self, chains: Chains, grown_mm: Floats, context: MapContext) -> TaskOutcomes:
         """Return the share of the targets that is reached, and as terms how many and how near."""

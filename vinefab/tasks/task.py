@@ -12,7 +12,7 @@ from vinefab.growth.batch import Block
 from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map
-from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.map_context import MOST_EDGES_AT_ONCE, MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
 """A score, higher is better, and its terms: the named numbers that make it up."""
@@ -99,6 +99,16 @@ def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> Task
             for index in range(len(block))
         ]
     )
+
+
+FEW_GROWTHS = 16
+"""The exact areas of fewer growths are measured one by one: sooner than code is loaded."""
+
+
+def are_many(block: Block, contexts: Sequence[MapContext]) -> bool:
+    """Tell whether exact areas of a block are worth compiled code, which small maps have."""
+    corners = max((len(contexts[index].edges_mm) for index, *_ in block.by_terrain()), default=0)
+    return len(block) >= FEW_GROWTHS and corners <= MOST_EDGES_AT_ONCE
 
 
 def stacked_outcomes(single: Sequence[Outcome]) -> TaskOutcomes:

@@ -236,6 +236,22 @@ def test_the_matrix_is_even_in_the_logarithm_and_gives_the_energy_it_says():
                 assert used.speed_mm_s.value <= machine.speed_max_mm_s.value
 
 
+def test_without_a_least_power_the_matrix_runs_at_the_recipes_power():
+    profile = read_profile(RECIPE)
+    none = profile.settings(Operation.WELDCUT).min_power_percent.changed(value=0.0)
+    operations = profile.recipe.operations
+    operations = operations.changed(weldcut=operations.weldcut.changed(min_power_percent=none))
+    profile = replace(profile, recipe=profile.recipe.changed(operations=operations))
+    settings = profile.settings(Operation.WELDCUT)
+    matrix = energy_matrix(profile)
+    lines = [path.settings for job in matrix.jobs for path in job.along(Operation.WELDCUT)]
+    assert lines
+    assert {line.power_percent.value for line in lines} == {settings.power_percent.value}
+    assert all(line.speed_mm_s.value > 0.0 for line in lines)
+    drawn = {round(line.line_energy_mj_mm(profile.machine), 6) for line in lines}
+    assert drawn == {round(energy, 6) for energy in matrix.energies_mj_mm}
+
+
 def test_matrix_files_have_a_layer_and_settings_per_line(coupons, files):
     root = ET.fromstring(files["matrix_focus_06.lbrn2"])  # noqa: S314
     cuts = {c.find("name").get("Value"): c for c in root.findall("CutSetting")}

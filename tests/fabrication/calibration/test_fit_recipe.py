@@ -75,7 +75,7 @@ def fitted(tmp_path, text):
 def test_known_parameters_come_back_within_their_uncertainty(tmp_path, stated):
     deviations, held = ({name: [] for name in TRUE} for _ in range(2))
     for seed in range(40):
-        found = fitted(tmp_path, rows(seed, stated=stated)).numbers
+        found = fitted(tmp_path, rows(seed, stated=stated)).fitted
         for name, true in TRUE.items():
             off = found[name].value - true
             deviations[name].append(off / found[name].uncertainty)
@@ -111,7 +111,7 @@ def test_the_ladder_of_lengths_tells_shrinkage_from_kerf(tmp_path, percent):
         found = fitted(tmp_path, shrunk(percent, seed=seed))
         true = {"measured.shrinkage_percent": percent, "weldcut.kerf_mm": 0.3,
                 "weldcut.seam_width_mm": 0.4, "cut.kerf_mm": 0.2}  # fmt: skip
-        numbers = found.numbers
+        numbers = found.fitted
         held.append([abs(numbers[n].value - v) < numbers[n].half_width() for n, v in true.items()])
         alarms += any("warning" in remark for remark in found.remarks)
     assert (np.mean(held, axis=0) >= 0.85).all()
@@ -144,7 +144,7 @@ def test_widths_tell_a_seam_that_is_sealed_alone(tmp_path):
     lines = [f"width,{w},{w + drawn_mm - 2.6 + 0.01 * (w % 3)},mm" for w in (5, 8, 10, 16, 20)]
     path.write_text("measure,setting,value,unit\n" + "\n".join(lines) + "\n")
     found = fitted_recipe(read_results(path), read_profile(recipe))
-    assert found.numbers["weld.seam_width_mm"].value == pytest.approx(2.6, abs=0.03)
+    assert found.fitted["weld.seam_width_mm"].value == pytest.approx(2.6, abs=0.03)
     assert not found.refused
 
 
@@ -155,17 +155,17 @@ def test_a_shrinkage_that_is_known_already_counts(tmp_path):
     known = Quantity(value=2.0, standing=Standing.MEASURED, source="test", uncertainty=0.01)
     shrinks = replace(profile, material=profile.material.changed(shrinkage_percent=known))
     found = fitted_recipe(read_results(path), shrinks)
-    kerf = found.numbers["weldcut.kerf_mm"]
+    kerf = found.fitted["weldcut.kerf_mm"]
     assert abs(kerf.value - 0.3) < kerf.half_width() < 0.1
     assert not [remark for remark in found.remarks if "warning" in remark]
     unknown = fitted_recipe(read_results(path), profile)
-    assert unknown.numbers["weldcut.kerf_mm"].value > 1.0
+    assert unknown.fitted["weldcut.kerf_mm"].value > 1.0
 
 
 def test_without_noise_the_parameters_are_exact(tmp_path):
     exact = [f"growth,{path},{pressure_kpa(path):.12f},kPa,0.05" for path in PATHS]
     text = HEADER + "growth_width,,40,mm,0.1\n" + "\n".join(exact)
-    found = fitted(tmp_path, text).numbers
+    found = fitted(tmp_path, text).fitted
     for name in (name for name in found if name != "growth.width_mm"):
         assert found[name].value == pytest.approx(TRUE[name], rel=1e-6)
 
@@ -186,17 +186,17 @@ def test_the_status_rises_with_what_was_tested(tmp_path):
 
 
 def test_units_are_worked_out(tmp_path):
-    one = fitted(tmp_path, HEADER + "burst,20,70,kPa,7\n").numbers["measured.burst_kpa"]
-    two = fitted(tmp_path, HEADER + "burst,20,0.7,bar,0.07\n").numbers["measured.burst_kpa"]
+    one = fitted(tmp_path, HEADER + "burst,20,70,kPa,7\n").fitted["measured.burst_kpa"]
+    two = fitted(tmp_path, HEADER + "burst,20,0.7,bar,0.07\n").fitted["measured.burst_kpa"]
     assert (one.value, one.uncertainty) == pytest.approx((two.value, two.uncertainty))
-    inch = fitted(tmp_path, HEADER + "kerf_piece,cut,1.96063,in,0.001\n").numbers["cut.kerf_mm"]
+    inch = fitted(tmp_path, HEADER + "kerf_piece,cut,1.96063,in,0.001\n").fitted["cut.kerf_mm"]
     assert inch.value == pytest.approx(50 - 1.96063 * 25.4)
     assert inch.uncertainty == pytest.approx(0.0254)
 
 
 def test_balloons_of_different_widths_bear_the_same_load(tmp_path):
     text = HEADER + "burst,20,70,kPa,1\nburst,40,35,kPa,0.5\nburst,10,140,kPa,2\n"
-    found = fitted(tmp_path, text).numbers
+    found = fitted(tmp_path, text).fitted
     width = found["measured.burst_width_mm"].value
     load = found["measured.burst_kpa"].value * width / math.pi
     assert load == pytest.approx(70 * 20 / math.pi)
@@ -207,7 +207,7 @@ def test_peel_and_crotch_are_kept(tmp_path):
         "peel,25,10,N,\npeel,25,12,N,\n"
         "crotch_burst,2,30,kPa,2\ncrotch_burst,8,45,kPa,2\ncrotch_burst,8,41,kPa,2\n"
     )
-    found = fitted(tmp_path, text).numbers
+    found = fitted(tmp_path, text).fitted
     peel = found["coupons.peel_n_mm"]
     assert (peel.value, peel.readings) == (pytest.approx(0.44), 2)
     assert peel.uncertainty == pytest.approx(0.04)  # half the difference of two readings
@@ -217,7 +217,7 @@ def test_peel_and_crotch_are_kept(tmp_path):
 
 
 def test_one_peel_without_uncertainty_is_kept_without_one(tmp_path):
-    found = fitted(tmp_path, HEADER + "peel,25,10,N,\n").numbers["coupons.peel_n_mm"]
+    found = fitted(tmp_path, HEADER + "peel,25,10,N,\n").fitted["coupons.peel_n_mm"]
     assert (found.value, found.uncertainty, found.readings) == (0.4, 0.0, 1)
 
 
@@ -241,26 +241,26 @@ def test_laps_of_known_strength_give_it_back_within_its_uncertainty(tmp_path, si
             spread = "" if sigma_percent is None else f"{0.01 * sigma_percent * true:.4f}"
             lines.append(f"lap_burst,{width:g},{true * rng.normal(1.0, 0.05):.4f},kPa,{spread}")
         found = fitted(tmp_path, HEADER + "\n".join(lines) + "\n")
-        strength = found.numbers["lap.strength_n_per_mm"]
+        strength = found.fitted["lap.strength_n_per_mm"]
         assert (strength.readings, found.lap_method) == (6, "impulse_seal")
         off.append((strength.value - STRENGTH_N_MM) / strength.uncertainty)
     assert np.mean(np.abs(off) < 1.0) >= 0.45
     assert np.mean(np.abs(off) < 2.0) >= 0.8
     assert abs(np.mean(off)) < 0.6
-    assert found.numbers["lap.band_mm"].value == 4.8
+    assert found.fitted["lap.band_mm"].value == 4.8
 
 
 def test_a_lap_that_did_not_fail_is_a_lower_bound_and_dilutes_no_strength(tmp_path):
     bore = f"lap_survived,20,{0.9 * lap_burst_kpa(20)},kPa,\n"
     alone = fitted(tmp_path, HEADER + bore)
-    assert set(alone.numbers) == {"lap.survived_n_per_mm"}
-    bound = alone.numbers["lap.survived_n_per_mm"]
+    assert set(alone.fitted) == {"lap.survived_n_per_mm"}
+    bound = alone.fitted["lap.survived_n_per_mm"]
     assert (bound.value, bound.readings) == (pytest.approx(0.9 * STRENGTH_N_MM), 1)
     assert "no lap failed (0.279 N/mm at most): a lower bound" in alone.remarks[-1]
     failed = f"lap_burst,10,{lap_burst_kpa(10)},kPa,1\n"
     both = fitted(tmp_path, HEADER + bore + failed)
-    assert set(both.numbers) == {"lap.strength_n_per_mm"}
-    assert both.numbers["lap.strength_n_per_mm"].value == pytest.approx(STRENGTH_N_MM)
+    assert set(both.fitted) == {"lap.strength_n_per_mm"}
+    assert both.fitted["lap.strength_n_per_mm"].value == pytest.approx(STRENGTH_N_MM)
     assert both.remarks[-1].startswith("1 lap did not fail (0.279 N/mm at most)")
 
 
@@ -370,7 +370,7 @@ def test_a_group_that_cannot_be_fitted_costs_its_own_numbers_only(tmp_path, name
         others.pop("kerf_hole")
     good = {m: row for m, row in others.items() if m != measure}
     found = fitted(tmp_path, HEADER + text + "\n" + "".join(row for row, _ in good.values()))
-    assert {place for _, place in good.values()} <= set(found.numbers)
+    assert {place for _, place in good.values()} <= set(found.fitted)
     assert len(found.refused) == 1
     assert words in "".join(found.refused.values())
 
@@ -394,6 +394,6 @@ def test_results_of_other_coupons_are_refused(tmp_path):
 
 def test_the_worst_of_scatter_and_stated_uncertainty_counts(tmp_path):
     text = HEADER + "burst,20,60,kPa,1\nburst,20,70,kPa,1\nburst,20,80,kPa,1\n"
-    found = fitted(tmp_path, text).numbers["measured.burst_kpa"]
+    found = fitted(tmp_path, text).fitted["measured.burst_kpa"]
     assert found.value == pytest.approx(70.0)
     assert found.uncertainty == pytest.approx(10.0 / math.sqrt(3.0))

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.fabrication.calibration.calibrated_recipe import calibrated_text
 from vinefab.fabrication.calibration.coupon_results import GROWTH_PATHS, read_results
 from vinefab.fabrication.calibration.estimate import (
     GROWTH_CONSTANTS,
@@ -19,7 +18,7 @@ from vinefab.fabrication.calibration.estimate import (
     fit_growth,
     mean_estimate,
 )
-from vinefab.fabrication.calibration.fit_recipe import fitted_recipe
+from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.physics.growth_pressure import FITTED, growth_pressure_kpa
 
@@ -129,12 +128,12 @@ def test_growth_constants_that_readings_do_not_tell_are_kept_and_said_so(tmp_pat
     table.write_text("measure,setting,value,unit\n" + "\n".join(rows) + "\n")
     profile = read_profile("co2_60w__stretchlon_200")
     calibration = fitted_recipe(read_results(table), profile)
-    kept = {name for name in TRUE if calibration.numbers[f"growth.{name}"].readings == 0}
+    kept = {name for name in TRUE if calibration.fitted[f"growth.{name}"].readings == 0}
     assert "yield_kpa" in kept < set(TRUE)
-    assert calibration.numbers["growth.yield_kpa"].value == pytest.approx(TRUE["yield_kpa"])
+    assert calibration.fitted["growth.yield_kpa"].value == pytest.approx(TRUE["yield_kpa"])
     assert any("growth.yield_kpa" in remark for remark in calibration.remarks)
-    growth = {name: calibration.numbers[f"growth.{name}"] for name in TRUE}
-    text = calibrated_text(calibration, "co2_60w__stretchlon_200", tmp_path / "mine.toml", table)
+    growth = {name: calibration.fitted[f"growth.{name}"] for name in TRUE}
+    text = calibrated_recipe(calibration, "co2_60w__stretchlon_200", tmp_path / "mine.toml", table)
     written = tomllib.loads(text)["growth"]
     assert {name for name in growth if written[name]["standing"] == "assumed"} == kept
 

@@ -27,7 +27,7 @@ from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG, read_svg
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -45,13 +45,13 @@ def recipe() -> LaserProfile:
 
 @cache
 def real_job(name: str) -> Job:
-    profile, tree = recipe(), read_design("three_level_tree")
+    profile, tree = recipe(), Design.read("three_level_tree")
     if name == "two passes":
         return laser_job(tree, profile, SheetOptions(process="weld+cut"))
     if name == "pouches":
-        return laser_job(read_design("six_branch_anchor"), profile)
+        return laser_job(Design.read("six_branch_anchor"), profile)
     if name == "several":
-        return laser_job(read_design("plain_vine"), profile, SheetOptions(copies=3))
+        return laser_job(Design.read("plain_vine"), profile, SheetOptions(copies=3))
     if name == "coupons":
         return coupon_sheets(coupon_pieces(profile), profile)[0]
     if name == "energy matrix":

@@ -115,11 +115,11 @@ import hashlib, sys
 from vinefab.fabrication.package.prepare import zip_bytes
 from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import laser_files
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.fabrication.job.laser_job import laser_job
 profile = read_profile("co2_60w__stretchlon_200")
-job = laser_job(read_design("three_level_tree"), profile)
+job = laser_job(Design.read("three_level_tree"), profile)
 files = laser_files(LaserFileSpec(job=job, profile=profile), requested=["dxf_r12"]).files
 for name, data in [*files.items(), ("zip", zip_bytes(files, "a"))]:
     print(name, hashlib.sha256(data).hexdigest())

@@ -2,7 +2,6 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -227,19 +226,3 @@ def test_what_is_no_dxf_is_refused(text: str) -> None:
 def test_numbers_that_are_not_finite_are_refused(job: Job) -> None:
     with pytest.raises(UnreadableFileError, match="finite"):
         read_dxf(dxf_text(job).replace("130.0\n 20\n40.0", "130.0\n 20\nnan"))
-
-
-def test_files_are_read_from_their_path_and_missing_ones_are_named(
-    job: Job, tmp_path: Path
-) -> None:
-    (tmp_path / "a.svg").write_text(svg_text(job), "utf-8")
-    (tmp_path / "a.dxf").write_text(dxf_text(job), "utf-8")
-    spec = LaserFileSpec(job=job)
-    assert drawing_differences(SVG, read_svg(tmp_path / "a.svg"), spec) == RIGHT
-    assert drawing_differences(DXF, read_dxf(tmp_path / "a.dxf"), spec) == RIGHT
-    for read in (read_svg, read_dxf):
-        with pytest.raises(UnreadableFileError, match=r"missing\.x"):
-            read(tmp_path / "missing.x")
-        (tmp_path / "bytes.x").write_bytes(b"\xff\xfe\x00\x81")
-        with pytest.raises(UnreadableFileError, match=r"bytes\.x"):
-            read(tmp_path / "bytes.x")

@@ -9,7 +9,7 @@ from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.fabrication.formats.svg_format import svg_text
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.prepare import PackageContent, package_files
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import locate, names
 from vinefab.model.job import Job
@@ -19,7 +19,7 @@ RECIPE = "co2_60w__stretchlon_200"
 
 @pytest.fixture(params=names("design"))
 def shipped(request: pytest.FixtureRequest) -> Job:
-    return laser_job(read_design(locate("design", request.param)), read_profile(RECIPE))
+    return laser_job(Design.read(locate("design", request.param)), read_profile(RECIPE))
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -48,7 +48,7 @@ def test_the_offsets_that_were_applied_stand_in_every_file(shipped: Job) -> None
 
 
 def test_a_shipped_design_makes_a_whole_package() -> None:
-    design, profile = read_design(locate("design", "three_level_tree")), read_profile(RECIPE)
+    design, profile = Design.read(locate("design", "three_level_tree")), read_profile(RECIPE)
     content = PackageContent(
         design=design,
         profile=profile,

@@ -31,7 +31,6 @@ from vinefab.fabrication.package.prepare import (
     zip_bytes,
 )
 from vinefab.model.design import Build, Design
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
@@ -75,7 +74,7 @@ def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) ->
     files = package_files(replace(content, others=(other,)))
     for name, design in (("design.toml", content.design), ("design_2.toml", other)):
         (tmp_path / name).write_bytes(files[name])
-        assert read_design(tmp_path / name) == design
+        assert Design.read(tmp_path / name) == design
     readme = " ".join(files["README.txt"].decode().split())
     assert "kerf_mm and seam_width_mm of [operations." in readme
     assert "vinefab fabricate design.toml --recipe your_recipe.toml" in readme

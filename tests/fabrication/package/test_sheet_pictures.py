@@ -11,7 +11,7 @@ from vinefab.core.jsontext import OWN_MARK
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.machine_time import machine_time, schedule
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour
@@ -26,7 +26,7 @@ def profile():
 
 @pytest.fixture(scope="module")
 def job(profile):
-    return laser_job(read_design("three_level_tree"), profile)
+    return laser_job(Design.read("three_level_tree"), profile)
 
 
 def test_the_schedule_takes_as_long_as_the_bill_says(job, profile):

@@ -7,10 +7,15 @@ import pytest
 import shapely
 
 from vinefab.fabrication.checking import checked_design
-from vinefab.fabrication.package.sheet_svg import SIGNS, placed_findings, sheet_box_mm, sheet_svg
+from vinefab.fabrication.package.sheet_svg import (
+    SEVERITY_SIGNS,
+    placed_findings,
+    sheet_box_mm,
+    sheet_svg,
+)
 from vinefab.fabrication.rules.annotation import SheetPlaces
 from vinefab.fabrication.rules.rule import mark_branches
-from vinefab.model.files.design_toml import read_design
+from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import Finding, Severity
@@ -19,7 +24,7 @@ from vinefab.model.job import Operation
 
 @pytest.fixture(scope="module")
 def in_pieces():
-    return checked_design(read_design("cave_explorer_pieces"), read_profile(DEFAULT_RECIPE))
+    return checked_design(Design.read("cave_explorer_pieces"), read_profile(DEFAULT_RECIPE))
 
 
 def drawn(job, *of):
@@ -78,7 +83,7 @@ def test_a_branch_that_is_cut_is_marked_on_both_of_its_pieces(in_pieces):
 
 
 def test_a_finding_stands_on_the_outline_of_a_robot_that_is_turned_on_its_bed():
-    subject, _ = checked_design(read_design("grid_explorer"), read_profile(DEFAULT_RECIPE))
+    subject, _ = checked_design(Design.read("grid_explorer"), read_profile(DEFAULT_RECIPE))
     assert abs(float(subject.job.facts["rotation_deg"])) > 1.0
     end = subject.layout.end_mm[-1].tolist()
     finding = Finding(
@@ -99,4 +104,4 @@ def test_a_finding_stands_on_the_outline_of_a_robot_that_is_turned_on_its_bed():
 
 
 def test_signs_tell_severities_apart_without_colour():
-    assert len({SIGNS[severity].split("Z")[0] for severity in Severity}) == len(Severity)
+    assert len({SEVERITY_SIGNS[severity].split("Z")[0] for severity in Severity}) == len(Severity)

@@ -29,7 +29,7 @@ from vinefab.fabrication.rules.fix_targets import (
     pruning_cost,
 )
 from vinefab.fabrication.rules.joints import bare_gaps, level_joints
-from vinefab.fabrication.rules.pressure_limits import worst_growth
+from vinefab.fabrication.rules.pressure_limits import worst_growths
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch
@@ -149,7 +149,7 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(
     for fans in (((2, 200.0, 60.0),), ((3, 100.0, 170.0), (4, 80.0, 100.0))):
         design = make(*fans, widths_mm=(90.0, 12.0, 7.0)[: 1 + len(fans)])
         subject = Subject.of(design, profile)
-        worst = worst_growth(subject, FITTED.changed(storage_kpa=NO_TENSION), 25.0)
+        worst = worst_growths(subject, (FITTED.changed(storage_kpa=NO_TENSION),), 25.0)[0]
         allowed = 70.0 * 20.0 / 90.0 / 1.5 / 1.2
         assert riding_mm(subject.layout.tree, design.build.widths_mm)[0] > 0.0
         # All branches of a level are alike here, so that bound and rule agree.

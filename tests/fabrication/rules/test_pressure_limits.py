@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.fabrication.rules.pressure_limits import worst_growth
+from vinefab.fabrication.rules.pressure_limits import worst_growths
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment, Stop
@@ -47,7 +47,7 @@ def straight_and_bent(subject: Subject, turn_rad: float) -> Deployment:
 
 def test_the_worst_leaf_by_hand(make: Make, profile: LaserProfile) -> None:
     subject = Subject.of(make((2, 200.0, 60.0), widths_mm=(40.0, 20.0)), profile)
-    loose = worst_growth(subject, LOOSE, 25.0)
+    loose = worst_growths(subject, (LOOSE,), 25.0)[0]
     scale = 25.0 / (2 * 20.0 / math.pi)
     by_hand = scale * (1.92 + 0.771 * 0.3 * math.exp(0.234 * math.pi / 6) + 0.771 * 0.2)
     assert loose.pressure_kpa == pytest.approx(by_hand)
@@ -58,7 +58,7 @@ def test_a_trunk_full_of_film_can_be_worse_than_its_leaves(
     make: Make, profile: LaserProfile
 ) -> None:
     full = make((20, 400.0, 320.0), widths_mm=(40.0, 39.0), trunk_mm=10.0)
-    worst = worst_growth(Subject.of(full, profile), LOOSE, 25.0)
+    worst = worst_growths(Subject.of(full, profile), (LOOSE,), 25.0)[0]
     assert worst.branch == 0
 
 
@@ -71,7 +71,7 @@ def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserPro
     assert (found.severity, found.branches) == (Severity.WARNING, ("0.1",))
     assert "on cave_3" in found.message
     assert found.marker_wkt.startswith("MULTILINESTRING")
-    straight = worst_growth(free, LOOSE, 25.0).pressure_kpa
+    straight = worst_growths(free, (LOOSE,), 25.0)[0].pressure_kpa
     # The same tip, with a turn of 2 rad in front of its last 100 mm
     scale = 25.0 / (2 * 12.5 / math.pi)
     before = 0.771 * 0.3 * math.exp(0.234 * math.pi / 6) + 0.771 * 0.1
@@ -92,9 +92,9 @@ def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_sp
     )
     turns = (0.1, 1.5, 0.3)
     many = replace(free, deployments=(never, *(straight_and_bent(free, t) for t in turns)))
-    worst = worst_growth(many, LOOSE, 25.0)
+    worst = worst_growths(many, (LOOSE,), 25.0)[0]
     assert worst.place == "on deployment 3"
-    alone = worst_growth(replace(free, deployments=(never,)), LOOSE, 25.0)
+    alone = worst_growths(replace(free, deployments=(never,)), (LOOSE,), 25.0)[0]
     assert alone.place == "in free space"
 
 

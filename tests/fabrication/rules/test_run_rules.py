@@ -10,7 +10,6 @@ from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, PieceSettings, Waiver
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job
@@ -136,14 +135,14 @@ def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make: Make) -> 
 def test_hand_made_designs_pass_but_for_the_recipe_and_tightly_stored_film(
     name: str, rules: list[str], profile: LaserProfile
 ) -> None:
-    report = run_checks(Subject.of(read_design(name), profile))
+    report = run_checks(Subject.of(Design.read(name), profile))
     assert [finding.rule for finding in report.findings] == rules
     assert report.blocking == ()
 
 
 @pytest.mark.parametrize("name", names("design"))
 def test_shipped_designs_have_no_errors(name: str, profile: LaserProfile) -> None:
-    assert check_design(read_design(name), profile).blocking == ()
+    assert check_design(Design.read(name), profile).blocking == ()
 
 
 def test_rules_can_be_read_without_their_code() -> None:
@@ -158,7 +157,7 @@ def test_rules_can_be_read_without_their_code() -> None:
 def test_merged_reports_equal_one_report_of_all_rules(
     name: str, problems: tuple[str, ...], profile: LaserProfile
 ) -> None:
-    design = read_design(name).changed(waivers=(Waiver(fingerprint="gone", reason="old"),))
+    design = Design.read(name).changed(waivers=(Waiver(fingerprint="gone", reason="old"),))
     before = Subject.of(design, profile)
     after = replace(before, readback={"outline.dxf": problems})
     assert merged_reports(run_checks(before), run_checks(after, only=("VF-X01",))) == run_checks(

@@ -10,14 +10,14 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import DrawnShape, SourceFrame, framed
 from vinefab.maps.generators.grid import grid_map
 
 OPTIONS = AssembleOptions(join_mm=0.1, sliver_mm2=0.01)
 
 
 def outline(*points, **more):
-    return Shape(rings=(np.array(points, dtype=float),), where="outline", **more)
+    return DrawnShape(rings=(np.array(points, dtype=float),), where="outline", **more)
 
 
 def square(x, y, size, **more):

@@ -14,10 +14,10 @@ from vinefab.maps.cleanup.cell_walls import Mask, boundary_loops, corners_betwee
 from vinefab.maps.cleanup.raster import (
     LEAST_GAP,
     GridPlacement,
-    RasterOptions,
     raster_map,
     straighten,
 )
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import draw_poses
 from vinefab.model.map import Map, Pose
 
@@ -220,7 +220,7 @@ def made(free: Mask, placement: GridPlacement | None = None, **options: object) 
         "room",
         free,
         placement or GridPlacement(cell_mm=10.0),
-        RasterOptions(**options),  # type: ignore[arg-type]
+        ImportOptions(**options),  # type: ignore[arg-type]
         {"source": "test"},
     )
 

@@ -1,6 +1,5 @@
 import hashlib
 import math
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.table import declared_keys
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.generators.generated_map import start_zone
 from vinefab.maps.poses import draw_poses
@@ -90,11 +90,10 @@ def test_default_maps_are_named_seeded_and_offer_poses(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_option_has_a_default_a_description_and_a_place_in_the_facts(name: str) -> None:
     options = ENVIRONMENTS[name].options
-    described = "".join((kind.__doc__ or "").split("Raises")[0] for kind in options.__mro__)
     world = ENVIRONMENTS[name].make(0, options())
-    for field in fields(options):
+    for field in declared_keys(options):
         assert isinstance(field.default, (int, float, str))
-        assert field.name in described
+        assert field.meaning
         assert world.facts[field.name] == field.default
 
 
@@ -102,7 +101,7 @@ def test_every_option_has_a_default_a_description_and_a_place_in_the_facts(name:
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -1.0, 1e9])
 def test_no_number_breaks_a_generator(name: str, bad: float) -> None:
     options = ENVIRONMENTS[name].options
-    for field in fields(options):
+    for field in declared_keys(options):
         if isinstance(field.default, int) and not math.isfinite(bad):
             continue  # Nothing that reads options lets these through as whole numbers.
         if field.name == "direction_deg" and bad == -1.0:

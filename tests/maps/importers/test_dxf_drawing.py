@@ -15,7 +15,8 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import dxf_drawing
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Map
 
 VERSIONS = ("R12", "R2000", "R2010", "R2018")
 BOX = [(0, 0), (500, 0), (500, 400), (0, 400)]
@@ -240,7 +241,7 @@ def test_a_map_survives_another_program(tmp_path, program, kind):
         shapely.union_all(again.obstacles), shapely.union_all(world.obstacles)
     )
     assert difference.area < 1e-6
-    assert read_map(ours).wall_count == again.wall_count
+    assert Map.read(ours).wall_count == again.wall_count
 
 
 def test_a_hand_written_file_without_any_header(tmp_path):

@@ -9,8 +9,8 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.model.files.map_geojson import map_text, read_map
-from vinefab.model.map import Pose
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Map, Pose
 
 ROOM = [[0, 0], [300, 0], [300, 200], [0, 200], [0, 0]]
 
@@ -86,7 +86,7 @@ def test_a_map_of_ours_is_read_as_it_is(tmp_path):
     path = tmp_path / "grid.geojson"
     path.write_text(map_text(world))
     again = import_map(path, ImportOptions())
-    assert again.bounds == read_map(path).bounds
+    assert again.bounds == Map.read(path).bounds
     assert (again.environment, again.seed) == ("grid", 2)
     assert import_map(path, ImportOptions(scale_mm_per_unit=2.0)).size_mm == (1000, 1000)
     with pytest.raises(
@@ -152,7 +152,7 @@ def test_written_and_read_again(reading, tmp_path):
     world = reading(features(polygon(ROOM), polygon(ring(0.1, 1 / 3, 50), ring(9, 9, 1e-3))))
     path = tmp_path / "again.geojson"
     path.write_text(map_text(world))
-    again = read_map(path)
+    again = Map.read(path)
     assert shapely.equals(again.bounds, world.bounds)
     assert shapely.equals(again.obstacles, world.obstacles).all()
     assert world.facts["slivers_dropped"] == 1

@@ -14,9 +14,8 @@ from PIL import Image
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.maps.importers import importers
-from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import IMPORTERS, import_map, import_suffixes
-from vinefab.maps.importers.photo_options import PhotoOptions
 from vinefab.model.map import Map
 
 ROOM = [(0, 0), (100, 0), (100, 60), (0, 60)]

@@ -11,12 +11,11 @@ from tests.photos.conftest import TrueCamera
 from tests.photos.measure_walls import photo_of_bricks
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError
-from vinefab.maps.importers.import_options import ImportOptions
+from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.photo_map import read_photo_map
-from vinefab.maps.importers.photo_options import PhotoOptions, points_from
 from vinefab.model.corner_marker import corner_markers
-from vinefab.model.files.map_geojson import read_map
+from vinefab.model.inputs import POINTS
 from vinefab.model.map import Map
 from vinefab.pages.panel import Raster, Shape
 from vinefab.pages.photo_preview import photo_preview
@@ -230,8 +229,8 @@ def test_options_of_photos_are_refused_for_drawings(tmp_path):
 
 @pytest.mark.parametrize("text", ["", "1,2;", "1;2", "1,2,3", "1,nan", "a,b"])
 def test_points_that_are_none_are_refused(text):
-    with pytest.raises(BadInputError, match="--points"):
-        points_from("--points", text)
+    with pytest.raises(BadInputError, match="points"):
+        PhotoOptions(points_px=POINTS.read(text))
 
 
 def test_the_preview_shows_the_photo_and_its_walls(found):
@@ -249,7 +248,7 @@ def test_the_command_writes_map_and_preview(table, tmp_path, capsys):
     words = ["map", "import", str(table), "--marker-mm", "30", "--height-mm", "25"]
     assert main([*words, "--out", str(out), "--preview", str(preview)]) == 0
     assert f"wrote {preview}" in capsys.readouterr().out
-    assert len(read_map(out).obstacles) == len(BRICKS)
+    assert len(Map.read(out).obstacles) == len(BRICKS)
     with Image.open(preview) as picture:
         assert picture.width > 500
 

@@ -15,7 +15,7 @@ from vinefab.core.hashing import sha256_of_file
 from vinefab.maps.cleanup import raster
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map, Pose
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
@@ -78,7 +78,7 @@ def test_the_first_row_is_the_top_and_the_origin_the_lower_left_corner(
 def test_the_imported_map_survives_its_file(importing: Import, tmp_path: Path) -> None:
     world = importing(box_world())
     (tmp_path / "world.geojson").write_text(map_text(world), encoding="utf-8")
-    again = read_map(tmp_path / "world.geojson")
+    again = Map.read(tmp_path / "world.geojson")
     assert again.free_space.equals(world.free_space)
     assert dict(again.facts) == dict(world.facts)
 
@@ -314,7 +314,7 @@ def test_a_large_image_takes_few_bytes_per_cell() -> None:
     free = np.ones((1000, 1000), dtype=np.bool_)
     placement = raster.GridPlacement(cell_mm=10.0)
     tracemalloc.start()
-    raster.raster_map("large", free, placement, raster.RasterOptions(), {})
+    raster.raster_map("large", free, placement, ImportOptions(), {})
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 9 * free.size

@@ -17,9 +17,10 @@ from vinefab.model.design import (
     Pouch,
     Waiver,
     default_fillets_mm,
+    design_of,
 )
 from vinefab.model.files.design_edit import comments_in, edited_text
-from vinefab.model.files.design_toml import design_of, design_text
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import locate, names, read_text
 
 COMMENTED = """\

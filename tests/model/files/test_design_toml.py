@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.units import rad
 from vinefab.model.design import Build, Collar, Design, Level, Pouch, Waiver
-from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.shipped import names
 
 EXAMPLE = """
@@ -46,7 +46,7 @@ def write(tmp_path):
 
 
 def test_every_key_arrives_and_the_scale_multiplies_lengths_only(write):
-    design = read_design(write(EXAMPLE))
+    design = Design.read(write(EXAMPLE))
     assert design.trunk_length_mm == 240.0
     assert design.levels == (Level(branches=3, length_mm=180.0, fan_rad=rad(100.0), growth=0.8),)
     assert design.build == Build(
@@ -61,30 +61,30 @@ def test_every_key_arrives_and_the_scale_multiplies_lengths_only(write):
     assert {rule: dict(named) for rule, named in design.limits.items()} == {
         "VF-C01": {"warning": 6.0}
     }
-    assert read_design(write(design_text(design))).limits == design.limits
+    assert Design.read(write(design_text(design))).limits == design.limits
 
 
 def test_a_file_without_build_gets_the_documented_defaults(write):
     text = 'schema = "vinefab/design-1"\nname = "v"\n[trunk]\nlength = 700.0\n'
-    assert read_design(write(text)).build == Build.standard(1)
+    assert Design.read(write(text)).build == Build.standard(1)
 
 
 def test_width_ratio_and_fillet_ratio_stand_for_lists(write):
     text = EXAMPLE.replace("widths_mm = [40.0, 24.0]", "trunk_width_mm = 30.0\nwidth_ratio = 0.5")
     text = text.replace("fillet_mm = [6.0]", "fillet_ratio = 0.4")
-    build = read_design(write(text)).build
+    build = Design.read(write(text)).build
     assert (build.widths_mm, build.fillet_mm) == ((30.0, 15.0), (6.0,))
 
 
 def test_taper_and_collar_arrive_and_are_written_again(write, tmp_path):
     more = "taper = [1.0, 0.7]\ncollar = { clamp_diameter_mm = 50.0, flare_mm = 45 }\n[[waive]]"
-    design = read_design(write(EXAMPLE.replace("[[waive]]", more)))
+    design = Design.read(write(EXAMPLE.replace("[[waive]]", more)))
     assert design.build.end_widths_mm == pytest.approx((40.0, 16.8))
     assert design.build.collar == Collar(clamp_diameter_mm=50.0, length_mm=30.0, flare_mm=45.0)
     assert design.build.mouth_width_mm == pytest.approx(78.54, abs=0.01)
     path = tmp_path / "again.toml"
     path.write_text(design_text(design))
-    assert read_design(path).build == design.build
+    assert Design.read(path).build == design.build
 
 
 BAD = {
@@ -117,7 +117,7 @@ def test_bad_input_is_one_line_with_file_key_and_value(write, old, new, words):
     assert old in EXAMPLE
     path = write(EXAMPLE.replace(old, new, 1))
     with pytest.raises(BadInputError) as caught:
-        read_design(path)
+        Design.read(path)
     assert words in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
@@ -125,16 +125,16 @@ def test_bad_input_is_one_line_with_file_key_and_value(write, old, new, words):
 
 def test_files_that_are_no_designs(tmp_path, write):
     with pytest.raises(UnreadableFileError, match="is not TOML"):
-        read_design(write("schema : design"))
+        Design.read(write("schema : design"))
     with pytest.raises(UnreadableFileError, match="there is no such file"):
-        read_design(tmp_path / "none.toml")
+        Design.read(tmp_path / "none.toml")
     with pytest.raises(UnreadableFileError, match="is a folder"):
-        read_design(tmp_path)
+        Design.read(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UnreadableFileError, match="not UTF-8"):
-        read_design(tmp_path / "binary.toml")
+        Design.read(tmp_path / "binary.toml")
     with pytest.raises(UnknownNameError, match="no design is called 'nonesuch'"):
-        read_design("nonesuch")
+        Design.read("nonesuch")
 
 
 levels = st.builds(
@@ -157,10 +157,10 @@ def test_written_designs_read_back_the_same(tmp_path_factory, tree, trunk, origi
     )
     path = tmp_path_factory.mktemp("round") / "d.toml"
     path.write_text(design_text(design))
-    again = read_design(path)
+    again = Design.read(path)
     assert again == design
 
 
 @pytest.mark.parametrize("name", names("design"))
 def test_shipped_designs_can_be_read(name):
-    assert read_design(name).name == name
+    assert Design.read(name).name == name

@@ -12,7 +12,7 @@ from shapely import Polygon
 from vinefab.core.atomic import is_ours, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map, Pose, Start
 
 BOX = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
@@ -42,7 +42,7 @@ def reading(tmp_path: Path) -> Any:
         path = tmp_path / "world.geojson"
         text = document if isinstance(document, str) else json.dumps(document)
         path.write_text(text, encoding="utf-8")
-        return read_map(path)
+        return Map.read(path)
 
     return read
 
@@ -174,8 +174,8 @@ BAD_CONTENT = [
     ("no geometry", collection({"type": "Feature", "geometry": None}), r"geometry is missing"),
     ("role", collection(BOUNDS, feature("Polygon", [BLOCK], role="wall")), r"role is 'wall'"),
     ("role missing", collection(BOUNDS, feature("Polygon", [BLOCK])), r"\[2\]\.\S+role is missing"),
-    ("in obstacle", collection(BOUNDS, OBSTACLE, start(50, 45)), r"\(50, 45\) is 'inside an obst"),
-    ("outside", collection(BOUNDS, OBSTACLE, start(150, 45)), r"\(150, 45\) is 'outside the bou"),
+    ("in obstacle", collection(BOUNDS, OBSTACLE, start(50, 45)), r"\(50, 45\) mm'.*inside an obst"),
+    ("outside", collection(BOUNDS, OBSTACLE, start(150, 45)), r"\(150, 45\) mm'.*outside the bou"),
     ("no heading", collection(BOUNDS, start(5, 5, heading_deg=None)), r"heading_deg is missing"),
     ("heading", collection(BOUNDS, start(5, 5, heading_deg="up")), r"heading_deg is 'up'"),
     ("spread", collection(BOUNDS, start(5, 5, spread_x_mm=-1)), r"spread_x_mm is -1"),
@@ -228,12 +228,12 @@ def test_what_is_not_json_is_unreadable(reading: Any, text: str, message: str) -
 
 def test_a_missing_file_a_folder_and_bytes_are_unreadable(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFileError, match="no such file"):
-        read_map(tmp_path / "none.geojson")
+        Map.read(tmp_path / "none.geojson")
     with pytest.raises(UnreadableFileError, match="folder"):
-        read_map(tmp_path)
+        Map.read(tmp_path)
     (tmp_path / "b.geojson").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UnreadableFileError, match="UTF-8"):
-        read_map(tmp_path / "b.geojson")
+        Map.read(tmp_path / "b.geojson")
 
 
 LINE = [[5, 5], [5, 95]]
@@ -295,7 +295,10 @@ BAD_STARTS = [
     (start_of("LineString", LINE), r"features\[3\] is 'line 5,5 5,95'; .*15 mm from walls"),
     (start_of("Polygon", [BLOCK]), r"features\[3\] is 'area 40,40 60,60'; .*meets free space"),
     (start_of("LineString", [[-9, 0], [-9, 9]]), r"features\[3\] is .*meets free space"),
-    (start_of("LineString", LINE, heading_deg=0, x_mm=-5, y_mm=5), r"start at \(-5, 5\) is 'outsi"),
+    (
+        start_of("LineString", LINE, heading_deg=0, x_mm=-5, y_mm=5),
+        r"\(-5, 5\) mm'; .*outside the b",
+    ),
     (
         start_of("Point", [5, 5], heading_deg=0, inset_mm=5),
         r"inset_mm is 5.0; allowed: not beside a",
@@ -325,7 +328,7 @@ def test_a_jagged_outline_is_tested_for_validity_once(monkeypatch, tmp_path):
     )
     tested, is_valid = [], shapely.is_valid
     monkeypatch.setattr(shapely, "is_valid", lambda shape: tested.append(shape) or is_valid(shape))
-    assert len(read_map(path).obstacles[0].exterior.coords) == 2001
+    assert len(Map.read(path).obstacles[0].exterior.coords) == 2001
     assert sum(shapely.get_num_coordinates(shape).sum() > 1000 for shape in tested) == 1
 
 

@@ -15,7 +15,6 @@ from vinefab.core.errors import VinefabError
 from vinefab.model.contacts import ContactsFile
 from vinefab.model.design import Design
 from vinefab.model.files.contacts_toml import read_contacts
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import (
     read_machine,
     read_material,
@@ -31,7 +30,7 @@ NEVER = (1e300, math.nan, math.inf, 10**30, 10**400, True)
 TINY = (1e-300, -0.0)
 """Allowed where zero is."""
 FILES = {
-    "designs/three_level_tree.toml": (Design, read_design),
+    "designs/three_level_tree.toml": (Design, Design.read),
     "examples/grid_coverage.toml": (RunFile, read_run),
     "laser_profiles/recipes/co2_60w__stretchlon_200.toml": (Recipe, read_profile),
     "laser_profiles/machines/co2_60w.toml": (Machine, read_machine),
@@ -131,7 +130,7 @@ def test_a_width_is_refused_by_its_reader_or_checked(width_mm: float, tmp_path: 
     path.write_text(tomli_w.dumps(content))
     if width_mm < 1e-6:
         with pytest.raises(VinefabError, match=r"mine\.toml: build\.widths_mm"):
-            read_design(path)
+            Design.read(path)
     else:
         assert vinefab.check(path).blocking
 

@@ -10,7 +10,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult, plain_summary
-from vinefab.search.run import result_json, result_lines, run_search
+from vinefab.search.run import run_search
 from vinefab.search.settings import MapSettings, PartSettings, RunLimits, RunSettings
 
 QUESTIONS = (
@@ -61,8 +61,8 @@ def test_an_extension_is_recorded_and_holds_for_all_later_sessions(
     assert extension.stopped == "generations"
     assert (extension.before["generations"], extension.after["generations"]) == (2, 3)
     assert extension.score == first.score.composite["mean"]
-    assert any("generations 2 -> 3" in line for line in result_lines(second))
-    assert '"generations_done": 2' in result_json(second)
+    assert any("generations 2 -> 3" in line for line in second.summary)
+    assert '"generations_done": 2' in second.json_text()
     # The run file still says what was asked for first, or now what holds.
     for settings in (asked, of_generations(small, 3)):
         again = run_search(settings, tmp_path, resume=True)

@@ -62,7 +62,7 @@ PATH_RULES = ("VF-L01", "VF-L02", "VF-L03", "VF-X01")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Coupons:
+class CouponSet:
     """The coupons of a recipe, checked, with their laser files."""
 
     profile: LaserProfile
@@ -77,7 +77,7 @@ class Coupons:
         return (*self.sheets, *(self.matrix.jobs if self.matrix else ()))
 
 
-def make_coupons(profile: LaserProfile) -> Coupons:
+def make_coupons(profile: LaserProfile) -> CouponSet:
     """Make the coupons for a recipe, laser files written in memory and read back.
 
     Raises
@@ -103,10 +103,10 @@ def make_coupons(profile: LaserProfile) -> Coupons:
         problems |= written.problems
     ensure_read_back(problems)
     report = _checked(pieces, sheets, profile, problems)
-    return Coupons(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
+    return CouponSet(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
 
 
-def coupon_files(coupons: Coupons) -> dict[str, bytes]:
+def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
     """Return every file of the coupon folder, by name."""
     profile, matrix = coupons.profile, coupons.matrix
     pictures = {
@@ -183,7 +183,7 @@ def _checked(
     )
 
 
-def _settings_text(coupons: Coupons) -> str:
+def _settings_text(coupons: CouponSet) -> str:
     matrix = coupons.matrix
     return json_text(
         _SCHEMA,

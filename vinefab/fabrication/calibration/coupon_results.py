@@ -90,19 +90,6 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
     ]
     if Operation.WELDCUT in profile.recipe.by_operation:
         lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
-    lines += [
-        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
-        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
-        ",".join(_COLUMNS),
-        *(
-            ",".join((measure, setting, "", unit, "", note))
-            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
-        ),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _rows(profile: LaserProfile) -> list[Row]:
     names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.by_operation]
     rows: list[Row] = [
         ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
@@ -130,21 +117,8 @@ def _rows(profile: LaserProfile) -> list[Row]:
         for k in range(1, STRIPS + 1)
     ]
     rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
-    rows += _lap_rows(profile)
-    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
-    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
+    method = profile.recipe.lap.method if profile.recipe.lap else LapMethod.IMPULSE_SEAL
     rows += [
-        (measure, path, "kPa", "lengths mm and turns deg in turn")
-        for measure, paths in GROWTH_PATHS.items()
-        for path in paths
-    ]
-    return rows
-
-
-def _lap_rows(profile: LaserProfile) -> list[Row]:
-    bond = profile.recipe.lap
-    method = LapMethod.IMPULSE_SEAL if bond is None else bond.method
-    rows: list[Row] = [
         (
             "lap_band",
             method,
@@ -152,34 +126,39 @@ def _lap_rows(profile: LaserProfile) -> list[Row]:
             f"width of the band as bonded; setting: {' or '.join(LapMethod)}",
         )
     ]
-    for width in LAP_WIDTHS_MM:
-        for number in range(1, LAP_COPIES + 1):
-            name = lap_name(width, number)
-            rows += [
-                (
-                    "lap_burst",
-                    f"{width:g}",
-                    "kPa",
-                    f"{name} if its lap failed; setting: lay-flat width",
-                ),
-                (
-                    "lap_survived",
-                    f"{width:g}",
-                    "kPa",
-                    f"{name} if it failed elsewhere or not at all",
-                ),
-            ]
-    return rows
-
-
-def _matrix_rows(matrix: Matrix | None) -> list[Row]:
-    if matrix is None:
-        return []
-    return [
-        ("matrix", f"{energy:.1f} {focus:g}", "", " / ".join(OUTCOMES))
-        for focus in FOCUS_MM
-        for energy in matrix.energies_mj_mm
+    laps = {
+        "lap_burst": "if its lap failed; setting: lay-flat width",
+        "lap_survived": "if it failed elsewhere or not at all",
+    }
+    rows += [
+        (measure, f"{width:g}", "kPa", f"{lap_name(width, number)} {when}")
+        for width in LAP_WIDTHS_MM
+        for number in range(1, LAP_COPIES + 1)
+        for measure, when in laps.items()
     ]
+    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
+    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
+    rows += [
+        (measure, path, "kPa", "lengths mm and turns deg in turn")
+        for measure, paths in GROWTH_PATHS.items()
+        for path in paths
+    ]
+    if matrix is not None:
+        rows += [
+            ("matrix", f"{energy:.1f} {focus:g}", "", " / ".join(OUTCOMES))
+            for focus in FOCUS_MM
+            for energy in matrix.energies_mj_mm
+        ]
+    lines += [
+        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
+        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
+        ",".join(_COLUMNS),
+        *(
+            ",".join((measure, setting, "", unit, "", note))
+            for measure, setting, unit, note in rows
+        ),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,7 +201,8 @@ def read_results(path: Path) -> Results:
         If a header, measure, unit or number is not known; the error names file and line.
     """
     lines = read_text(path, 16 << 20).splitlines()
-    notes = dict(_note(line) for line in lines if line.startswith("#"))
+    parts = (line.lstrip("# ").partition(" ") for line in lines if line.startswith("#"))
+    notes = {name: value.strip() for name, _, value in parts}
     offset = notes.get("weldcut_offset_mm")
     return Results(
         readings=tuple(_readings(lines, path)),
@@ -231,20 +211,21 @@ def read_results(path: Path) -> Results:
     )
 
 
-def _note(line: str) -> tuple[str, str]:
-    name, _, value = line.lstrip("# ").partition(" ")
-    return name, value.strip()
-
-
 def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
     header: list[str] = []
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.startswith("#"):
             continue
         place = f"{path}, line {number}"
-        cells = _cells(line, place)
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line], strict=True))]
+        except csv.Error as error:
+            allowed = f"comma-separated cells ({error})"
+            raise BadInputError("line", line, allowed, place) from error
         if not header:
-            header = _header(cells, place)
+            if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
+                raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
+            header = cells
             continue
         if len(cells) > len(header):
             allowed = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
@@ -252,19 +233,6 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         row = dict(zip(header, cells, strict=False))
         if row.get("value"):
             yield _reading(row, place)
-
-
-def _cells(line: str, place: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], strict=True))]
-    except csv.Error as error:
-        raise BadInputError("line", line, f"comma-separated cells ({error})", place) from error
-
-
-def _header(cells: list[str], place: str) -> list[str]:
-    if not {"measure", "setting", "value", "unit"} <= set(cells) <= set(_COLUMNS):
-        raise BadInputError("header", ",".join(cells), ",".join(_COLUMNS), place)
-    return cells
 
 
 def _reading(row: dict[str, str], place: str) -> Reading:

@@ -159,7 +159,21 @@ def lap_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
         for number in range(1, LAP_COPIES + 1):
             for part, ends in (("A", tube), ("B", end)):
                 design = lap_design(f"{lap_name(width, number)}{part}", width, size.blend_mm)
-                found.append(_part_piece(design, ends, profile))
+                body = body_paths(design, profile, ends=ends)
+                ticks: list[LaserPath] = []
+                if ends.base and Operation.MARK in profile.recipe.by_operation:
+                    ticks = [
+                        LaserPath(
+                            operation=Operation.MARK, contour=tick, label=f"depth of {design.name}"
+                        )
+                        for tick in fold_ticks(design, body.reach_mm)
+                    ]
+                paths = (*ticks, *body.paths)
+                found.append(
+                    _labelled(
+                        Coupon(name=design.name, paths=paths, design=design, ends=ends), profile
+                    )
+                )
     return tuple(found)
 
 
@@ -171,19 +185,6 @@ def lap_design(name: str, width_mm: float, blend_mm: float) -> Design:
     tail_mm = _LAP_CLAMP_MM + _LAP_TUBE_MM + blend_mm + LAP_MM
     build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=tail_mm)
     return Design(name=name, trunk_length_mm=_LAP_TUBE_MM, build=build)
-
-
-def _part_piece(design: Design, ends: PieceEnds, profile: LaserProfile) -> Coupon:
-    """Return a part of a design as a coupon, with ticks beside a plug where the socket ends."""
-    body = body_paths(design, profile, ends=ends)
-    ticks: list[LaserPath] = []
-    if ends.base and Operation.MARK in profile.recipe.by_operation:
-        ticks = [
-            LaserPath(operation=Operation.MARK, contour=tick, label=f"depth of {design.name}")
-            for tick in fold_ticks(design, body.reach_mm)
-        ]
-    paths = (*ticks, *body.paths)
-    return _labelled(Coupon(name=design.name, paths=paths, design=design, ends=ends), profile)
 
 
 def square_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
@@ -369,9 +370,13 @@ def sealing_operation(profile: LaserProfile) -> Operation:
 def line_settings(
     energy_mj_mm: float, focus_mm: float, settings: OperationSettings, profile: LaserProfile
 ) -> OperationSettings:
-    """Return the settings of one line of the matrix: one pass, constant power."""
+    """Return the settings of one line of the matrix: one pass, constant power.
+
+    A recipe that names no least power has its lines at the power that it runs.
+    """
     machine = profile.machine
-    power = settings.min_power_percent
+    least = settings.min_power_percent
+    power = least if least.value else settings.power_percent
     power_w = machine.power_w.value * power.value / 100.0
     spot = spot_at_mm(machine.spot_mm.value, focus_mm, machine.rayleigh_mm.value)
     return settings.changed(

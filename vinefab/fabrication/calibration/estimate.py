@@ -25,6 +25,14 @@ class Estimate:
     # Degrees of freedom of the uncertainty; infinite where the readings' own are stated.
     degrees: float = math.inf
 
+    @property
+    def words(self) -> str:
+        """The number with half of its 95 % interval and its standing."""
+        if self.readings == 0:
+            return f"{self.value:.4g}  assumed"
+        half = f" +- {self.half_width():.2g} (95 %)" if self.uncertainty > 0.0 else ""
+        return f"{self.value:.4g}{half}  measured, {counted(self.readings, 'reading')}"
+
     def half_width(self, level: float = 0.95) -> float:
         """Return half of the interval by Student's t that holds the truth so often."""
         return float(stdtrit(self.degrees, 0.5 * (1.0 + level))) * self.uncertainty
@@ -215,7 +223,14 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
 
     def residuals(fitted: Floats) -> Floats:
         values = {**known, **dict(zip(names, fitted.tolist(), strict=True))}
-        away: Floats = (_pressures_kpa(paths, values) - measured) * weights
+        yield_kpa, drag_kpa_m, storage_kpa, friction = (values[name] for name in GROWTH_CONSTANTS)
+        found = []
+        for path in paths:
+            tension = 0.0 if path.is_free else storage_kpa
+            for length, turn in zip(path.lengths_mm, path.turns_rad, strict=False):
+                tension = (tension + drag_kpa_m * length / 1000.0) * math.exp(friction * abs(turn))
+            found.append(yield_kpa + tension + drag_kpa_m * path.lengths_mm[-1] / 1000.0)
+        away: Floats = (np.array(found) - measured) * weights
         return away
 
     start = dict(
@@ -248,15 +263,3 @@ def _fit_some(paths: Sequence[GrownPath], known: Mapping[str, float]) -> dict[st
         )
         for name, value, u in zip(names, solved.x, deviations, strict=True)
     }
-
-
-def _pressures_kpa(paths: Sequence[GrownPath], constants: Mapping[str, float]) -> Floats:
-    """Return P = Y + tau + f l of every path; tau grows by e^(mu theta) at each turn."""
-    yield_kpa, drag_kpa_m, storage_kpa, friction = (constants[name] for name in GROWTH_CONSTANTS)
-    found = []
-    for path in paths:
-        tension = 0.0 if path.is_free else storage_kpa
-        for length, turn in zip(path.lengths_mm, path.turns_rad, strict=False):
-            tension = (tension + drag_kpa_m * length / 1000.0) * math.exp(friction * abs(turn))
-        found.append(yield_kpa + tension + drag_kpa_m * path.lengths_mm[-1] / 1000.0)
-    return np.array(found)

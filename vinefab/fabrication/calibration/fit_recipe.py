@@ -8,14 +8,20 @@ e = 1 / (1 - shrinkage) - 1. The sheet around a hole is taken not to shrink, nor
 """
 
 import math
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from statistics import fmean, stdev
-from typing import NoReturn
+from typing import Any
+
+import tomli_w
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
+from vinefab.core.view import Block, Data, Notes, WrittenResult
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
 from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
@@ -29,6 +35,9 @@ from vinefab.fabrication.calibration.estimate import (
     solve_equations,
 )
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
+from vinefab.model.files.profile_toml import profile_of
+from vinefab.model.files.shipped import locate
+from vinefab.model.files.toml import read_toml
 from vinefab.model.job import Operation
 from vinefab.model.laser import (
     SHRINKAGE_PERCENT,
@@ -38,6 +47,7 @@ from vinefab.model.laser import (
     Quantity,
     RecipeStatus,
     Standing,
+    quantities,
 )
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM
 from vinefab.physics.seam import allowed_line_load_n_mm, lap_load_n_mm, line_load_n_mm
@@ -62,17 +72,6 @@ class _Parts:
             yield name
         except BadInputError as error:
             self.refused[name] = error
-
-
-def _known_shrinkage(profile: LaserProfile) -> Estimate:
-    """Return e of the material's shrinkage."""
-    known = profile.material.shrinkage_percent
-    left = 1.0 - known.value / 100.0
-    percent = known.uncertainty or 0.0
-    if known.uncertainty_95 is not None:  # readings may have been few
-        percent = known.uncertainty_95 / 1.96
-    uncertainty = percent / 100.0 / left**2
-    return Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
 
 
 def _ladder_shrinkage(results: Results) -> Estimate:
@@ -260,12 +259,20 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
     """
     lines: dict[float, list[tuple[float, str]]] = {}
     for reading in results.of("matrix"):
-        energy, focus = _cell(reading)
+        try:
+            energy, focus = (float(word) for word in reading.setting.split())
+        except ValueError as error:
+            allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
+            raise reading.wrong(reading.setting, allowed) from error
         lines.setdefault(focus, []).append((energy, reading.outcome))
+    by_laser = [
+        operation
+        for operation in _MAKES
+        if (settings := profile.recipe.by_operation.get(operation)) and settings.by_laser
+    ]
     return tuple(
         _window(operation, focus, sorted(found), profile)
-        for operation, _ in _MAKES.items()
-        if _by_laser(operation, profile)
+        for operation in by_laser
         for focus, found in sorted(lines.items())
     )
 
@@ -279,11 +286,6 @@ def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list
         focus = settings.focus_offset_mm.value
         lines.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
     return lines
-
-
-def _by_laser(operation: Operation, profile: LaserProfile) -> bool:
-    settings = profile.recipe.by_operation.get(operation)
-    return settings is not None and settings.by_laser
 
 
 def _window(
@@ -307,15 +309,6 @@ def _window(
     return EnergyWindow(operation=operation, focus_mm=focus, least_mj_mm=least, most_mj_mm=most)
 
 
-def _cell(reading: Reading) -> tuple[float, float]:
-    try:
-        energy, focus = (float(word) for word in reading.setting.split())
-    except ValueError as error:
-        allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
-        raise reading.wrong(reading.setting, allowed) from error
-    return energy, focus
-
-
 BALLOONS_TESTED = 3
 """Least number of burst balloons for a burst-tested recipe; fewer show no spread (our choice)."""
 
@@ -325,18 +318,48 @@ _LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
 """Of a lap: far less and far more than any film bears."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Calibration(WrittenResult):
     """A recipe's numbers as fitted to coupon results."""
 
     # fitted numbers by their place in a recipe file (``weldcut.kerf_mm``, ``measured.burst_kpa``,
     # ``growth.friction``)
-    numbers: Mapping[str, Estimate]
+    fitted: Mapping[str, Estimate]
     windows: tuple[EnergyWindow, ...]  # line energies at which the matrix came out right
     status: RecipeStatus
     remarks: tuple[str, ...]  # further results, for people
     lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
     refused: Mapping[str, str] = field(default_factory=dict)  # groups not fitted, and why
+    path: Path | None = None  # the recipe with these numbers
+    schema = "vinefab/calibration-1"
+
+    def view(self) -> Iterator[Block]:
+        """Yield the fitted numbers, remarks, and the groups that were not fitted."""
+        width = max((len(name) for name in self.fitted), default=0)
+        words = [f"{name:<{width}}  {number.words}" for name, number in self.fitted.items()]
+        refused = [f"not fitted: {group}: {why}" for group, why in self.refused.items()]
+        use = [f"use it with --recipe {self.path}"] if self.path is not None else []
+        yield Notes((*words, *self.remarks, *refused, f"status: {self.status}", *use))
+        yield Data(
+            {
+                "status": str(self.status),
+                "numbers": {
+                    name: {
+                        "value": number.value,
+                        "uncertainty": number.uncertainty,
+                        "uncertainty_95": number.half_width(),
+                        "readings": number.readings,
+                    }
+                    for name, number in self.fitted.items()
+                },
+                "windows": [
+                    {"least_mj_mm": None, "most_mj_mm": None} | window.content
+                    for window in self.windows
+                ],
+                "remarks": list(self.remarks),
+                "refused": dict(self.refused),
+            }
+        )
 
 
 def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
@@ -362,7 +385,13 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     if not results.readings:
         raise BadInputError("results", "no row with a value", "at least one reading")
     parts, numbers, remarks = _Parts(), dict[str, Estimate](), list[str]()
-    regain = _known_shrinkage(profile)
+    known = profile.material.shrinkage_percent
+    left = 1.0 - known.value / 100.0
+    percent = known.uncertainty or 0.0
+    if known.uncertainty_95 is not None:  # readings may have been few
+        percent = known.uncertainty_95 / 1.96
+    uncertainty = percent / 100.0 / left**2
+    regain = Estimate(value=1.0 / left - 1.0, uncertainty=uncertainty, readings=0)
     with parts.group("shrinkage"):
         if results.of("length"):
             regain = _ladder_shrinkage(results)
@@ -384,7 +413,11 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         method = bond
         remarks += _lap_lines(results)
     if parts.refused and not numbers and not windows:
-        _refuse(parts.refused)
+        errors = list(parts.refused.values())
+        if len(errors) == 1:
+            raise errors[0]
+        reasons = "; ".join(f"{group}: {error}" for group, error in parts.refused.items())
+        raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
     kept = [place for place, number in numbers.items() if number.readings == 0]
     if kept:
         remarks.append(
@@ -392,22 +425,13 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
             " tube), which is kept; grow the paths of the table of vinefab coupon"
         )
     return Calibration(
-        numbers=numbers,
+        fitted=numbers,
         windows=windows,
         status=_status(numbers, profile),
         remarks=tuple(remarks),
         lap_method=method,
         refused={group: str(error) for group, error in parts.refused.items()},
     )
-
-
-def _refuse(refused: Mapping[str, BadInputError]) -> NoReturn:
-    """Raise the error of the only group, or one that names all."""
-    errors = list(refused.values())
-    if len(errors) == 1:
-        raise errors[0]
-    reasons = "; ".join(f"{group}: {error}" for group, error in refused.items())
-    raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
 
 
 def _burst(results: Results) -> dict[str, Estimate]:
@@ -453,20 +477,20 @@ def _laps(results: Results) -> dict[str, Estimate]:
 
 def _lap_loads(readings: Sequence[Reading]) -> tuple[list[float], list[float | None]]:
     """Return the load P w / (2 pi) on each lap, and its uncertainty."""
+
+    def lap_load(reading: Reading, width_mm: float) -> float:
+        load_n_mm = lap_load_n_mm(_pressure(reading), width_mm)
+        if not _LEAST_LOAD_N_MM <= load_n_mm <= _LARGEST_LOAD_N_MM:
+            allowed = f"{_LEAST_LOAD_N_MM:g} to {_LARGEST_LOAD_N_MM:g} N/mm"
+            raise reading.wrong(f"{load_n_mm:.3g} N/mm on the lap", allowed)
+        return load_n_mm
+
     widths = [_positive_setting(r, "the coupon's lay-flat width in mm") for r in readings]
     pairs = list(zip(readings, widths, strict=True))
     return (
-        [_lap_load(r, w) for r, w in pairs],
+        [lap_load(r, w) for r, w in pairs],
         [None if r.sigma is None else lap_load_n_mm(r.sigma, w) for r, w in pairs],
     )
-
-
-def _lap_load(reading: Reading, width_mm: float) -> float:
-    load_n_mm = lap_load_n_mm(_pressure(reading), width_mm)
-    if not _LEAST_LOAD_N_MM <= load_n_mm <= _LARGEST_LOAD_N_MM:
-        allowed = f"{_LEAST_LOAD_N_MM:g} to {_LARGEST_LOAD_N_MM:g} N/mm"
-        raise reading.wrong(f"{load_n_mm:.3g} N/mm on the lap", allowed)
-    return load_n_mm
 
 
 def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
@@ -585,19 +609,16 @@ def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeSta
     well, it is burst-tested.
     """
     before = profile.recipe.status
-    tried = before is not RecipeStatus.UNVERIFIED or _seal_is_known(numbers, profile)
+    sealed = {"weld.seam_width_mm"}
+    if Operation.WELDCUT in profile.recipe.by_operation:
+        sealed = {"weldcut.kerf_mm", "weldcut.seam_width_mm"}
+    tried = before is not RecipeStatus.UNVERIFIED or sealed <= set(numbers)
     if not tried or before is RecipeStatus.BURST_TESTED:
         return before
     burst = numbers.get("measured.burst_kpa")
     if burst is not None and burst.readings >= BALLOONS_TESTED:
         return RecipeStatus.BURST_TESTED
     return RecipeStatus.COUPON_OK
-
-
-def _seal_is_known(numbers: Mapping[str, Estimate], profile: LaserProfile) -> bool:
-    if Operation.WELDCUT in profile.recipe.by_operation:
-        return {"weldcut.kerf_mm", "weldcut.seam_width_mm"} <= set(numbers)
-    return "weld.seam_width_mm" in numbers
 
 
 def _peel(results: Results) -> dict[str, Estimate]:
@@ -655,3 +676,68 @@ _FITS = {
     "crotch": _crotches,
 }
 """Fits of groups that need nothing but their own readings."""
+
+
+_OWN_TABLES = ("measured", "growth", "coupons", "lap")
+
+
+def calibrated_recipe(
+    calibration: Calibration, recipe: str | Path, out: Path, results: Path
+) -> str:
+    """Return a recipe file with fitted numbers as text, read back to be sure that it is valid."""
+    if out.suffix != ".toml":
+        raise BadInputError("--out", str(out), "a file that ends in .toml")
+    document = read_toml(locate("recipe", recipe))
+    before = document["name"]
+    document["name"] = out.stem
+    document["status"] = str(calibration.status)
+    document["source"] = f"{before}, calibrated with {results.name}; before: {document['source']}"
+    for place, estimate in calibration.fitted.items():
+        table, key = place.split(".")
+        spread = {}
+        if estimate.uncertainty > 0.0:
+            spread["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+            spread["uncertainty_95"] = float(f"{estimate.half_width():.3g}")
+        measured = f"{results.name}: {counted(estimate.readings, 'reading')}"
+        kept = f"published fit, scaled to this tube: {results.name} does not say"
+        _table(document, table)[key] = Quantity(
+            value=float(f"{estimate.value:.6g}"),
+            standing=Standing.MEASURED if estimate.readings else Standing.ASSUMED,
+            source=measured if estimate.readings else kept,
+            **spread,
+        ).content
+    if calibration.windows:
+        windows = []
+        for window in calibration.windows:  # its ends name the file of their readings
+            ends = quantities(window).items()
+            named = {k: end.changed(source=f"{results.name}: {end.source}") for k, end in ends}
+            windows.append(window.changed(**named).content)
+        _table(document, "coupons")["windows"] = windows
+    if calibration.lap_method is not None:
+        _bond(document["lap"], calibration)
+    text = f"# {GENERATOR}\n{tomli_w.dumps(document)}"
+    profile_of(tomllib.loads(text), out)
+    return text
+
+
+def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    if name in _OWN_TABLES:
+        found: dict[str, Any] = document.setdefault(name, {})
+        return found
+    operations: dict[str, Any] = document["operations"]
+    sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
+    return sealed
+
+
+def _bond(table: dict[str, Any], calibration: Calibration) -> None:
+    """Set the bond of the laps tested, and leave no load of another bond or of less standing."""
+    changed = table.get("method", "") != calibration.lap_method
+    table["method"] = str(calibration.lap_method)
+    measured = table.get("strength_n_per_mm", {}).get("standing") == Standing.MEASURED
+    if "lap.strength_n_per_mm" in calibration.fitted:
+        stale = "survived_n_per_mm" if changed else ""
+    else:
+        # What laps bore counts where none failed: it takes the place of an assumed strength.
+        bore = "lap.survived_n_per_mm" in calibration.fitted
+        stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
+    table.pop(stale, None)

@@ -5,7 +5,6 @@ import logging
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 from ezdxf import options  # type: ignore[attr-defined]
@@ -115,35 +114,27 @@ def _fixed_metadata() -> Iterator[None]:
         _EZDXF_LOG.setLevel(level)
 
 
-def read_dxf(source: Path | str) -> ReadDrawing:
+def read_dxf(text: str) -> ReadDrawing:
     """Read a DXF file of ours."""
-    name = str(source) if isinstance(source, Path) else "DXF text"
     try:
-        text = source.read_text("utf-8") if isinstance(source, Path) else source
         document = read(io.StringIO(text))
-        return _drawing(document)
-    except (DXFError, BadInputError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(name, f"not a DXF file of ours: {error}") from error
-    except OSError as error:
-        raise UnreadableFileError(name, error.strerror or str(error)) from error
-
-
-def _drawing(document: DxfDocument) -> ReadDrawing:
-    entities = list(document.modelspace())
-    own = Polyline if document.dxfversion == AC1009 else LWPolyline
-    polylines = [entity for entity in entities if isinstance(entity, own)]
-    limit = document.header.get("$LIMMAX", (0.0, 0.0))
-    return ReadDrawing(
-        unit=_unit(document),
-        sheet=(float(limit[0]), float(limit[1])),
-        paths=tuple(_path(polyline) for polyline in polylines),
-        layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
-        oddities=tuple(
-            f"{counted(count, 'entity')} of kind {kind}"
-            for kind, count in Counter(entity.dxftype() for entity in entities).items()
-            if kind != own.DXFTYPE
-        ),
-    )
+        entities = list(document.modelspace())
+        own = Polyline if document.dxfversion == AC1009 else LWPolyline
+        polylines = [entity for entity in entities if isinstance(entity, own)]
+        limit = document.header.get("$LIMMAX", (0.0, 0.0))
+        return ReadDrawing(
+            unit=_unit(document),
+            sheet=(float(limit[0]), float(limit[1])),
+            paths=tuple(_path(polyline) for polyline in polylines),
+            layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
+            oddities=tuple(
+                f"{counted(count, 'entity')} of kind {kind}"
+                for kind, count in Counter(entity.dxftype() for entity in entities).items()
+                if kind != own.DXFTYPE
+            ),
+        )
+    except (DXFError, BadInputError) as error:
+        raise UnreadableFileError("DXF text", f"not a DXF file of ours: {error}") from error
 
 
 def _unit(document: DxfDocument) -> str:

@@ -133,20 +133,14 @@ def styled_paths(job: Job, colours: Colours) -> tuple[StyledPath, ...]:
     variants = dict(zip(names, VARIANT_COLOURS, strict=False))
     if len(variants) < len(names):
         raise BadInputError("variants", len(names), f"at most {len(VARIANT_COLOURS)} in one file")
-    return tuple(
-        StyledPath(path=path, style=_style(path, colours, variants))
-        for operation in Operation
-        if operation in colours.styles
-        for path in job.along(operation)
-    )
-
-
-def _style(path: LaserPath, colours: Colours, variants: Mapping[str, tuple[str, int]]) -> Style:
-    style = colours.styles[path.operation]
-    if not path.variant:
-        return style
-    rgb, aci = variants[path.variant]
-    return Style(layer=f"{path.operation.layer}_{path.variant}", rgb=rgb, aci=aci)
+    found = []
+    for path in (path for op in Operation if op in colours.styles for path in job.along(op)):
+        style = colours.styles[path.operation]
+        if path.variant:
+            rgb, aci = variants[path.variant]
+            style = Style(layer=f"{path.operation.layer}_{path.variant}", rgb=rgb, aci=aci)
+        found.append(StyledPath(path=path, style=style))
+    return tuple(found)
 
 
 def operations_left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:

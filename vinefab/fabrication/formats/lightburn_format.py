@@ -54,9 +54,31 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         MirrorY="False",
     )
     for priority, styled in enumerate(_layers(paths).values()):
-        root.append(_layer(styled, profile, priority))
+        index = layer_index(styled, profile)
+        tool = index in (TOOL_1, TOOL_2)
+        cut = ET.SubElement(root, "CutSetting", type="Tool" if tool else "Cut")
+        values = [] if tool else cut_values(styled.path.settings_in(profile))
+        head = [("index", str(index)), ("name", styled.style.layer)]
+        for name, value in [*head, *values, ("priority", str(priority))]:
+            ET.SubElement(cut, name, Value=value)
     for number, styled in enumerate(paths):
-        root.append(_shape(number, styled, profile))
+        # The numbers of the lists must differ: shapes with the same number share their lists.
+        shape = ET.SubElement(
+            root,
+            "Shape",
+            Type="Path",
+            CutIndex=str(layer_index(styled, profile)),
+            VertID=str(number),
+            PrimID=str(number),
+        )
+        contour = flattened_contour(styled.path.contour)
+        points: Floats = contour.points_mm
+        ET.SubElement(shape, "XForm").text = "1 0 0 1 0 0"
+        vertices = (f"V{_number(x)} {_number(y)}c0x1c1x1" for x, y in points.tolist())
+        ET.SubElement(shape, "VertList").text = "".join(vertices)
+        count = len(points)
+        lines = (f"L{at} {(at + 1) % count}" for at in range(len(contour)))
+        ET.SubElement(shape, "PrimList").text = "".join(lines)
     notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
     ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
     ET.indent(root, " ")
@@ -97,37 +119,6 @@ def cut_values(settings: OperationSettings) -> list[tuple[str, str]]:
         ("numPasses", str(settings.passes)),
         ("runBlower", str(int(settings.air_assist))),
     ]
-
-
-def _layer(styled: StyledPath, profile: LaserProfile, priority: int) -> ET.Element:
-    index = layer_index(styled, profile)
-    tool = index in (TOOL_1, TOOL_2)
-    cut = ET.Element("CutSetting", type="Tool" if tool else "Cut")
-    values = [] if tool else cut_values(styled.path.settings_in(profile))
-    head = [("index", str(index)), ("name", styled.style.layer)]
-    for name, value in [*head, *values, ("priority", str(priority))]:
-        ET.SubElement(cut, name, Value=value)
-    return cut
-
-
-def _shape(number: int, styled: StyledPath, profile: LaserProfile) -> ET.Element:
-    # The numbers of the lists must differ: shapes with the same number share their lists.
-    shape = ET.Element(
-        "Shape",
-        Type="Path",
-        CutIndex=str(layer_index(styled, profile)),
-        VertID=str(number),
-        PrimID=str(number),
-    )
-    contour = flattened_contour(styled.path.contour)
-    points: Floats = contour.points_mm
-    ET.SubElement(shape, "XForm").text = "1 0 0 1 0 0"
-    vertices = (f"V{_number(x)} {_number(y)}c0x1c1x1" for x, y in points.tolist())
-    ET.SubElement(shape, "VertList").text = "".join(vertices)
-    count = len(points)
-    lines = (f"L{at} {(at + 1) % count}" for at in range(len(contour)))
-    ET.SubElement(shape, "PrimList").text = "".join(lines)
-    return shape
 
 
 def _number(value: float) -> str:

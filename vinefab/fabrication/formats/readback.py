@@ -119,11 +119,7 @@ def _path_problems(laser_format: LaserFormat, styled: StyledPath, path: DrawnPat
         yield f"colour {path.colour}, not {colour}"
     if read.closed != model.closed:
         yield f"{_ends(read)}, not {_ends(model)}"
-    yield from _vertex_problems(read, laser_format.contour(model), tolerance_mm)
-    yield from _size_problems(read, model, tolerance_mm, laser_format.sagitta_mm)
-
-
-def _vertex_problems(read: Contour, expected: Contour, tolerance_mm: float) -> Iterator[str]:
+    expected = laser_format.contour(model)
     if read.arc_count != expected.arc_count:
         yield f"{counted(read.arc_count, 'arc')}, not {expected.arc_count}"
     if len(read.points_mm) != len(expected.points_mm):
@@ -132,6 +128,7 @@ def _vertex_problems(read: Contour, expected: Contour, tolerance_mm: float) -> I
         away_mm = float(np.abs(_probes_mm(read) - _probes_mm(expected)).max())
         if away_mm > tolerance_mm:
             yield f"a point is {away_mm:.4g} mm away from where it should be"
+    yield from _size_problems(read, model, tolerance_mm, laser_format.sagitta_mm)
 
 
 def _size_problems(

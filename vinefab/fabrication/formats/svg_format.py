@@ -3,9 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import svgwrite
 from svgwrite.extensions import Inkscape
@@ -145,16 +143,12 @@ _SIZE = re.compile(r"(-?\d+(?:\.\d+)?)(\D*)")
 _ARGUMENTS = {"M": 2, "L": 2, "A": 7, "Z": 0}
 
 
-def read_svg(source: Path | str) -> ReadDrawing:
+def read_svg(text: str) -> ReadDrawing:
     """Read an SVG file of ours; y is up again."""
-    name = str(source) if isinstance(source, Path) else "SVG text"
     try:
-        text = source.read_text("utf-8") if isinstance(source, Path) else source
         return _drawing(xml_root(text))
-    except (ET.ParseError, BadInputError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(name, f"not an SVG file of ours: {error}") from error
-    except OSError as error:
-        raise UnreadableFileError(name, error.strerror or str(error)) from error
+    except (ET.ParseError, BadInputError) as error:
+        raise UnreadableFileError("SVG text", f"not an SVG file of ours: {error}") from error
 
 
 def _drawing(root: ET.Element) -> ReadDrawing:
@@ -202,26 +196,13 @@ def _group(group: ET.Element, height_mm: float, odd: list[str]) -> list[DrawnPat
     return found
 
 
-@dataclass(slots=True)
-class _Pen:
-    """Where the pen stands while a path is read."""
-
-    first: tuple[float, float]
-    now: tuple[float, float]
-    segments: list[Segment] = field(default_factory=list)
-
-    def draw(self, end: tuple[float, float], bulge: float = 0.0) -> None:
-        self.segments.append(Segment(start_mm=self.now, end_mm=end, bulge=bulge))
-        self.now = end
-
-
 def read_commands(text: str, height_mm: float) -> Contour:
     """Return the contour of one path's commands (absolute M, L, A and Z only), y up."""
     words = text.split()
     if words[:1] != ["M"]:
         raise BadInputError("d", text[:40], "one path that begins with M")
-    start = _read_point(words[1:3], height_mm)
-    pen = _Pen(first=start, now=start)
+    first = now = _read_point(words[1:3], height_mm)
+    segments: list[Segment] = []
     at, closed = 3, False
     while at < len(words):
         letter = words[at]
@@ -229,21 +210,15 @@ def read_commands(text: str, height_mm: float) -> Contour:
         arguments = words[at + 1 : at + 1 + count]
         if closed or letter == "M" or len(arguments) != count:
             raise BadInputError("d", " ".join(words[at : at + 8]), "L, A and one closing Z")
-        _run(pen, letter, arguments, height_mm)
         closed = letter == "Z"
-        at += 1 + count
-    if not pen.segments:
+        end = first if closed else _read_point(arguments[-2:], height_mm)
+        if not closed or now != first:
+            bulge = _bulge(now, end, arguments) if letter == "A" else 0.0
+            segments.append(Segment(start_mm=now, end_mm=end, bulge=bulge))
+        now, at = end, at + 1 + count
+    if not segments:
         raise BadInputError("d", text[:40], "at least one line or arc")
-    return Contour.from_segments(pen.segments, closed=closed)
-
-
-def _run(pen: _Pen, letter: str, arguments: list[str], height_mm: float) -> None:
-    if letter == "Z":
-        if pen.now != pen.first:
-            pen.draw(pen.first)
-        return
-    end = _read_point(arguments[-2:], height_mm)
-    pen.draw(end, _bulge(pen.now, end, arguments) if letter == "A" else 0.0)
+    return Contour.from_segments(segments, closed=closed)
 
 
 def _bulge(start: tuple[float, float], end: tuple[float, float], arguments: list[str]) -> float:

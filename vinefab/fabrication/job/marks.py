@@ -162,7 +162,7 @@ def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list
     ]
 
 
-BESIDE_MM = 40.0
+LABEL_BESIDE_MM = 40.0
 """A label that is farther from its robot gets a leader, where the sheet holds several."""
 
 LEADER_MM = 80.0
@@ -217,7 +217,7 @@ class FreeRoom:
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
     ) -> Box | None:
         """Return the free box of a size at a robot whose middle is nearest to a point, or None."""
-        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, BESIDE_MM)):
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LABEL_BESIDE_MM)):
             beside = boxes[self._beside(boxes, own)]
             if len(beside):
                 return _bounds(beside[0])
@@ -273,7 +273,7 @@ class FreeRoom:
         """Return which boxes lie beside a robot, and nearer to it than to any other."""
         if len(self.bodies) < 2:
             return np.ones(len(boxes), dtype=np.bool_)
-        beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, BESIDE_MM))
+        beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, LABEL_BESIDE_MM))
         beside[beside] = self._alone(boxes[beside], own)
         return beside
 
@@ -343,27 +343,20 @@ def _written(
     """Return the strokes of a text in a box, which is free no more."""
     height, box, upright = place
     free.take(shapely.box(*box))
-    strokes = _strokes(lines, height, box, upright=upright)
-    return tuple(
-        mark(Contour.polyline(stroke, closed=False), target.label, target.name)
-        for stroke in strokes
-    )
-
-
-def mark(contour: Contour, label: str, name: str) -> LaserPath:
-    """Return a contour as a path to be marked."""
-    return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
-
-
-def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) -> list[Floats]:
-    strokes = []
+    paths = []
     for row, line in enumerate(lines):
         rise = _LINE * height * (len(lines) - 1 - row)
         for stroke in text_strokes_mm(line, height):
             x, y = stroke[:, 0], stroke[:, 1] + rise
             placed = (box[2] - y, box[1] + x) if upright else (box[0] + x, box[1] + y)
-            strokes.append(np.column_stack(placed))
-    return strokes
+            contour = Contour.polyline(np.column_stack(placed), closed=False)
+            paths.append(mark(contour, target.label, target.name))
+    return tuple(paths)
+
+
+def mark(contour: Contour, label: str, name: str) -> LaserPath:
+    """Return a contour as a path to be marked."""
+    return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
 
 
 def region(contour: Contour) -> shapely.Geometry:

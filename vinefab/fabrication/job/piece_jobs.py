@@ -47,7 +47,23 @@ def pieces_job(
     if sheet.beside:
         other = sheet.beside[0].name
         raise BadInputError("--with", other, f"nothing: {design.name} is cut in pieces of its own")
-    parts = _parts(design, profile, sheet, partition)
+    separate = sheet.process == "weld+cut"
+    bodies = [
+        body_paths(design, profile, separate=separate, ends=piece_ends(partition, piece))
+        for piece in partition.pieces
+    ]
+    parts = [
+        SheetRobot(
+            design=design,
+            body=body,
+            placement=None,
+            number=copy,
+            count=sheet.copies,
+            piece=piece.label,
+        )
+        for copy in range(1, sheet.copies + 1)
+        for piece, body in zip(partition.pieces, bodies, strict=True)
+    ]
     room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
     left, sheets = list(parts), list[list[SheetRobot]]()
     while left:
@@ -64,6 +80,10 @@ def pieces_job(
         _sheet_job(design, profile, (number, len(sheets)), robots, partition)
         for number, robots in enumerate(sheets, start=1)
     ]
+    left_out: list[object] = []  # marks that found no room on their sheets
+    for job in jobs:
+        missed = job.facts.get("marks_left_out", [])
+        left_out += missed if isinstance(missed, list) else []
     moved = [
         replace(path, contour=path.contour.moved(0.0, number * wide, 0.0))
         for number, job in enumerate(jobs)
@@ -83,42 +103,10 @@ def pieces_job(
             "sheets": len(jobs),
             **_piece_facts(design, profile, sheet, partition, sheets),
             "outline_problems": [problem.message for problem in parts[0].body.outline.problems],
-            **_left_out(jobs),
+            **({"marks_left_out": left_out} if left_out else {}),
         },
         sheets=tuple(jobs),
     )
-
-
-def _left_out(jobs: Sequence[Job]) -> dict[str, object]:
-    """Return the marks that found no room on any of the sheets."""
-    found: list[object] = []
-    for job in jobs:
-        left_out = job.facts.get("marks_left_out", [])
-        found += left_out if isinstance(left_out, list) else []
-    return {"marks_left_out": found} if found else {}
-
-
-def _parts(
-    design: Design, profile: LaserProfile, sheet: SheetOptions, partition: Partition
-) -> list[SheetRobot]:
-    """Return every piece of every copy, not placed yet."""
-    separate = sheet.process == "weld+cut"
-    bodies = [
-        body_paths(design, profile, separate=separate, ends=piece_ends(partition, piece))
-        for piece in partition.pieces
-    ]
-    return [
-        SheetRobot(
-            design=design,
-            body=body,
-            placement=None,
-            number=copy,
-            count=sheet.copies,
-            piece=piece.label,
-        )
-        for copy in range(1, sheet.copies + 1)
-        for piece, body in zip(partition.pieces, bodies, strict=True)
-    ]
 
 
 def _sheet_job(

@@ -65,8 +65,10 @@ def marks_of_pieces(
     for path in (path for one in made for path in one.paths):
         free.take_path(path)
     for own, robot in enumerate(robots):
-        for end, sleeve in _ends(robot, partition):
-            made.append(_joint(robot, free, layout, (own, end, sleeve)))
+        for sleeve in partition.sleeves:
+            for end, on in ((SOCKET, sleeve.socket_on), (PLUG, sleeve.plug_on)):
+                if on == robot.piece:
+                    made.append(_joint(robot, free, layout, (own, end, sleeve)))
     made += [
         _piece(robot, free, layout, profile, (own, partition)) for own, robot in enumerate(robots)
     ]
@@ -74,15 +76,6 @@ def marks_of_pieces(
         paths=tuple(path for one in made for path in one.paths),
         left_out=tuple(message for one in made for message in one.left_out),
     )
-
-
-def _ends(robot: SheetRobot, partition: Partition) -> Iterator[tuple[str, Sleeve]]:
-    """Yield the sleeves whose plug or socket is on a piece."""
-    for sleeve in partition.sleeves:
-        if sleeve.socket_on == robot.piece:
-            yield SOCKET, sleeve
-        if sleeve.plug_on == robot.piece:
-            yield PLUG, sleeve
 
 
 def _frame(layout: FlatLayout, branch: int) -> LocalFrame:

@@ -4,13 +4,12 @@ The page is laid out in points. Lengths of the robot are in millimetres of its f
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from textwrap import wrap
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -32,6 +31,7 @@ from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
+from vinefab.pages.label_places import Labels, boxes_around, spots_around
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import (
     Ink,
@@ -56,6 +56,9 @@ _MOST_PT, _LEAST_PT = 620.0, 200.0
 _TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.0, 12.0, 8.5, 6.0
 _LEAD_PT = 34.0
 """Least distance on paper from a plug to its socket: room for the number of the joint."""
+
+_BESIDE_PT = (9.0, 12.0, 16.0, 21.0, 28.0)
+"""Gaps tried between an end of a joint and its label."""
 
 _RIM_PT = 16.0
 _FLATTEN_PT = 0.1
@@ -295,10 +298,10 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
     page = _View.into(exploded.box_mm, box)
     for piece in robot.partition.pieces:
         _draw_piece(panel, robot, piece.label, page, view.moves_mm[piece.label])
-    labels = _Labels(
-        (_EDGE_PT, below_pt + _TITLE_PT, _WIDE_PT - _EDGE_PT, top - _TITLE_PT),
-        [
-            page.points(_points(robot, piece.label, page) + view.moves_mm[piece.label])
+    labels = Labels(
+        page_pt=(_EDGE_PT, below_pt + _TITLE_PT, _WIDE_PT - _EDGE_PT, top - _TITLE_PT),
+        lines_pt=[
+            _coarse(page.points(_points(robot, piece.label, page) + view.moves_mm[piece.label]))
             for piece in robot.partition.pieces
         ],
     )
@@ -331,7 +334,7 @@ def _draw_lead(
     step: JoiningStep,
     page: _View,
     view: ExplodedView,
-    labels: "_Labels",
+    labels: Labels,
 ) -> None:
     """Draw the line from a plug to its socket, both rims, the depth mark, and the step's number."""
     sleeve = step.sleeve
@@ -348,13 +351,14 @@ def _draw_lead(
     ):
         ends = page.points(np.array([place - reach * across, place + reach * across]))
         panel.line(ends, ink, rank=5.0)
-        labels.take(shapely.buffer(shapely.LineString(ends), 1.5))
+        labels.taken.append(shapely.buffer(shapely.LineString(ends), 1.5))
     ends = page.points(np.array([plug, socket]))
     panel.line(ends, Ink(line=INK, width_pt=0.6), rank=4.0)
-    labels.take_line(ends)
+    labels.taken.append(shapely.buffer(shapely.LineString(ends), 0.1))
     middle = ends.mean(axis=0)
     _draw_number(panel, middle, step.number)
-    labels.take(_around(middle[None], f"{step.number}", _JOINT_PT)[0])
+    size = _label_size(f"{step.number}", _JOINT_PT)
+    labels.taken.append(boxes_around(middle[None], size)[0])
 
 
 def _rims_mm(view: ExplodedView, sleeve: Sleeve) -> tuple[Floats, Floats]:
@@ -375,13 +379,17 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
     label: str,
     page: _View,
     move_mm: Floats,
-    labels: "_Labels",
+    labels: Labels,
     *,
     size_pt: float = _LABEL_PT,
 ) -> None:
     """Write the label of a piece into its widest part."""
     points = page.points(_points(robot, label, page) + move_mm)
-    x, y = labels.inside(points, label, size_pt).tolist()
+    # In its widest part, if that is free; else on its outline.
+    middles = list(_middles(points))
+    spots = np.array([*middles, *points[:: max(1, len(points) // 40)]])
+    costs = np.where(np.arange(len(spots)) < len(middles), np.arange(len(spots)), 30.0)
+    x, y = spots[labels.place(spots, costs, _label_size(label, size_pt), line_cost=0.05)].tolist()
     panel.boxed(
         (x, y), label, size_pt,
         Ink(fill="#ffffff", line=robot.colours[label], width_pt=0.9), bold=True,
@@ -389,80 +397,24 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
 
 
 def _write_joint(
-    panel: Panel, step: JoiningStep, page: _View, view: ExplodedView, labels: "_Labels"
+    panel: Panel, step: JoiningStep, page: _View, view: ExplodedView, labels: Labels
 ) -> None:
     """Write the joint's label beside its plug and beside its socket."""
     name = step.sleeve.label
     for place, colour in zip(_rims_mm(view, step.sleeve), (INK, ALERT), strict=True):
-        at = labels.beside(page.points(place), name)
-        x, y = at.tolist()
+        far, towards = spots_around(_BESIDE_PT, np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False))
+        spots = page.points(place) + far[:, None] * towards
+        x, y = spots[labels.place(spots, far, _label_size(name, _JOINT_PT))].tolist()
         panel.words((x, y), name, _JOINT_PT, colour=colour, anchor="middle", bold=True, halo=True)
 
 
-def _around(middles_pt: Floats, words: str, size_pt: float) -> NDArray[np.object_]:
-    """Return the boxes around words in different places, shape (n, 2)."""
-    wide, high = text_width(words, size_pt, bold=True) + 3.0, size_pt + 1.0
-    x, y = middles_pt.T
-    return np.asarray(shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
+def _label_size(words: str, size_pt: float) -> Floats:
+    return np.array([text_width(words, size_pt, bold=True) + 3.0, size_pt + 1.0])
 
 
-class _Labels:
-    """The labels on a page: each takes the best place that is left, and none is left out."""
-
-    def __init__(self, box_pt: Box, outlines_pt: Sequence[Floats]) -> None:
-        self.page = shapely.box(*box_pt)
-        outlines = shapely.simplify([shapely.LineString(one) for one in outlines_pt], 1.0)
-        runs = [shapely.get_coordinates(one) for one in outlines]
-        ends = np.concatenate([np.stack([run[:-1], run[1:]], axis=1) for run in runs])
-        self.edges = shapely.STRtree(np.asarray(shapely.linestrings(ends)))
-        self.taken: list[BaseGeometry] = []
-        self.lines: list[BaseGeometry] = []
-
-    def take(self, box: BaseGeometry) -> None:
-        """Keep a place free of labels."""
-        self.taken.append(box)
-
-    def take_line(self, ends_pt: Floats) -> None:
-        """Keep labels off a line, where there is room elsewhere."""
-        self.lines.append(shapely.LineString(ends_pt))
-
-    def inside(self, outline_pt: Floats, words: str, size_pt: float) -> Floats:
-        """Return a place for the label of a piece: in its widest part, if that is free."""
-        middles = list(_middles(outline_pt))
-        spots = [*middles, *outline_pt[:: max(1, len(outline_pt) // 40)]]
-        costs = np.where(np.arange(len(spots)) < len(middles), np.arange(len(spots)), 30.0)
-        return self._best(np.array(spots), costs, words, size_pt, 0.05)
-
-    def beside(self, at_pt: Floats, words: str) -> Floats:
-        """Return a place for a label near a point."""
-        angles = np.arange(16) * np.pi / 8.0
-        far, angle = (grid.ravel() for grid in np.meshgrid((9.0, 12.0, 16.0, 21.0, 28.0), angles))
-        spots = at_pt + far[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        return self._best(spots, far, words, _JOINT_PT, 0.8)
-
-    def _best(
-        self, spots: Floats, costs: Floats, words: str, size_pt: float, edge_cost: float
-    ) -> Floats:
-        """Return the cheapest of places; covering a label costs most, then lines, then edges."""
-        boxes = _around(spots, words, size_pt)
-        cost = costs + 1000.0 * ~shapely.within(boxes, self.page)
-        cost = cost + 8.0 * _covered(boxes, shapely.STRtree(self.taken), shapely.area)
-        cost = cost + 2.0 * _covered(boxes, shapely.STRtree(self.lines), shapely.length)
-        cost = cost + edge_cost * _covered(boxes, self.edges, shapely.length)
-        best = int(cost.argmin())
-        self.take(boxes[best])
-        return np.asarray(spots[best])
-
-
-def _covered(
-    boxes: NDArray[np.object_], shapes: shapely.STRtree, size: Callable[..., Floats]
-) -> Floats:
-    """Return the area or the length of the shapes in each box."""
-    box, shape = shapes.query(boxes)
-    sizes = size(shapely.intersection(boxes[box], shapes.geometries[shape]))
-    total = np.zeros(len(boxes))
-    np.add.at(total, box, sizes)
-    return total
+def _coarse(outline_pt: Floats) -> Floats:
+    """Return an outline that labels keep off."""
+    return shapely.get_coordinates(shapely.simplify(shapely.LineString(outline_pt), 1.0))
 
 
 def _middles(outline_pt: Floats) -> Iterator[Floats]:
@@ -535,12 +487,14 @@ def _draw_together(panel: Panel, robot: _Robot, box_pt: Box) -> None:
     here = np.zeros(2)
     for piece in robot.partition.pieces:
         _draw_piece(panel, robot, piece.label, page, here, 0.35)
-    labels = _Labels(
-        (x0, y0 + _RIM_PT, x1, y1 - _TITLE_PT),
-        [page.points(_points(robot, piece.label, page)) for piece in robot.partition.pieces],
+    labels = Labels(
+        page_pt=(x0, y0 + _RIM_PT, x1, y1 - _TITLE_PT),
+        lines_pt=[
+            _coarse(page.points(_points(robot, piece.label, page)))
+            for piece in robot.partition.pieces
+        ],
+        taken=[_draw_band(panel, robot, step, page) for step in robot.steps],
     )
-    for step in robot.steps:
-        labels.take(_draw_band(panel, robot, step, page))
     for piece in robot.partition.pieces:
         _write_piece(panel, robot, piece.label, page, here, labels, size_pt=9.0)
     x = panel.scale_bar((x0, y0 + 10.0), page.pt_per_mm, 90.0) + 14.0

@@ -39,10 +39,31 @@ class BomLine:
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     """Return every line of a job's bill of materials; that of joints has `joint_lines`."""
+    parts: tuple[BomLine, ...] = ()
+    if job.sheets:
+        parts = (_computed("sheets", len(job.sheets), "1", "a film of its own each"),)
+    elif job.tiles:
+        basis = "on the same film, one after the other, aligned by targets"
+        parts = (_computed("tiles", len(job.tiles), "1", basis),)
+    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
+    kinds = [
+        ("weld length", sealed, "paths that seal, one pass"),
+        ("cut length", cut, "paths that cut through, one pass"),
+        ("mark length", (Operation.MARK,), "marks, one pass"),
+    ]
+    twice = "; where tiles meet, both count" if job.tiles else ""
     return (
         *_film_lines(job, profile),
-        *_tile_lines(job),
-        *_length_lines(job),
+        *parts,
+        *[
+            _computed(
+                item,
+                math.fsum(run.length_mm(op) for run in job.runs for op in operations),
+                "mm",
+                f"{basis}{twice}",
+            )
+            for item, operations, basis in kinds
+        ],
         *_time_lines(job, profile),
     )
 
@@ -226,34 +247,6 @@ def _roll_line(
         standing=standing,
         basis=basis,
     )
-
-
-def _tile_lines(job: Job) -> list[BomLine]:
-    if job.sheets:
-        return [_computed("sheets", len(job.sheets), "1", "a film of its own each")]
-    if not job.tiles:
-        return []
-    basis = "on the same film, one after the other, aligned by targets"
-    return [_computed("tiles", len(job.tiles), "1", basis)]
-
-
-def _length_lines(job: Job) -> list[BomLine]:
-    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
-    kinds = [
-        ("weld length", sealed, "paths that seal, one pass"),
-        ("cut length", cut, "paths that cut through, one pass"),
-        ("mark length", (Operation.MARK,), "marks, one pass"),
-    ]
-    twice = "; where tiles meet, both count" if job.tiles else ""
-    return [
-        _computed(
-            item,
-            math.fsum(run.length_mm(op) for run in job.runs for op in operations),
-            "mm",
-            f"{basis}{twice}",
-        )
-        for item, operations, basis in kinds
-    ]
 
 
 def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:

@@ -9,7 +9,7 @@ from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.fabrication.package.mounting import face_words
-from vinefab.model.design import Build, Design
+from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
     NO_SHRINKAGE,
@@ -19,7 +19,6 @@ from vinefab.model.laser import (
     Material,
     OperationSettings,
     Quantity,
-    Recipe,
     quantities,
 )
 
@@ -32,10 +31,40 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
     Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
     recipe = profile.recipe
+    levels = [
+        {
+            "branches": level.branches,
+            "length_mm": level.length_mm,
+            "angle_deg": level.angle_deg,
+            "growth_percent": level.growth_percent,
+        }
+        for level in design.levels
+    ]
+    pouch, collar = design.build.pouch, design.build.collar
     return json_text(
         _SCHEMA,
         {
-            "design": _design(design),
+            "design": {
+                "name": design.name,
+                "trunk_length_mm": design.trunk_length_mm,
+                "levels": levels,
+                "build": {
+                    "widths_mm": list(design.build.widths_mm),
+                    "end_widths_mm": list(design.build.end_widths_mm),
+                    "fillet_mm": list(design.build.fillet_mm),
+                    "tail_mm": design.build.tail_mm,
+                    "pressure_kpa": design.build.pressure_kpa,
+                    "mounting": design.build.mounting,
+                    "faces": face_words(design.build),
+                    "pouch": None if pouch is None else pouch.model_dump(),
+                    "collar": None
+                    if collar is None
+                    else {
+                        **collar.model_dump(),
+                        "flat_width_mm": collar.flat_width_mm,
+                    },
+                },
+            },
             "units": "mm",
             "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
             "offsets": "applied to the paths; the machine's own kerf stays at 0",
@@ -50,7 +79,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "source": recipe.source,
                 "coupons": {k: q.content for k, q in quantities(recipe.coupons).items()},
                 "windows": [window.words() for window in recipe.coupons.windows],
-                **_lap(job, recipe),
+                **({"lap": recipe.lap and _record(recipe.lap)} if job.sheets else {}),
             },
             "operations": [
                 _operation(operation, job, profile, colours)
@@ -69,14 +98,6 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             **_sheets(job, colours),
         },
     )
-
-
-def _lap(job: Job, recipe: Recipe) -> dict[str, object]:
-    """Return the bond of the sleeves of a robot in pieces."""
-    if not job.sheets:
-        return {}
-    bond = recipe.lap
-    return {"lap": None if bond is None else _record(bond)}
 
 
 def _sheets(job: Job, colours: Colours) -> dict[str, object]:
@@ -118,44 +139,6 @@ def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
     )
 
 
-def _design(design: Design) -> dict[str, object]:
-    levels = [
-        {
-            "branches": level.branches,
-            "length_mm": level.length_mm,
-            "angle_deg": level.angle_deg,
-            "growth_percent": level.growth_percent,
-        }
-        for level in design.levels
-    ]
-    return {
-        "name": design.name,
-        "trunk_length_mm": design.trunk_length_mm,
-        "levels": levels,
-        "build": _build(design.build),
-    }
-
-
-def _build(build: Build) -> dict[str, object]:
-    pouch, collar = build.pouch, build.collar
-    return {
-        "widths_mm": list(build.widths_mm),
-        "end_widths_mm": list(build.end_widths_mm),
-        "fillet_mm": list(build.fillet_mm),
-        "tail_mm": build.tail_mm,
-        "pressure_kpa": build.pressure_kpa,
-        "mounting": build.mounting,
-        "faces": face_words(build),
-        "pouch": None if pouch is None else pouch.model_dump(),
-        "collar": None
-        if collar is None
-        else {
-            **collar.model_dump(),
-            "flat_width_mm": collar.flat_width_mm,
-        },
-    }
-
-
 def _operation(
     operation: Operation, job: Job, profile: LaserProfile, colours: Colours
 ) -> dict[str, object]:
@@ -171,17 +154,12 @@ def _operation(
     }
     if operation.is_machined:
         settings = profile.settings(operation)
-        content["settings"] = {**_record(settings), **_energy(profile.machine, settings)}
+        content["settings"] = record = {**_record(settings)}
+        if settings.by_laser:
+            energy = operation_energy_mj_mm(profile.machine, settings)
+            record["line_energy_mj_mm"] = energy.content
+            record["fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings).content
     return content
-
-
-def _energy(machine: Machine, settings: OperationSettings) -> dict[str, object]:
-    if not settings.by_laser:
-        return {}
-    return {
-        "line_energy_mj_mm": operation_energy_mj_mm(machine, settings).content,
-        "fluence_mj_mm2": fluence_mj_mm2(machine, settings).content,
-    }
 
 
 def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:

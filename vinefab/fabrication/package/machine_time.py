@@ -52,8 +52,9 @@ def _joint_speeds(
     """Return the speed at the start, at every joint between segments and at the end."""
     speeds = [0.0]
     speeds += [
-        0.0 if _turn_rad(*pair) > CORNER_RAD else min(two)
-        for pair, two in zip(pairwise(segments), pairwise(tops), strict=True)
+        0.0 if abs(math.remainder(turn_rad, math.tau)) > CORNER_RAD else min(two)
+        for (before, after), two in zip(pairwise(segments), pairwise(tops), strict=True)
+        for turn_rad in [after.direction_rad() - before.direction_rad(at_end=True)]
     ]
     speeds.append(0.0)
     for at, length in enumerate(lengths):
@@ -65,11 +66,6 @@ def _joint_speeds(
 
 def _reached(speed: float, length: float, acceleration: float) -> float:
     return math.sqrt(speed**2 + 2.0 * acceleration * length)
-
-
-def _turn_rad(before: Segment, after: Segment) -> float:
-    turn = after.direction_rad() - before.direction_rad(at_end=True)
-    return abs(math.remainder(turn, math.tau))
 
 
 def _time_s(length: float, top: float, ends: tuple[float, float], acceleration: float) -> float:

@@ -7,7 +7,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Picture, Section, Table
+from vinefab.core.view import Picture, Rows, Section
 from vinefab.fabrication.package.assembly_drawing import exploded_picture
 from vinefab.fabrication.package.bom import BomLine
 from vinefab.fabrication.package.piece_joining import (
@@ -51,7 +51,7 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     return Section(
         title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
         pictures=(picture,),
-        tables=(Table(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
+        tables=(Rows(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
     )
 
 
@@ -66,7 +66,7 @@ def check_section(
     ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
     skipped = tuple((rule.rule, rule.reason) for rule in report.skipped)
     stale = tuple(f"Stale waiver {name}: it matches no finding." for name in report.stale_waivers)
-    findings = Table(
+    findings = Rows(
         caption="Findings",
         headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
         rows=found,
@@ -74,7 +74,7 @@ def check_section(
     tables = (
         *((findings,) if found else ()),
         *(
-            (Table(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
+            (Rows(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
             if skipped
             else ()
         ),
@@ -122,7 +122,7 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
             f"{100 * strain:.0f} %",
         )
         rows.append((str(level), *cells))
-    table = Table(
+    table = Rows(
         caption=f"At the working pressure of {build.pressure_kpa:g} kPa; what seams stand rests on "
         f"one test: {film.seam.words()}. Strain rests on a modulus of "
         f"{film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})",
@@ -165,6 +165,18 @@ def pieces_section(
     )
     least = "No fewer are possible" if partition.proven_least else "Fewer may be possible"
     minutes = MINUTES_PER_JOINT * len(partition.sleeves)
+    rows = tuple(
+        (
+            str(step.number),
+            step.sleeve.label,
+            step.branch,
+            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
+            f"{step.sleeve.width_mm:.2f}",
+            f"{step.sleeve.lap_mm:g}",
+            f"{step.sleeve.outer_from_mm:.1f}",
+        )
+        for step in joining_order(design, partition)
+    )
     return Section(
         title="Pieces",
         paragraphs=(
@@ -172,7 +184,23 @@ def pieces_section(
             f" ({MINUTES_PER_JOINT:g} a joint, assumed). {order_reasons(profile)}",
         ),
         pictures=(picture,),
-        tables=(_piece_table(design, partition, outlines, sheets), _joint_table(design, partition)),
+        tables=(
+            _piece_table(design, partition, outlines, sheets),
+            Rows(
+                caption="Joints, in the order of joining (widths and places computed, depth "
+                "assumed)",
+                headings=(
+                    "step",
+                    "joint",
+                    "branch",
+                    "plug into socket",
+                    "lay-flat width, mm",
+                    "depth, mm",
+                    "lap begins at, mm",
+                ),
+                rows=rows,
+            ),
+        ),
     )
 
 
@@ -185,7 +213,7 @@ def _piece_table(
     partition: Partition,
     outlines: Mapping[str, Contour],
     sheets: Mapping[str, Sequence[int]],
-) -> Table:
+) -> Rows:
     ids = branch_tree(design).ids
     rows = []
     for piece in partition.pieces:
@@ -201,38 +229,10 @@ def _piece_table(
                 f"{long_mm:.0f} x {wide_mm:.0f}",
             )
         )
-    return Table(
+    return Rows(
         caption="Pieces; the size is that of the least rectangle around the outline (computed)",
         headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
         rows=tuple(rows),
-    )
-
-
-def _joint_table(design: Design, partition: Partition) -> Table:
-    rows = tuple(
-        (
-            str(step.number),
-            step.sleeve.label,
-            step.branch,
-            f"{step.sleeve.plug_on} into {step.sleeve.socket_on}",
-            f"{step.sleeve.width_mm:.2f}",
-            f"{step.sleeve.lap_mm:g}",
-            f"{step.sleeve.outer_from_mm:.1f}",
-        )
-        for step in joining_order(design, partition)
-    )
-    return Table(
-        caption="Joints, in the order of joining (widths and places computed, depth assumed)",
-        headings=(
-            "step",
-            "joint",
-            "branch",
-            "plug into socket",
-            "lay-flat width, mm",
-            "depth, mm",
-            "lap begins at, mm",
-        ),
-        rows=rows,
     )
 
 
@@ -256,7 +256,7 @@ def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
     )
     headings = ("item", "amount", "unit", "standing", "basis")
     caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
-    table = Table(caption=caption, headings=headings, rows=rows)
+    table = Rows(caption=caption, headings=headings, rows=rows)
     return Section(title="Bill of materials", tables=(table,))
 
 
@@ -272,7 +272,7 @@ def assumption_section(
     rows = tuple(
         (name, number.words(), number.standing.value, number.source) for name, number in numbers
     )
-    table = Table(
+    table = Rows(
         caption=f"Recipe {profile.recipe.name}, status {profile.recipe.status.value}",
         headings=("number", "value", "standing", "source"),
         rows=rows,

@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
@@ -131,7 +131,8 @@ def prepare(
     flat = Subject.on_sheet(design, profile, job, separate=separate)
     subject = in_pieces(replace(flat, deployments=deployments), partition)
     report = run_checks(subject)
-    others = _others(design, sheet)
+    named = {other.name: other for other in sheet.beside}
+    others = tuple(other for name, other in named.items() if name != design.name)
     beside = tuple(_beside(other, profile, job, separate=separate) for other in others)
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
@@ -162,12 +163,6 @@ def prepare(
         beside=beside,
         partition=partition if len(partition.pieces) > 1 else None,
     )
-
-
-def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
-    """Return the designs of a sheet that differ from the first, each once."""
-    named = {other.name: other for other in sheet.beside}
-    return tuple(other for name, other in named.items() if name != design.name)
 
 
 def _beside(design: Design, profile: LaserProfile, job: Job, *, separate: bool) -> CheckReport:
@@ -245,9 +240,12 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     if partition is not None:
         joints = joint_lines(design, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(design, partition)
+    more = {f"design_{number}.toml": one for number, one in enumerate(content.others, start=2)}
     files = {
         "README.txt": readme_text(design, job, profile, colours, partition).encode(),
-        **_designs(design, content.others),
+        **{
+            name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
+        },
         "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
@@ -260,14 +258,6 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
     return files
-
-
-def _designs(design: Design, others: Sequence[Design]) -> dict[str, bytes]:
-    """Return the designs as files, by which the package can be made again with another recipe."""
-    more = {f"design_{number}.toml": one for number, one in enumerate(others, start=2)}
-    return {
-        name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
-    }
 
 
 def _laser(content: PackageContent) -> Mapping[str, bytes]:
@@ -296,8 +286,12 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
 def page_blocks(prepared: Prepared) -> Iterator[Block]:
     """Yield the page of a design without predictions."""
     design, profile = prepared.design, prepared.profile
-    yield Answer(_verdict(prepared), _tone(prepared))
-    yield Notes(recipe_cautions(profile))
+    words, cautions = prepared.report.verdict, recipe_cautions(profile)
+    tone: Tone = "caution" if cautions else "good"
+    if any(report.blocking for report in (prepared.report, *prepared.beside)):
+        tone = "bad"
+    yield Answer(f"{words}; laser recipe unverified" if cautions else words, tone)
+    yield Notes(cautions)
     sections = making_sections(prepared)
     (sheet,) = (section for section in sections if section.title.startswith("The sheet"))
     yield from sheet.pictures
@@ -305,20 +299,11 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
     yield from (replace(one, pictures=()) if one is sheet else one for one in sections)
     yield pressure_section(design, profile)
     yield assumption_section(profile)
-    yield _no_predictions()
-
-
-def _verdict(prepared: Prepared) -> str:
-    """Return what rules and recipe say together, in one line."""
-    words = prepared.report.verdict
-    return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
-
-
-def _tone(prepared: Prepared) -> Tone:
-    """Return what kind of news the rules and the recipe are together."""
-    if any(report.blocking for report in (prepared.report, *prepared.beside)):
-        return "bad"
-    return "caution" if recipe_cautions(prepared.profile) else "good"
+    note = (
+        "No maps were given, so this page does not predict where the robot will grow: "
+        "vinefab report does."
+    )
+    yield Section(title="Predictions", paragraphs=(note,))
 
 
 def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
@@ -330,7 +315,11 @@ def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     """Return the sections on manufacturing: rules, sheet, materials."""
-    job = prepared.job
+    job, joints = prepared.job, tuple[BomLine, ...]()
+    if prepared.partition is not None:
+        joints = joint_lines(
+            prepared.design, prepared.partition, prepared.profile, robots=robot_count(job)
+        )
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
     return (
@@ -344,7 +333,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         ),
         sheet_section(job, [finding for report in reports for finding in report.findings]),
         *_piece_sections(prepared),
-        bom_section(_bill(prepared), robot_count(job)),
+        bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
     )
 
 
@@ -360,28 +349,6 @@ def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
         for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
             sheets.setdefault(label, []).append(number)
     return (pieces_section(design, partition, outlines, prepared.profile, sheets=sheets),)
-
-
-def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
-    """Return every line of the bill of materials, that of the joints included."""
-    design, partition, profile, job = (
-        prepared.design,
-        prepared.partition,
-        prepared.profile,
-        prepared.job,
-    )
-    lines = bill_of_materials(job, profile)
-    if partition is None:
-        return lines
-    return *lines, *joint_lines(design, partition, profile, robots=robot_count(job))
-
-
-def _no_predictions() -> Section:
-    note = (
-        "No maps were given, so this page does not predict where the robot will grow: "
-        "vinefab report does."
-    )
-    return Section(title="Predictions", paragraphs=(note,))
 
 
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:

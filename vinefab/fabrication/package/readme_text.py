@@ -28,7 +28,7 @@ from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Quantity
+from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition
 from vinefab.physics.seam import lap_load_n_mm
 
@@ -59,6 +59,10 @@ def readme_text(
     boxes = [styled.path.contour.box_mm for styled in styled_paths(first, colours)]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
     foreign = LASER_FORMATS.packages.items()
+    shown = ("generator", "name", "units", "sheet_mm", "kerf")
+    facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
+    lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
+    lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
     filled = {
         "design": design,
         "build": design.build,
@@ -106,7 +110,7 @@ def readme_text(
         "shared_styles": [group for group in operations_by_style(job, colours) if len(group) > 1],
         "left_out": operations_left_out(job, colours),
         "face_words": face_words(design.build),
-        "facts": _facts(job, colours),
+        "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
     }
     if partition and partition.sleeves:
@@ -148,14 +152,6 @@ def _layers(
     return layers
 
 
-def _facts(job: Job, colours: Colours) -> list[str]:
-    shown = ("generator", "name", "units", "sheet_mm", "kerf")
-    facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
-    lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
-    lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
-    return [*lines, f"{', '.join(lists)}: in job.json"] if lists else lines
-
-
 def _corner(tile: Job) -> str:
     """Return the place of the film's lower left corner while a tile is cut."""
     x, y = (-float(str(tile.facts[f"window_{axis}_mm"])) for axis in "xy")
@@ -163,10 +159,6 @@ def _corner(tile: Job) -> str:
         f"{abs(x):.0f} mm {'left' if x < 0 else 'right'} of the bed's lower left corner and"
         f" {abs(y):.0f} mm {'below' if y < 0 else 'above'} it"
     )
-
-
-def _in_unit(quantity: Quantity, unit: str) -> str:
-    return f"{quantity.words()} {unit} ({quantity.standing})"
 
 
 def _on_its_line(value: object) -> object:
@@ -190,7 +182,11 @@ def _environment() -> Environment:
         trim_blocks=True,
         finalize=_on_its_line,
     )
-    environment.filters |= {"in_unit": _in_unit, "number": "{:g}".format, "corner": _corner}
+    environment.filters |= {
+        "in_unit": lambda quantity, unit: f"{quantity.words()} {unit} ({quantity.standing})",
+        "number": "{:g}".format,
+        "corner": _corner,
+    }
     environment.globals |= {"counted": counted, "generator": GENERATOR}
     return environment
 

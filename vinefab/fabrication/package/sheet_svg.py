@@ -20,7 +20,7 @@ from vinefab.pages.plan_svg import contour_path
 
 _RIM_MM = 12.0
 
-SIGNS = {
+SEVERITY_SIGNS = {
     Severity.ERROR: "M-6 0A6 6 0 0 1 6 0A6 6 0 0 1 -6 0ZM-2.5 -2.5L2.5 2.5M2.5 -2.5L-2.5 2.5",
     Severity.WARNING: "M0 -7L6.5 4.5H-6.5ZM0 -3V1M0 2.4V3",
     Severity.INFO: "M-5 -5H5V5H-5ZM0 -3V-2.4M0 -0.8V3",
@@ -151,6 +151,6 @@ def _sign(number: int, finding: Finding, placed: PlacedFinding) -> str:
         parts.append(f'<path class="marked" d="{placed.marker}"/>')
     if placed.at_mm is not None:
         x, y = placed.at_mm
-        sign = f'<path class="sign" d="{SIGNS[finding.severity]}"/>'
+        sign = f'<path class="sign" d="{SEVERITY_SIGNS[finding.severity]}"/>'
         parts.append(f'<g transform="translate({x:g} {-y:g})">{sign}</g>')
     return "".join((*parts, "</g>"))

@@ -31,6 +31,7 @@ from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
+from vinefab.model.tree import least_gap_rad, widest_turn_rad
 
 LEAST_DEPTH = 1e-9
 """Pairs less deep in each other's clearance count as clear of each other."""
@@ -142,10 +143,9 @@ def _joint_takes(
     wide, narrow = build.widths_mm[level - 1] / 2.0, build.widths_mm[level] / 2.0
     lengths, disc = level_lengths_mm(design, level + 1), max(wide, narrow)
     around = [None, *range(below.branches), None]
-    fan = below.fan_rad if below.branches > 1 else 0.0
     takes: dict[int | None, float] = dict.fromkeys(around, 0.0)
     for pair in pairwise(around):
-        angle = math.pi - fan / 2.0 if None in pair else fan / (below.branches - 1)
+        angle = math.pi - widest_turn_rad(below) if None in pair else least_gap_rad(below)
         halves = tuple(wide if one is None else narrow for one in pair)
         parent = min(level_lengths_mm(design, level))
         shorter = min(parent if one is None else lengths[one] for one in pair)

@@ -6,5 +6,5 @@ by id) with `catalog.changed_limits`, `run_rules.run_checks` (the report of all 
 `run_rules.checks_text`), `penalty.fabrication_penalty` (how far a design is from manufacturable)
 and `fix.fix_design` (the smallest change that clears the errors).
 
-A new rule is a `Rule` in one of the modules, a line in `catalog`, and its cases in the tests.
+A new rule is a `Rule` in one of the modules, and its cases in the tests.
 """

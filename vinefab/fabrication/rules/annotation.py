@@ -7,7 +7,7 @@ text among the documentation. A design that breaks a rule must not become a file
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,16 @@ class SheetPlaces:
             return cls(layout=layout, whole=LayoutPlacement.of(job), uncut={}, cut={}, axes={})
         row = {name: number for number, name in enumerate(layout.tree.ids)}
         first = [piece for piece in pieces if piece["copy"] == 1]
-        placed = {piece["label"]: _piece_placement(piece, job) for piece in first}
+        # The sheets stand side by side.
+        wide_mm = job.sheets[0].sheet_width_mm
+        placed = {
+            piece["label"]: LayoutPlacement(
+                angle_rad=math.radians(piece["transform"]["rotation_deg"]),
+                dx_mm=piece["transform"]["shift_x_mm"] + (int(piece["sheet"]) - 1) * wide_mm,
+                dy_mm=piece["transform"]["shift_y_mm"],
+            )
+            for piece in first
+        }
         home = {row[name]: placed[one["label"]] for one in first for name in one["branches"]}
         cut = {
             row[joint["branch"]]: _CutBranch(
@@ -170,23 +179,15 @@ def fact_rows(job: Job, name: str) -> list[Any]:
     return rows if isinstance(rows, list) else []
 
 
-def _piece_placement(piece: Mapping[str, Any], job: Job) -> LayoutPlacement:
-    """Return where a piece lies on the sheets, which stand side by side."""
-    moved, sheet = piece["transform"], int(piece["sheet"]) - 1
-    return LayoutPlacement(
-        angle_rad=math.radians(moved["rotation_deg"]),
-        dx_mm=moved["shift_x_mm"] + sheet * job.sheets[0].sheet_width_mm,
-        dy_mm=moved["shift_y_mm"],
-    )
-
-
 def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
     """Return a drawing of a job with its findings: numbered markers, and a legend above the bed."""
     ranks = list(Severity)
     open_ = [finding for finding in findings if not finding.waived]
     chosen = sorted(open_, key=lambda finding: ranks.index(finding.severity))[:MOST_MARKED]
     outline = [replace(path, operation=Operation.REG) for path in job.paths]
-    legend = _legend(chosen, len(open_))
+    legend = numbered(chosen) or ["no findings"]
+    if len(open_) > len(chosen):
+        legend.append(f"and {len(open_) - len(chosen)} more that are not drawn")
     height_mm = job.sheet_height_mm + _LINE_MM * (len(legend) + 1)
     doc = [*_markers(job, chosen), *_written(legend, job, height_mm)]
     paths = [LaserPath(operation=Operation.DOC, contour=one, label=label) for label, one in doc]
@@ -201,24 +202,13 @@ def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
 
 def numbered(findings: Sequence[Finding]) -> list[str]:
     """Return the legend's lines: number, severity, rule, branches and values of each finding."""
-    return [
-        f"{number} {finding.severity} {finding.rule} {' '.join(finding.branches[:4])}"
-        f"{_values(finding)}"
-        for number, finding in enumerate(findings, start=1)
-    ]
-
-
-def _legend(chosen: Sequence[Finding], total: int) -> list[str]:
-    lines = numbered(chosen) or ["no findings"]
-    if total > len(chosen):
-        lines.append(f"and {total - len(chosen)} more that are not drawn")
+    lines = []
+    for number, one in enumerate(findings, start=1):
+        line = f"{number} {one.severity} {one.rule} {' '.join(one.branches[:4])}"
+        if one.measured is not None and one.limit is not None:
+            line += f": is {one.measured:.4g} limit {one.limit:.4g} {one.unit}"
+        lines.append(line)
     return lines
-
-
-def _values(finding: Finding) -> str:
-    if finding.measured is None or finding.limit is None:
-        return ""
-    return f": is {finding.measured:.4g} limit {finding.limit:.4g} {finding.unit}"
 
 
 def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tuple[str, Contour]]:
@@ -234,7 +224,12 @@ def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tupl
 
 def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
     """Yield every finding's marker geometry, sign, leader and number."""
-    placed, taken = LayoutPlacement.of(job), [*_bodies(job)]
+    placed = LayoutPlacement.of(job)
+    taken: list[shapely.Geometry] = [
+        shapely.LineString(path.contour.flattened_mm(0.5))
+        for path in job.paths
+        if path.operation in (Operation.WELD, Operation.WELDCUT)
+    ]
     for number, finding in enumerate(chosen, start=1):
         if finding.x_mm is None or finding.y_mm is None:
             continue
@@ -248,13 +243,6 @@ def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour
         yield label, Contour.polyline(leader, closed=False)
         for stroke in lettered(label, corner, _TEXT_MM):
             yield label, stroke
-
-
-def _bodies(job: Job) -> Iterator[shapely.Geometry]:
-    for path in job.paths:
-        if path.operation in (Operation.WELD, Operation.WELDCUT):
-            points = path.contour.flattened_mm(0.5)
-            yield shapely.LineString(points)
 
 
 def _lines(marker_wkt: str) -> list[Floats]:
@@ -288,18 +276,12 @@ def _free_place(
         met = [one for one in taken if shapely.intersects(place[2], one)]
         return sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
 
-    return min(_places(at, text_width_mm(label, _TEXT_MM)), key=hidden)
-
-
-def _places(
-    at: Floats, wide_mm: float
-) -> Iterator[tuple[tuple[float, float], Floats, shapely.Geometry]]:
-    """Yield places for a label around a point, the nearest ones first."""
-    for far_mm in _LEADER_MM:
-        for turn in range(12):
-            angle = math.pi / 6 * (turn + 0.5)
-            along = np.array([math.cos(angle), math.sin(angle)])
-            x, y = (at + far_mm * along).tolist()
-            left = x if along[0] > 0.0 else x - wide_mm
-            box = shapely.box(left - 1.0, y - 1.0, left + wide_mm, y + _TEXT_MM + 1.0)
-            yield (left, y), np.array([at + _SIGN_MM * along, (x, y)]), box
+    places, wide_mm = [], text_width_mm(label, _TEXT_MM)
+    for far_mm, turn in product(_LEADER_MM, range(12)):  # the nearest ones first
+        angle = math.pi / 6 * (turn + 0.5)
+        along = np.array([math.cos(angle), math.sin(angle)])
+        x, y = (at + far_mm * along).tolist()
+        left = x if along[0] > 0.0 else x - wide_mm
+        box = shapely.box(left - 1.0, y - 1.0, left + wide_mm, y + _TEXT_MM + 1.0)
+        places.append(((left, y), np.array([at + _SIGN_MM * along, (x, y)]), box))
+    return min(places, key=hidden)

@@ -7,12 +7,10 @@ import numpy as np
 import shapely
 
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import bodies_of_paths, closes
 from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
-    BrokenLimit,
     Limits,
     Rule,
     RuleApplied,
@@ -25,7 +23,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile, OperationSettings, Quantity
+from vinefab.model.laser import LaserProfile, Quantity
 from vinefab.model.outline import Contour, Part, Segment
 from vinefab.physics.growth_pressure import planned_paths
 
@@ -46,7 +44,9 @@ def _excess_widths_mm(
     """
     rows = {name: row for row, name in enumerate(subject.names)}
     sides: dict[tuple[int, bool], tuple[float, float]] = {}
-    for segment in _flat_segments(subject, [path.contour for path in runs]):
+    contours = [path.contour for path in runs]
+    back = _back_to_flat(subject, contours)
+    for segment in (one for run in contours for one in run.moved(*back).segments):
         if not _is_side(subject, segment):
             continue
         row = rows[segment.branch]
@@ -70,19 +70,17 @@ def _is_side(subject: Subject, segment: Segment) -> bool:
     )
 
 
-def _flat_segments(subject: Subject, runs: Sequence[Contour]) -> Iterator[Segment]:
-    """Yield the segments of an outline in the coordinates of the flat layout.
-
-    The first and the last point of its runs are the mouth: of the tail, or of a piece's base.
-    """
-    back = _back_to_flat(subject, runs)
-    for run in runs:
-        yield from run.moved(*back).segments
-
-
 def _back_to_flat(subject: Subject, runs: Sequence[Contour]) -> tuple[float, float, float]:
-    """Return the turn (rad) and then the shift (mm) from the sheet to the flat layout."""
-    (x, y), heading = _mouth(subject)
+    """Return the turn (rad) and then the shift (mm) from the sheet to the flat layout.
+
+    The first and the last point of the runs are the mouth: of the tail, or of a piece's base.
+    """
+    layout, root = subject.layout, subject.piece.root if subject.piece else 0
+    (x, y), heading = (-layout.tail_mm, 0.0), 0.0
+    if root and subject.partition is not None:
+        along_mm = subject.partition.sleeve(root).outer_from_mm
+        (x, y), heading = layout.start_mm[root].tolist(), float(layout.heading_rad[root])
+        x, y = x + along_mm * math.cos(heading), y + along_mm * math.sin(heading)
     first, last = runs[0].points_mm[0], runs[-1].points_mm[-1]
     turn = heading - math.atan2(*(last - first)[::-1]) + math.pi / 2
     ends = Contour.polyline(np.array([first, last]), closed=False).moved(turn, 0.0, 0.0)
@@ -101,16 +99,6 @@ def flat_place_mm(subject: Subject, path: LaserPath, at_mm: Point) -> Point | No
     point = Contour.polyline(np.array([at_mm, at_mm]), closed=False)
     x, y = point.moved(*_back_to_flat(subject, near)).points_mm[0].tolist()
     return x, y
-
-
-def _mouth(subject: Subject) -> tuple[Point, float]:
-    """Return the middle of the mouth in the flat layout, and the heading of its branch."""
-    layout, root = subject.layout, subject.piece.root if subject.piece else 0
-    if not root or subject.partition is None:
-        return (-layout.tail_mm, 0.0), 0.0
-    along_mm = subject.partition.sleeve(root).outer_from_mm
-    (x, y), heading = layout.start_mm[root].tolist(), float(layout.heading_rad[root])
-    return (x + along_mm * math.cos(heading), y + along_mm * math.sin(heading)), heading
 
 
 def _beyond_mm(
@@ -132,15 +120,6 @@ def _beyond_mm(
     return bool(across.mean() > 0.0), float(beyond[np.abs(beyond).argmax()])
 
 
-def _overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
-    """Yield by how much each closed cut runs past its start, and its owner."""
-    cuts = subject.own(Operation.CUT)
-    for path in cuts:
-        contour = path.contour
-        if closes(contour) and not contour.closed:
-            yield math.dist(contour.points_mm[0], contour.points_mm[-1]), _owner(path, cuts)
-
-
 def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
     """Return " of ..." with a path's label, or nothing where it is the only one."""
     return f" of {path.label!r}" if len(paths) > 1 else ""
@@ -151,7 +130,12 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     if subject.job is None or subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for seam and kerf")
     operation = Operation.WELDCUT if subject.job.along(Operation.WELDCUT) else Operation.WELD
-    offset_mm = _designed_offset_mm(operation, subject.profile.settings(operation))
+    beam = subject.profile.settings(operation)
+    # How far outside the lumen the beam runs: s + k/2 in one pass, s/2 to weld alone. Not
+    # `weldcut_offset_mm` that the paths were drawn with: the rule must notice if that is wrong.
+    offset_mm = beam.seam_width_mm.value / 2.0
+    if operation is Operation.WELDCUT:
+        offset_mm = beam.seam_width_mm.value + beam.kerf_mm.value / 2.0
     paths = subject.own(operation)
     checked, worst = 0, dict[int, tuple[float, str]]()
     for runs in bodies_of_paths(paths):
@@ -161,22 +145,27 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
                 worst[row] = excess_mm, _owner(runs[0], paths)
     violations = []
     for row, (excess_mm, of) in sorted(worst.items()):
-        broken = limits.most(abs(excess_mm))
-        if broken:
-            violations.append(_too_wide(subject, row, excess_mm, of, broken))
-    violations += _shrunk(subject, subject.profile.material.shrinkage_percent, limits)
+        if broken := limits.most(abs(excess_mm)):
+            layout = subject.layout
+            built_mm = float(layout.width_mm[row] + layout.end_width_mm[row]) / 2.0 + excess_mm
+            message = (
+                f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
+                "its sides, or their seam and kerf are not the recipe's"
+            )
+            violations.append(branch_violation(subject, [row], message, broken))
+    shrinkage = subject.profile.material.shrinkage_percent
+    if shrinkage.value:
+        violations.append(_shrunk(subject, shrinkage, limits))
     return RuleApplied(checked=checked, violations=tuple(violations))
 
 
-def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Iterator[Violation]:
-    """Yield how far sizes fall short where film shrinks: the paths are drawn as designed."""
+def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Violation:
+    """Return how far sizes fall short where film shrinks: the paths are drawn as designed."""
     layout, share = subject.layout, shrinkage.value / 100.0
-    if share == 0.0:
-        return
     widest_mm = float(layout.width_mm.max())
     longest_mm = max(path.length_mm for path in planned_paths(layout.tree))
     broken = limits.most(abs(share) * widest_mm)
-    yield Violation(
+    return Violation(
         message=f"film shrinks by {shrinkage.value:.2g} % where it is welded "
         f"({shrinkage.standing}), which the paths leave out: {longest_mm:.0f} mm to the farthest "
         f"tip come out as {longest_mm * (1.0 - share):.0f}, a width of {widest_mm:g} mm as "
@@ -186,26 +175,6 @@ def _shrunk(subject: Subject, shrinkage: Quantity, limits: Limits) -> Iterator[V
         limit=broken.limit if broken else None,
         aspect="shrinkage",
     )
-
-
-def _too_wide(
-    subject: Subject, row: int, excess_mm: float, of: str, broken: BrokenLimit
-) -> Violation:
-    layout = subject.layout
-    built_mm = float(layout.width_mm[row] + layout.end_width_mm[row]) / 2.0 + excess_mm
-    message = (
-        f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
-        "its sides, or their seam and kerf are not the recipe's"
-    )
-    return branch_violation(subject, [row], message, (abs(excess_mm), broken))
-
-
-def _designed_offset_mm(operation: Operation, settings: OperationSettings) -> float:
-    """Return how far outside the lumen the beam runs: s + k/2 in one pass, s/2 to weld alone."""
-    # Not `weldcut_offset_mm` that the paths were drawn with: the rule must notice if that is wrong.
-    if operation is Operation.WELDCUT:
-        return settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
-    return settings.seam_width_mm.value / 2.0
 
 
 def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -248,8 +217,34 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         return RuleNotApplicable(reason="needs a recipe, for seam and overcut")
     profile, slack_mm = subject.profile, limits["slack"]
     seams_mm = _seams_mm(subject, profile)
-    overcuts_mm, laps_mm = list(_overcuts_mm(subject)), list(_overlaps_mm(subject))
-    violations = [*_seam_violations(subject, profile, seams_mm, slack_mm)]
+    overcuts_mm, cuts = list(_overcuts_mm(subject)), subject.own(Operation.CUT)
+    # By how much each closed cut runs past its start.
+    laps_mm = [
+        (math.dist(*path.contour.points_mm[[0, -1]]), _owner(path, cuts))
+        for path in cuts
+        if closes(path.contour) and not path.contour.closed
+    ]
+    violations = []
+    if seams_mm:  # one violation by all branches whose seam is too narrow, at the narrowest
+        seam_mm = profile.settings(Operation.WELDCUT).seam_width_mm.value
+        low = {name: seam for name, seam in seams_mm.items() if seam[0] < seam_mm - slack_mm}
+        if low:
+            worst = min(low, key=lambda name: round(low[name][0], 6))  # the first of those alike
+            least, of = low[worst]
+            violations.append(
+                Violation(
+                    message=f"the paths of {counted(len(low), 'branch')} leave less seam than the "
+                    f"recipe makes{f', least on the sides{of}' if of else ''}: no burst test "
+                    "covers that seam",
+                    severity=Severity.WARNING,
+                    measured=least,
+                    limit=seam_mm,
+                    branches=(worst,),
+                    at_mm=branch_middle_mm(subject.layout, subject.names.index(worst)),
+                    marker=mark_branches(subject.layout, map(subject.names.index, low)),
+                    aspect="seam",
+                )
+            )
     least_mm = profile.settings(Operation.CUT).overcut_mm.value
     ways = (
         (
@@ -276,38 +271,6 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
             )
     checked = len(seams_mm) + len(overcuts_mm) + len(laps_mm)
     return RuleApplied(checked=checked, violations=tuple(violations))
-
-
-def _seam_violations(
-    subject: Subject,
-    profile: LaserProfile,
-    seams_mm: dict[str, tuple[float, str]],
-    slack_mm: float,
-) -> Iterator[Violation]:
-    """Yield one violation by all branches whose seam is too narrow, placed at the narrowest."""
-    if not seams_mm:
-        return
-    least_mm = profile.settings(Operation.WELDCUT).seam_width_mm.value
-    low = {name: seam for name, seam in seams_mm.items() if seam[0] < least_mm - slack_mm}
-    if low:
-        worst = min(low, key=lambda name: round(low[name][0], 6))  # the first of those alike
-        row = subject.names.index(worst)
-        yield Violation(
-            message=f"the paths of {counted(len(low), 'branch')} leave less seam than the recipe "
-            "makes"
-            f"{_worst_of(low[worst][1])}: no burst test covers that seam",
-            severity=Severity.WARNING,
-            measured=low[worst][0],
-            limit=least_mm,
-            branches=(worst,),
-            at_mm=branch_middle_mm(subject.layout, row),
-            marker=mark_branches(subject.layout, [subject.names.index(name) for name in low]),
-            aspect="seam",
-        )
-
-
-def _worst_of(of: str) -> str:
-    return f", least on the sides{of}" if of else ""
 
 
 def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, tuple[float, str]]:
@@ -338,21 +301,17 @@ def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
     cuts = subject.own(Operation.CUT)
     for path in cuts:
         for segment in path.contour.segments:
-            if segment.part is Part.MOUTH and not segment.bulge:
-                for past_mm in _past_mm(segment, ends):
-                    yield past_mm, _owner(path, cuts)
-
-
-def _past_mm(cut: Segment, ends: list[Floats]) -> Iterator[float]:
-    start = np.array(cut.start_mm)
-    along = (np.array(cut.end_mm) - start) / cut.length_mm
-    for end in ends:
-        x, y = end - start
-        across_mm = abs(along[0] * y - along[1] * x)
-        at_mm = float(along[0] * x + along[1] * y)
-        near_mm = min(at_mm, cut.length_mm - at_mm)
-        if across_mm < _ON_LINE_MM and near_mm > -_ON_LINE_MM:
-            yield near_mm
+            if segment.part is not Part.MOUTH or segment.bulge:
+                continue
+            start = np.array(segment.start_mm)
+            along = (np.array(segment.end_mm) - start) / segment.length_mm
+            for end in ends:
+                x, y = end - start
+                across_mm = abs(along[0] * y - along[1] * x)
+                at_mm = float(along[0] * x + along[1] * y)
+                near_mm = min(at_mm, segment.length_mm - at_mm)
+                if across_mm < _ON_LINE_MM and near_mm > -_ON_LINE_MM:
+                    yield near_mm, _owner(path, cuts)
 
 
 SEAM_WIDTH = Rule(

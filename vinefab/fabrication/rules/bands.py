@@ -108,21 +108,30 @@ def meetings(paths: Sequence[LaserPath], profile: LaserProfile) -> Iterator[Band
     )
     same = pieces.path[one] == pieces.path[two]
     apart = np.abs(way_one - way_two)
-    around = _around_mm(paths)[pieces.path[one]]
-    apart = np.minimum(apart, np.abs(around - apart))
+    around = []  # once around each path; infinite for one that does not close
+    for path in paths:
+        ends_mm = path.contour.points_mm[[0, -1]]
+        past_mm = 0.0 if path.contour.closed else math.dist(*ends_mm)
+        around.append(path.contour.length_mm - past_mm if closes(path.contour) else math.inf)
+    apart = np.minimum(apart, np.abs(np.array(around)[pieces.path[one]] - apart))
     beside = same & (apart <= _CORNER * asked)
     ends = _near_own_end(paths, pieces, (one, two), places, _AROUND_END * asked + 0.5)
-    yield from _tightest(paths, pieces, (one, two), places, left, (left < 0.0) & ~beside & ~ends)
-
-
-def _around_mm(paths: Sequence[LaserPath]) -> Floats:
-    """Return the way once around each path; infinite for one that does not close."""
-    found = []
-    for path in paths:
-        contour = path.contour
-        past_mm = 0.0 if contour.closed else math.dist(*contour.points_mm[[0, -1]])
-        found.append(contour.length_mm - past_mm if closes(contour) else math.inf)
-    return np.array(found)
+    seen = set[tuple[int, int, tuple[str, ...]]]()
+    rows = np.flatnonzero((left < 0.0) & ~beside & ~ends)
+    for row in rows[np.argsort(left[rows], kind="stable")].tolist():
+        low, high = sorted((int(pieces.path[one[row]]), int(pieces.path[two[row]])))
+        names = tuple(sorted({str(pieces.branch[side[row]]) for side in (one, two)} - {""}))
+        if (low, high, names) in seen:
+            continue
+        seen.add((low, high, names))
+        x, y = ((places[0][row] + places[1][row]) / 2.0).tolist()
+        yield BandOverlap(
+            one=paths[low],
+            two=paths[high],
+            branches=names,
+            left_mm=float(left[row]),
+            at_mm=(x, y),
+        )
 
 
 def _near_own_end(
@@ -148,29 +157,3 @@ def _near_own_end(
         found |= own & (of[path] == "") & (to_end <= within_mm) & across
         found |= own & pieces.is_mouth[pair[mouth]] & (to_end <= within_mm) & ~both
     return found
-
-
-def _tightest(
-    paths: Sequence[LaserPath],
-    pieces: _Pieces,
-    pair: tuple[Ints, Ints],
-    places_mm: Sequence[Floats],
-    left_mm: Floats,
-    chosen: NDArray[np.bool_],
-) -> Iterator[BandOverlap]:
-    seen = set[tuple[int, int, tuple[str, ...]]]()
-    rows = np.flatnonzero(chosen)
-    for row in rows[np.argsort(left_mm[rows], kind="stable")].tolist():
-        numbers = sorted(int(pieces.path[side[row]]) for side in pair)
-        names = tuple(sorted({str(pieces.branch[side[row]]) for side in pair} - {""}))
-        if (*numbers, names) in seen:
-            continue
-        seen.add((numbers[0], numbers[1], names))
-        x, y = ((places_mm[0][row] + places_mm[1][row]) / 2.0).tolist()
-        yield BandOverlap(
-            one=paths[numbers[0]],
-            two=paths[numbers[1]],
-            branches=names,
-            left_mm=float(left_mm[row]),
-            at_mm=(x, y),
-        )

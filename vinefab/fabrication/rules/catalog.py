@@ -1,57 +1,51 @@
-"""All design rules by id, and their limits as changed by recipe, design and command line."""
+"""All design rules by id, as a user reads them, and their limits as changed.
 
-from collections.abc import Iterable, Mapping
+Recipe, design and command line change limits.
+"""
 
-from vinefab.core.errors import located
+from collections.abc import Iterable, Iterator, Mapping
+
+from vinefab.core.errors import UnknownNameError, located
 from vinefab.core.registry import Registry
-from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
-from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, TURN
-from vinefab.fabrication.rules.laser_rules import (
-    BED,
-    FILM,
-    MACHINE,
-    MARKS,
-    ORDER,
-    PATHS,
-    PLY,
-    STATUS,
+from vinefab.core.view import Block, Data, Remark, Result, Rows, Text
+from vinefab.fabrication.rules import (
+    as_built,
+    clearance,
+    joints,
+    laser_rules,
+    piece_rules,
+    pressure_limits,
+    rig_rules,
+    tree_and_base,
+    widths,
 )
-from vinefab.fabrication.rules.piece_rules import (
-    EASE,
-    LAP,
-    LAP_PACKING,
-    PIECE_COUNT,
-    PIECE_LABELS,
-    SLEEVE_ROOM,
-)
-from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
-from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.tree_and_base import (
-    CLAMP,
-    DEPLOYED_LENGTH,
-    MOUTH,
-    POLYGON,
-    TAIL,
-    TREE,
-)
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit
 from vinefab.model.laser import LaserProfile
 
-_BUILTIN = (
-    *(TREE, POLYGON, OVERLAP, MOUTH),
-    *(LEAST_WIDTH, WIDTH_RATIO, PACKING, BUILT_WIDTH),
-    *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
-    *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
-    *(TAIL, CLAMP, DEPLOYED_LENGTH),
-    *(SLEEVE_ROOM, PIECE_COUNT, LAP, LAP_PACKING, PIECE_LABELS, EASE),
-    *(BED, FILM),
-    *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
-    READBACK,
-    *(RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT),
+RULE_GROUPS: Mapping[str, str] = {
+    "T": "tree and outline",
+    "W": "widths",
+    "C": "clearance and joints",
+    "P": "pressure and seams",
+    "B": "base and reach",
+    "J": "pieces and laps",
+    "S": "sheet",
+    "L": "laser",
+    "X": "files",
+    "R": "test rig",
+}
+"""What rules are about, by the letter in ids of vinefab's own, in the order of reports; those of
+other packages stand last under their own names."""
+
+_MODULES = (
+    *(tree_and_base, widths, clearance, joints, pressure_limits),
+    *(as_built, piece_rules, laser_rules, rig_rules),
+)
+_BUILTIN = sorted(
+    (one for module in _MODULES for one in vars(module).values() if isinstance(one, Rule)),
+    key=lambda rule: ([*RULE_GROUPS].index(rule.id[3]), rule.id),
 )
 
 
@@ -66,22 +60,27 @@ RULES: Registry[Rule] = Registry(
     "rule", {rule.id: rule for rule in _BUILTIN}, group="vinefab.rules", problem=_problem
 )
 
-SHEET_RULES = frozenset(
-    rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK, PIECE_LABELS)
+
+def _ids(*rules: Rule) -> frozenset[str]:
+    return frozenset(rule.id for rule in rules)
+
+
+_OF_LASER = (
+    *(laser_rules.BED, laser_rules.MARKS, laser_rules.PATHS, laser_rules.ORDER),
+    *(laser_rules.MACHINE, piece_rules.PIECE_LABELS),
 )
+
+SHEET_RULES = _ids(*_OF_LASER, laser_rules.PLY, laser_rules.STATUS, as_built.READBACK)
 """Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
 
-ROOM_RULES = frozenset(
-    rule.id for rule in (POLYGON, OVERLAP, MOUTH, CLEARANCE, FOREIGN_FILLET, POUCH)
-)
+ROOM_RULES = _ids(tree_and_base.POLYGON, tree_and_base.MOUTH, clearance.OVERLAP)
+ROOM_RULES |= _ids(clearance.CLEARANCE, clearance.FOREIGN_FILLET, clearance.POUCH)
 """Rules about what lies side by side on one sheet: a robot that breaks them may go in pieces."""
 
-PIECE_RULES = ROOM_RULES | {BUILT_WIDTH.id, SEAM_WIDTH.id, FILM.id}
+PIECE_RULES = ROOM_RULES | _ids(as_built.BUILT_WIDTH, as_built.SEAM_WIDTH, laser_rules.FILM)
 """Rules that every piece of a robot passes by itself."""
 
-JOB_RULES = frozenset(
-    rule.id for rule in (BUILT_WIDTH, SEAM_WIDTH, BED, MARKS, PATHS, ORDER, MACHINE, PIECE_LABELS)
-)
+JOB_RULES = _ids(*_OF_LASER, as_built.BUILT_WIDTH, as_built.SEAM_WIDTH)
 """Rules about the paths of the laser; a rule of another package may ask for them too."""
 
 FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
@@ -117,8 +116,16 @@ def changed_limits(
     found: dict[tuple[str, str], ChangedLimit] = {}
     for source, changes in sources:
         with located(source):
-            for limit in _checked(source, changes):
-                found[limit.rule, limit.name] = limit
+            for rule, named in ((RULES[rule_id], named) for rule_id, named in changes.items()):
+                limits = rule.limits_with(named)
+                for name in named:
+                    found[rule.id, name] = ChangedLimit(
+                        rule=rule.id,
+                        name=name,
+                        value=limits[name],
+                        default=rule.limits[name],
+                        source=source,
+                    )
     return tuple(limit for limit in found.values() if limit.value != limit.default)
 
 
@@ -130,15 +137,73 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
     return values
 
 
-def _checked(source: str, changes: Mapping[str, Mapping[str, float]]) -> Iterable[ChangedLimit]:
-    for rule_id, named in changes.items():
-        rule = RULES[rule_id]
-        limits = rule.limits_with(named)
-        for name in named:
-            yield ChangedLimit(
-                rule=rule.id,
-                name=name,
-                value=limits[name],
-                default=rule.limits[name],
-                source=source,
+def all_rules() -> list[Rule]:
+    """Return the rules of vinefab and of other packages that load."""
+    RULES.load_plugins()
+    return list(RULES.values())
+
+
+def rules_named(words: str) -> list[Rule]:
+    """Return the rule with an id, else those with the words in their id, title or group.
+
+    Upper and lower case are the same.
+    """
+    known = {rule.id.upper(): rule for rule in all_rules()}
+    if words.upper() in known:
+        return [known[words.upper()]]
+    sought = words.casefold().strip()
+    found = [
+        rule
+        for group, rules in grouped_rules().items()
+        for rule in rules
+        if sought and sought in f"{rule.id} {rule.title} {group}".casefold()
+    ]
+    if not found:
+        raise UnknownNameError("rule", words, known)
+    return found
+
+
+def grouped_rules() -> dict[str, list[Rule]]:
+    """Return all rules by what they are about, in the order of the catalogue."""
+    groups = {title: list[Rule]() for title in RULE_GROUPS.values()}
+    for rule in all_rules():
+        title = RULE_GROUPS.get(rule.id[3:4], rule.id) if rule.is_own else "of other packages"
+        groups.setdefault(title, []).append(rule)
+    return {title: rules for title, rules in groups.items() if rules}
+
+
+class RuleBook(Result, dict[str, Rule]):
+    """Rules by id; an unknown one is an error that names the nearest."""
+
+    schema = "vinefab/rules-1"
+
+    @classmethod
+    def of(cls, words: str | None = None) -> "RuleBook":
+        """Return all rules, or those that words stand for.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such rule.
+        """
+        rules = all_rules() if words is None else rules_named(words)
+        return cls((rule.id, rule) for rule in rules)
+
+    def __missing__(self, rule_id: str) -> Rule:
+        raise UnknownNameError("rule", str(rule_id), self)
+
+    def view(self) -> Iterator[Block]:
+        """Yield one rule explained, or several under what they are about."""
+        if len(self) == 1:
+            yield from next(iter(self.values())).view()
+            return
+        for title, rules in grouped_rules().items():
+            yield Rows(
+                caption=title,
+                headings=("rule", "what must hold", "limits"),
+                rows=tuple(rule.cells for rule in rules if rule.id in self),
             )
+        for name, why in RULES.broken.items():
+            yield Remark(f"{name} does not load ({why})", "warning")
+        yield Text("vinefab rules VF-C01 explains one of them")
+        yield Data({"rules": [rule.content for rule in self.values()]})

@@ -23,7 +23,6 @@ from vinefab.fabrication.rules.rule import (
     outline_violations,
 )
 from vinefab.fabrication.rules.spacing import (
-    Capsules,
     Spacing,
     capsule_hulls,
     point_gap_mm,
@@ -49,14 +48,8 @@ class NearBranches:
 
     def violation(self, message: str, broken: BrokenLimit) -> Violation:
         """Return the violation by this pair."""
-        return Violation(
-            message=message,
-            severity=broken.severity,
-            measured=self.gap_mm,
-            limit=broken.limit,
-            branches=self.branches,
-            at_mm=self.at_mm,
-            marker=self.marker,
+        return broken.violation(
+            message, branches=self.branches, at_mm=self.at_mm, marker=self.marker
         )
 
 
@@ -64,8 +57,26 @@ def _nearest_pairs(
     subject: Subject, found: Spacing, chosen: NDArray[np.bool_]
 ) -> tuple[list[NearBranches], int]:
     """Return chosen pairs of branches by their smallest gap, tightest first, and their count."""
-    rows = _tightest_of_each(subject.capsules, found, np.flatnonzero(chosen))
-    return [_near(subject, found, row) for row in rows[:_MOST_FINDINGS].tolist()], len(rows)
+    capsules, rows = subject.capsules, np.flatnonzero(chosen)
+    rows = rows[np.argsort(found.gap_mm[rows] - found.crossing_mm[rows], kind="stable")]
+    one, two = capsules.branch[found.first[rows]], capsules.branch[found.second[rows]]
+    # One number per pair: sorting rows of two takes many times longer.
+    pair = np.minimum(one, two) * len(capsules.parent) + np.maximum(one, two)
+    _, first = np.unique(pair, return_index=True)
+    rows = rows[np.sort(first)]
+    pairs = []
+    for row in rows[:_MOST_FINDINGS].tolist():
+        branches = sorted(int(capsules.branch[side[row]]) for side in (found.first, found.second))
+        (x0, y0), (x1, y1) = found.first_mm[row].tolist(), found.second_mm[row].tolist()
+        pairs.append(
+            NearBranches(
+                branches=subject.ids(*branches),
+                gap_mm=float(found.gap_mm[row]),
+                at_mm=((x0 + x1) / 2.0, (y0 + y1) / 2.0),
+                marker=mark_line((x0, y0), (x1, y1)),
+            )
+        )
+    return pairs, len(rows)
 
 
 def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
@@ -76,36 +87,17 @@ def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
     return (Violation(message=rest, severity=Severity.INFO, aspect="rest"),)
 
 
-def _tightest_of_each(
-    capsules: Capsules, found: Spacing, rows: NDArray[np.intp]
-) -> NDArray[np.intp]:
-    rows = rows[np.argsort(found.gap_mm[rows] - found.crossing_mm[rows], kind="stable")]
-    one, two = capsules.branch[found.first[rows]], capsules.branch[found.second[rows]]
-    # One number per pair: sorting rows of two takes many times longer.
-    pair = np.minimum(one, two) * len(capsules.parent) + np.maximum(one, two)
-    _, first = np.unique(pair, return_index=True)
-    return np.asarray(rows[np.sort(first)])
-
-
-def _near(subject: Subject, found: Spacing, row: int) -> NearBranches:
-    capsules = (int(found.first[row]), int(found.second[row]))
-    branches = sorted(int(subject.capsules.branch[capsule]) for capsule in capsules)
-    (x0, y0), (x1, y1) = found.first_mm[row].tolist(), found.second_mm[row].tolist()
-    return NearBranches(
-        branches=subject.ids(*branches),
-        gap_mm=float(found.gap_mm[row]),
-        at_mm=((x0 + x1) / 2.0, (y0 + y1) / 2.0),
-        marker=mark_line((x0, y0), (x1, y1)),
-    )
-
-
 def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     """VF-T03: branches that share no joint do not overlap."""
     found = spacing(subject.capsules, 0.0)
     nears, pairs = _nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
     message = "the branches overlap when flat: widen the fan, or shorten one of them"
-    broken = BrokenLimit(severity=Severity.ERROR, limit=0.0)
-    violations = [near.violation(message, broken) for near in nears]
+    violations = [
+        near.violation(
+            message, BrokenLimit(severity=Severity.ERROR, limit=0.0, measured=near.gap_mm)
+        )
+        for near in nears
+    ]
     return RuleApplied(
         checked=len(subject.layout.tree),
         violations=(*violations, *_remaining(pairs, "overlap when flat")),
@@ -199,9 +191,21 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
     The capsules of VF-C01 leave fillets out; a large fillet can close the gap to a branch that is
     clear of both its sides. A fillet at a pouch's neck belongs to the joint of its branch.
     """
-    webs, both_mm = list(_fillet_webs(subject)), 2.0 * subject.taken_mm
+    index = {name: row for row, name in enumerate(subject.names)}
+    webs = [
+        _Web(area=_web(segment), branch=index[segment.branch])
+        for segment in subject.outline.contour.segments
+        if segment.part is Part.FILLET and segment.bulge
+    ]
+    both_mm = 2.0 * subject.taken_mm
     reach_mm = max(limits["error"], limits["warning"]) + both_mm
-    hulls = _capsule_polygons(subject)
+    capsules = subject.capsules
+    ends = (capsules.start_mm, capsules.half_mm), (capsules.end_mm, capsules.end_half_mm)
+    discs = [
+        shapely.buffer(shapely.points(centre), np.maximum(half, 1e-6), quad_segs=64)
+        for centre, half in ends
+    ]
+    hulls = np.asarray(shapely.convex_hull(shapely.multipolygons(np.stack(discs, axis=1))))
     nearest: dict[tuple[int, int], tuple[float, _Web, int]] = {}
     for number, row, apart_mm in _near_webs(subject, webs, hulls, reach_mm):
         gap_mm = apart_mm - both_mm
@@ -211,42 +215,19 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
             nearest[pair] = gap_mm, web, row
     order = sorted(nearest.items(), key=lambda item: item[1][0])
     violations = []
-    for (one, two), (gap_mm, web, row) in order[:_MOST_FINDINGS]:
-        broken = limits.least(gap_mm)
-        if broken:
-            violations.append(_violation(subject, (one, two), (web, hulls[row]), (gap_mm, broken)))
+    message = "a fillet reaches a branch of another joint: make it smaller, or part the branches"
+    for pair, (gap_mm, web, row) in order[:_MOST_FINDINGS]:
+        if broken := limits.least(gap_mm):
+            points = shapely.get_coordinates(shapely.shortest_line(web.area, hulls[row])).tolist()
+            start, end = (points[0][0], points[0][1]), (points[-1][0], points[-1][1])
+            marker = mark_line(start, end)
+            violations.append(
+                broken.violation(message, branches=subject.ids(*pair), at_mm=start, marker=marker)
+            )
     rest = _remaining(len(order), "are reached by a fillet of another joint")
     return RuleApplied(
         checked=len(webs), violations=(*violations, *rest), note=_without_recipe(subject)
     )
-
-
-def _violation(
-    subject: Subject,
-    branches: tuple[int, int],
-    geometry: tuple[_Web, shapely.Geometry],
-    found: tuple[float, BrokenLimit],
-) -> Violation:
-    gap_mm, broken = found
-    web, hull = geometry
-    points = shapely.get_coordinates(shapely.shortest_line(web.area, hull)).tolist()
-    start, end = (points[0][0], points[0][1]), (points[-1][0], points[-1][1])
-    return Violation(
-        message="a fillet reaches a branch of another joint: make it smaller, or part the branches",
-        severity=broken.severity,
-        measured=gap_mm,
-        limit=broken.limit,
-        branches=subject.ids(*branches),
-        at_mm=start,
-        marker=mark_line(start, end),
-    )
-
-
-def _fillet_webs(subject: Subject) -> Iterator[_Web]:
-    rows = {name: row for row, name in enumerate(subject.names)}
-    for segment in subject.outline.contour.segments:
-        if segment.part is Part.FILLET and segment.bulge:
-            yield _Web(area=_web(segment), branch=rows[segment.branch])
 
 
 def _web(segment: Segment) -> shapely.Polygon:
@@ -262,17 +243,6 @@ def _web(segment: Segment) -> shapely.Polygon:
             angle, point = angle + math.pi, segment.end_mm
         corners.append((point[0] + reach * math.cos(angle), point[1] + reach * math.sin(angle)))
     return shapely.Polygon([*segment.flattened_mm().tolist(), *corners])
-
-
-def _capsule_polygons(subject: Subject) -> np.ndarray:
-    """Return the capsules as polygons."""
-    capsules = subject.capsules
-    ends = (capsules.start_mm, capsules.half_mm), (capsules.end_mm, capsules.end_half_mm)
-    discs = [
-        shapely.buffer(shapely.points(centre), np.maximum(half, 1e-6), quad_segs=64)
-        for centre, half in ends
-    ]
-    return np.asarray(shapely.convex_hull(shapely.multipolygons(np.stack(discs, axis=1))))
 
 
 def _near_webs(
@@ -370,28 +340,26 @@ def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
     violations = (*_confirmed(subject, limits, near),)
     width_mm = subject.design.build.end_widths_mm[-1]
     leaves = np.flatnonzero(subject.layout.is_leaf).tolist()
+    sizes = []
     if pouch.length_mm is not None and pouch.length_mm < width_mm:
-        small = _too_small(
-            subject, leaves, pouch.length_mm, "shorter than its branch is wide: lengthen"
-        )
-        violations = (replace(small, aspect="length"), *violations)
+        fault = "shorter than its branch is wide: lengthen"
+        sizes.append(("length", pouch.length_mm, fault))
     if pouch.flat_width_mm <= width_mm:
-        small = _too_small(subject, leaves, pouch.flat_width_mm, "no wider than its branch: widen")
-        violations = (replace(small, aspect="width"), *violations)
+        sizes.append(("width", pouch.flat_width_mm, "no wider than its branch: widen"))
+    at_mm = branch_tip_mm(subject.layout, leaves[0])
+    for aspect, size_mm, fault in sizes:
+        small = branch_violation(
+            subject,
+            leaves[:1],
+            f"the pouch is {fault} it or leave it out",
+            BrokenLimit(severity=Severity.ERROR, limit=width_mm, measured=size_mm),
+            at_mm=at_mm,
+            marked=leaves,
+            aspect=aspect,
+        )
+        violations = (small, *violations)
     more = outline_violations(subject, ProblemKind.POUCH_WIDTH, known=violations)
     return RuleApplied(checked=len(leaves), violations=(*violations, *more))
-
-
-def _too_small(
-    subject: Subject, leaves: list[int], measured_mm: float, predicate: str
-) -> Violation:
-    """Return a violation by the pouches, all alike, of which a size is below the leaf's width."""
-    message = f"the pouch is {predicate} it or leave it out"
-    limit = BrokenLimit(severity=Severity.ERROR, limit=subject.design.build.end_widths_mm[-1])
-    at_mm = branch_tip_mm(subject.layout, leaves[0])
-    return branch_violation(
-        subject, leaves[:1], message, (measured_mm, limit), at_mm=at_mm, marked=leaves
-    )
 
 
 def _confirmed(

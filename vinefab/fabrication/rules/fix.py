@@ -22,7 +22,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.fix_targets import FixTargets, change_cost, pruning_cost
-from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.design import Build, Design, Level
 
 Variable = tuple[str, int]
 """What is changed, one of `KINDS`, and on which level, from 0."""
@@ -179,23 +179,23 @@ class FixSpace:
             numbered = enumerate(values_mm, start=first)
             return tuple(_scaled_mm(value, factors.get(level, 1.0)) for level, value in numbered)
 
+        factors, tapers = scale.get("taper", {}), old.taper[:depth] or depth * (1.0,)
+        changed = tuple(
+            ratio
+            if (factor := factors.get(level, 1.0)) == 1.0
+            else min(1.0, max(_LEAST_TAPER, round(ratio * factor, _DECIMALS)))
+            for level, ratio in enumerate(tapers)
+        )
+        pouch, factor = old.pouch, scale.get("pouch", {}).get(0, 1.0)
+        if pouch and factor != 1.0:
+            sizes_mm = {name: mm for name, mm in pouch if name != "shape" and mm is not None}
+            pouch = pouch.changed(**{name: _scaled_mm(mm, factor) for name, mm in sizes_mm.items()})
         return old.changed(
             widths_mm=scaled("width", old.widths_mm[:depth]),
             fillet_mm=scaled("fillet", old.fillet_mm[: depth - 1], first=1),
-            taper=_tapers(old.taper[:depth], depth, scale.get("taper", {})),
-            pouch=_scaled(old.pouch, scale.get("pouch", {}).get(0, 1.0)),
+            taper=changed if old.taper[:depth] or min(changed) < 1.0 else (),
+            pouch=pouch,
         )
-
-
-def _tapers(old: tuple[float, ...], depth: int, factors: dict[int, float]) -> tuple[float, ...]:
-    """Return the tapers of the levels times factors; none where no level is tapered."""
-    pairs = [(ratio, factors.get(level, 1.0)) for level, ratio in enumerate(old or depth * (1.0,))]
-    changed = (
-        ratio if factor == 1.0 else min(1.0, max(_LEAST_TAPER, round(ratio * factor, _DECIMALS)))
-        for ratio, factor in pairs
-    )
-    tapers = tuple(changed)
-    return tapers if old or min(tapers) < 1.0 else ()
 
 
 def kept_branches(design: Design) -> list[tuple[int, ...]]:
@@ -224,13 +224,6 @@ def _fewer(count: int) -> Sequence[int]:
 def _scaled_mm(value_mm: float, factor: float) -> float:
     """Return a length times a factor, rounded; an unchanged one is not rounded."""
     return value_mm if factor == 1.0 else max(10.0**-_DECIMALS, round(value_mm * factor, _DECIMALS))
-
-
-def _scaled(pouch: Pouch | None, factor: float) -> Pouch | None:
-    if pouch is None or factor == 1.0:
-        return pouch
-    sizes_mm = {name: value for name, value in pouch if name != "shape" and value is not None}
-    return pouch.changed(**{name: _scaled_mm(mm, factor) for name, mm in sizes_mm.items()})
 
 
 MOST_PRUNINGS = 12
@@ -317,7 +310,7 @@ def fix_in_stage(
 
 
 def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
-    """Return the spaces that a stage searches, the most promising first.
+    """Return the spaces that a stage searches, the most promising first: little lost or left.
 
     With all branches these are how the robot is made, which leaves where it goes as it is, and
     then everything.
@@ -327,21 +320,14 @@ def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpa
         each = dict.fromkeys((stage.kinds & MAKING, stage.kinds))
         return [FixSpace.of(design, whole, targets, kinds) for kinds in each]
     fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
-    prunings = _ranked_prunings(design, targets, fewer)
-    return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
-
-
-def _ranked_prunings(
-    design: Design, targets: FixTargets, prunings: Sequence[tuple[int, ...]]
-) -> list[tuple[int, ...]]:
-    """Return ways to prune, the most promising first: little lost, and little penalty left."""
 
     def estimated_cost(pruning: tuple[int, ...]) -> float:
         space = FixSpace.of(design, pruning, targets)
         penalty = space.penalty(np.zeros(len(space)))
         return pruning_cost(design, pruning) + PENALTY_COST * penalty
 
-    return sorted(prunings, key=estimated_cost)[:MOST_PRUNINGS]
+    prunings = sorted(fewer, key=estimated_cost)[:MOST_PRUNINGS]
+    return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
 def _cleared(space: FixSpace, stage: FixStage, most_cost: float) -> Floats | None:
@@ -379,9 +365,10 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
     # It takes long to load, and most fixes do without.
     from cmaes import CMA  # noqa: PLC0415
 
+    # Large designs take longer: they get fewer generations.
+    most = max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // space.design.branch_count))
     search = CMA(mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION)
     best, best_cost, least, since = None, math.inf, math.inf, 0
-    most = _generations(space.design)
     for generation in range(most):
         if progress:
             progress(generation / most)
@@ -398,11 +385,6 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
         if since > (_STUCK if best is None else _STALLED):
             break
     return best
-
-
-def _generations(design: Design) -> int:
-    """Return for how many generations a design is worth searching: large ones take longer each."""
-    return max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // design.branch_count))
 
 
 def _best_step(

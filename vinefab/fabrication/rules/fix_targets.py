@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm
-from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH, least_gap_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, gap_angles_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import (
-    MOST_OF_ONE,
     fabrication_penalty,
     relative_excess,
     rooms_mm,
+    short_share,
 )
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
@@ -31,6 +30,7 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
+from vinefab.model.tree import child_lengths_mm, widest_turn_rad
 from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
 
@@ -74,7 +74,7 @@ class DesignChange:
 
 def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
     """Return every value that differs between a design and its fixed version."""
-    found = [*_pruned(before, after), *_sizes(before, after), *_built(before.build, after.build)]
+    found = [*_where_it_goes(before, after), *_built(before.build, after.build)]
     return tuple(change for change in found if change.cost > _UNCHANGED)
 
 
@@ -112,7 +112,7 @@ def _mean_share(level: Level) -> float:
     return (1.0 + level.growth) / 2.0 if level.branches > 1 else 1.0
 
 
-def _pruned(before: Design, after: Design) -> Iterator[DesignChange]:
+def _where_it_goes(before: Design, after: Design) -> Iterator[DesignChange]:
     counts = tuple(level.branches for level in after.levels)
     if counts != tuple(level.branches for level in before.levels):
         yield DesignChange(
@@ -122,9 +122,6 @@ def _pruned(before: Design, after: Design) -> Iterator[DesignChange]:
             unit="",
             cost=max(1e-6, pruning_cost(before, counts)),
         )
-
-
-def _sizes(before: Design, after: Design) -> Iterator[DesignChange]:
     yield _relative("length", "trunk", before.trunk_length_mm, after.trunk_length_mm)
     for number, (old, new) in enumerate(zip(before.levels, after.levels, strict=False), start=2):
         yield _relative("length", f"level {number}", old.length_mm, new.length_mm)
@@ -137,15 +134,15 @@ def _sizes(before: Design, after: Design) -> Iterator[DesignChange]:
             unit="deg",
             cost=WEIGHTS["angle"] * abs(new.fan_rad - old.fan_rad),
         )
-        grown = _relative("growth", f"level {number}", old.growth, new.growth, "%", 100.0)
-        yield grown
+        yield _relative("growth", f"level {number}", old.growth, new.growth, "%", 100.0)
 
 
 def _built(before: Build, after: Build) -> Iterator[DesignChange]:
     for number, pair in enumerate(zip(before.widths_mm, after.widths_mm, strict=False), start=1):
         yield _relative("width", f"level {number}", *pair)
-    tapers = zip(_tapers(before, after), _tapers(after, after), strict=True)
-    for number, pair in enumerate(tapers, start=1):
+    count = len(after.widths_mm)
+    old_new = (build.taper[:count] or count * (1.0,) for build in (before, after))
+    for number, pair in enumerate(zip(*old_new, strict=True), start=1):
         yield _relative("taper", f"level {number}", *pair, "%", 100.0)
     for number, pair in enumerate(zip(before.fillet_mm, after.fillet_mm, strict=False), start=2):
         yield _relative("fillet", f"level {number}", *pair)
@@ -155,12 +152,6 @@ def _built(before: Build, after: Build) -> Iterator[DesignChange]:
         old, new = getattr(before.pouch, name, None), getattr(after.pouch, name, None)
         if old is not None and new is not None:
             yield _relative("pouch", name.removesuffix("_mm").join(("", " of the")), old, new)
-
-
-def _tapers(build: Build, like: Build) -> tuple[float, ...]:
-    """Return the tapers of as many levels as another build has."""
-    count = len(like.widths_mm)
-    return build.taper[:count] or count * (1.0,)
 
 
 def _relative(
@@ -236,37 +227,30 @@ class FixTargets:
 
         Rules about the laser's paths are not included.
         """
-        material = self.profile.material
+        material, sheet_mm = self.profile.material, bare_sheet_mm(self.profile)
         found = fabrication_penalty(
             design,
             self.limits,
             film_mm=material.ply_mm.value * material.plies,
             taken_mm=taken_mm(self.profile),
-            sheet_mm=bare_sheet_mm(self.profile),
-            pieces=self._pieces(design.build),
+            sheet_mm=sheet_mm,
+            pieces=PieceLimits.of(design.build, self.profile, self.limits, sheet_mm)
+            if design.build.pieces
+            else None,
         )
-        build = design.build
+        build, least_mm = design.build, self.least_fillet_mm()
+        least_side_mm = 1.001 * self.of_rule(PATHS)["segment_error"]
+        wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
         return found + math.log1p(
-            self._clamp(build)
+            (0.0 if build.collar else wide)  # a collar fits its own clamp
             + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
             + relative_excess(
                 self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0
             )
             + self._window(design)
-            + self._fillets(design)
-            + self._sides(design)
+            + math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(design))
+            + math.fsum(short_share(*room, least_side_mm) for room in rooms_mm(design))
         )
-
-    def _pieces(self, build: Build) -> PieceLimits | None:
-        """Return what the pieces of a design must keep; None for one flat outline."""
-        if build.pieces is None:
-            return None
-        return PieceLimits.of(build, self.profile, self.limits, bare_sheet_mm(self.profile))
-
-    def _clamp(self, build: Build) -> float:
-        """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""
-        most_mm = self.of_rule(CLAMP)["error"]
-        return 0.0 if build.collar else relative_excess(build.mouth_width_mm, most_mm)
 
     def least_pouch_mm(self, build: Build) -> float:
         """Return the least flat width of a design's pouches, 0 where it has none."""
@@ -298,21 +282,6 @@ class FixTargets:
         """Return the least fillet radius that the rules allow and the laser can run."""
         least_run_mm = self.of_rule(PATHS)["radius_error"] + seal_offset_mm(self.profile)
         return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
-
-    def _fillets(self, design: Design) -> float:
-        """Return by how much fillets are drawn too small because an angle has no room for more."""
-        least_mm = self.least_fillet_mm()
-        return math.fsum(
-            relative_excess(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design)
-        )
-
-    def _sides(self, design: Design) -> float:
-        """Return by how much straight sides are shorter than the shortest piece that is cut."""
-        least_mm = 1.001 * self.of_rule(PATHS)["segment_error"]
-        return math.fsum(
-            min(MOST_OF_ONE, max(0.0, (least_mm - room_mm) / length_mm))
-            for room_mm, length_mm in rooms_mm(design)
-        )
 
     def _window(self, design: Design) -> float:
         """Return the relative excess of the pressure that growth in free space takes."""
@@ -347,15 +316,10 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
-        several = level.branches > 1
-        child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
-        lean_rad = least_lean_rad(design, number + 1)
-        beside_rad = math.pi - max(level_tapers_rad(design, number)) + lean_rad
-        gaps = [(beside_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
-        if several:
-            between_rad = level.fan_rad / (level.branches - 1) + 2.0 * lean_rad
-            gaps.append((between_rad, narrow, child_mm))
-        for angle_rad, half, length_mm in gaps:
+        child_mm = float(child_lengths_mm(level).min())
+        sides = ((wide, above_mm), (narrow, child_mm))
+        angles_rad = gap_angles_rad(design, number)
+        for angle_rad, (half, length_mm) in zip(angles_rad, sides, strict=False):
             reach_mm = max(0.5 * min(child_mm, length_mm), disc)
             most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
             found.append(max(0.0, min(designed, most)))
@@ -367,8 +331,8 @@ def _worst_path(design: Design, depth: int) -> GrowthPath:
     """Return a path to a level as long as its longest and as winding as its most winding."""
     lengths, turns = [design.trunk_length_mm], []
     for level in design.levels[:depth]:
-        lengths.append(level.length_mm * (max(1.0, level.growth) if level.branches > 1 else 1.0))
-        turns.append(level.fan_rad / 2.0 if level.branches > 1 else 0.0)
+        lengths.append(float(child_lengths_mm(level).max()))
+        turns.append(widest_turn_rad(level))
     return GrowthPath(lengths_mm=tuple(lengths), turns_rad=tuple(turns))
 
 

@@ -22,7 +22,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
 from vinefab.model.finding import Severity
-from vinefab.model.tree import BranchTree
+from vinefab.model.tree import BranchTree, child_lengths_mm, least_gap_rad, widest_turn_rad
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 PARALLEL_RAD = 1e-6
@@ -91,30 +91,40 @@ def share_in_crotch(gap: Gap) -> float:
     return gap.reach_mm / shorter_mm(gap) if gap.angle_rad > PARALLEL_RAD else math.inf
 
 
+def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
+    """Return the least angles beside the parent and between children at the end of a level.
+
+    Tapered parents count with the side that leans most, tapered children with the one that leans
+    least. A single child has a gap beside its parent only.
+    """
+    level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
+    beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
+    return (beside, least_gap_rad(level) + 2.0 * lean) if level.branches > 1 else (beside,)
+
+
 def bare_gaps(design: Design) -> list[tuple[float, float]]:
     """Return angle and share in the crotch of every kind of gap, in closed form, without fillets.
 
     For each level that is the gap beside the parent and, between children, the one between the two
     shortest neighbours. Fillets are drawn no larger than the crotch allows, so these shares exceed
-    one half exactly when those of `share_in_crotch` do. Tapered parents count with the side that
-    leans most, tapered children with the one that leans least.
+    one half exactly when those of `share_in_crotch` do.
     """
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
-        shortest_mm = level.length_mm * min(1.0, level.growth)
-        fan = level.fan_rad if level.branches > 1 else 0.0
+        # A single child counts with its level's growth too, as in the compiled penalty.
+        shortest_mm = min(float(child_lengths_mm(level).min()), level.length_mm * level.growth)
         disc = max(wide, narrow)
-        lean = least_lean_rad(design, number + 1)
-        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+        beside, *between = gap_angles_rad(design, number)
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
         length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
         found.append((beside, reach / length_mm))
-        if level.branches > 1:
-            between = fan / (level.branches - 1) + 2.0 * lean
-            found.append((between, _bare_reach_mm(between, (narrow, narrow), disc) / shortest_mm))
+        found += [
+            (angle, _bare_reach_mm(angle, (narrow, narrow), disc) / shortest_mm)
+            for angle in between
+        ]
         above_mm = shortest_mm
     return found
 
@@ -135,16 +145,13 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
-        # Between children all angles are alike, and the last one beside the parent mirrors the
-        # first: two gaps stand for all.
-        for gap in joint.gaps[:2][: len(joint.gaps) - 1]:
-            angle_deg = math.degrees(gap.angle_rad)
-            broken = limits.least(angle_deg)
-            if broken:
+        # Gaps of one angle are alike: the first of them stands for all.
+        for gap in {round(gap.angle_rad, 9): gap for gap in reversed(joint.gaps)}.values():
+            if broken := limits.least(math.degrees(gap.angle_rad)):
                 predicate = "almost parallel: widen the fan or have fewer children"
                 if 0 in (gap.first.owner, gap.second.owner):
                     predicate = "almost folded onto its parent: narrow the fan"
-                violations.append(_violation(subject, (joint, gap), predicate, (angle_deg, broken)))
+                violations.append(_violation(subject, joint, gap, predicate, broken))
     alone = [
         f"level {number} has one child per branch, which grows straight on: its angle_deg of "
         f"{math.degrees(level.fan_rad):g} changes nothing"
@@ -164,15 +171,14 @@ def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
     violations = []
     for joint in joints:
         gap = max(joint.gaps, key=share_in_crotch)
-        share = share_in_crotch(gap)
-        broken = limits.most(share)
-        if broken:
+        if broken := limits.most(share_in_crotch(gap)):
             predicate = (
                 f"webbed together for {gap.reach_mm:.1f} mm from the joint: lengthen the child, "
                 "widen the angle or narrow the branches"
             )
-            in_mm = BrokenLimit(severity=broken.severity, limit=broken.limit * shorter_mm(gap))
-            violations.append(_violation(subject, (joint, gap), predicate, (gap.reach_mm, in_mm)))
+            limit_mm = broken.limit * shorter_mm(gap)
+            in_mm = replace(broken, limit=limit_mm, measured=gap.reach_mm)
+            violations.append(_violation(subject, joint, gap, predicate, in_mm))
     # The worst gap stands for its joint: the outline's problems in its other gaps add nothing.
     reported = {violation.at_mm for violation in violations}
     crotches = outline_violations(subject, ProblemKind.NARROW_CROTCH)
@@ -188,58 +194,42 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
     joints = level_joints(subject.design)
     violations = []
     for joint in joints:
-        radius_mm = joint.fillet_mm
         width_mm = subject.design.build.widths_mm[joint.level - 1]
+        designed_mm = subject.design.build.fillet_mm[joint.level - 2]
         least_mm = max(limits["warning"], limits["share_of_width"] * width_mm)
-        broken = Limits({"error": limits["error"], "warning": least_mm}).least(radius_mm)
-        if broken:
+        small = Limits({"error": limits["error"], "warning": least_mm}).least(joint.fillet_mm)
+        if small:
             predicate = (
                 f"joined with too small a fillet: design {least_mm:.1f} mm or more, and widen the "
                 "angle if it is drawn smaller than designed"
             )
-            violations.append(
-                _violation(subject, (joint, joint.gaps[0]), predicate, (radius_mm, broken))
+            violations.append(_violation(subject, joint, joint.gaps[0], predicate, small))
+        shares = {name: limits[f"most_{name}_share"] * width_mm for name in ("error", "warning")}
+        if large := Limits(shares).most(designed_mm):
+            predicate = (
+                f"joined with so large a fillet that the child is wider than designed far from the "
+                f"joint: design {large.limit:.1f} mm or less"
             )
-        violations += _large_fillet(subject, joint, limits)
+            violations.append(_violation(subject, joint, joint.gaps[0], predicate, large))
+        elif joint.fillet_mm < designed_mm * (1.0 - 1e-9):
+            less = BrokenLimit(severity=Severity.INFO, limit=designed_mm, measured=joint.fillet_mm)
+            predicate = (
+                f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
+            )
+            violations.append(_violation(subject, joint, joint.gaps[0], predicate, less))
     return RuleApplied(checked=len(joints), violations=tuple(violations))
 
 
-def _large_fillet(subject: Subject, joint: LevelJoint, limits: Limits) -> list[Violation]:
-    """Check for a fillet that swells its child, or that is drawn smaller than designed."""
-    width_mm = subject.design.build.widths_mm[joint.level - 1]
-    designed_mm = subject.design.build.fillet_mm[joint.level - 2]
-    shares = {name: limits[f"most_{name}_share"] * width_mm for name in ("error", "warning")}
-    broken = Limits(shares).most(designed_mm)
-    where = joint, joint.gaps[0]
-    if broken:
-        predicate = (
-            f"joined with so large a fillet that the child is wider than designed far from the "
-            f"joint: design {broken.limit:.1f} mm or less"
-        )
-        return [_violation(subject, where, predicate, (designed_mm, broken))]
-    if joint.fillet_mm < designed_mm * (1.0 - 1e-9):
-        less = BrokenLimit(severity=Severity.INFO, limit=designed_mm)
-        predicate = (
-            f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
-        )
-        return [_violation(subject, where, predicate, (joint.fillet_mm, less))]
-    return []
-
-
 def _violation(
-    subject: Subject,
-    where: tuple[LevelJoint, Gap],
-    predicate: str,
-    found: tuple[float, BrokenLimit],
+    subject: Subject, joint: LevelJoint, gap: Gap, predicate: str, broken: BrokenLimit
 ) -> Violation:
     """Return a violation by all joints of a level, placed at the first of them."""
-    joint, gap = where
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
     names = " and ".join(subject.ids(*rows))
     message = f"branches {names}{all_joints} are {predicate}"
     at_mm = branch_start_mm(subject.layout, joint.first_child)
-    return branch_violation(subject, rows, message, found, at_mm=at_mm)
+    return branch_violation(subject, rows, message, broken, at_mm=at_mm)
 
 
 ANGLE = Rule(
@@ -291,35 +281,30 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
     for level in range(2, subject.design.depth + 1):
         rows = np.flatnonzero(tree.level == level)
         worst = int(rows[np.argmax(turns_rad[rows])])
-        turn_deg = math.degrees(turns_rad[worst])
-        broken = limits.most(turn_deg, "joint")
-        if broken:
+        if broken := limits.most(math.degrees(turns_rad[worst]), "joint"):
             message = "the branch turns back at its joint: narrow the fan"
-            violations.append(_turn_violation(subject, worst, message, (turn_deg, broken)))
-    path_rad = _path_turn_rad(tree, subject)
+            at_mm = branch_start_mm(subject.layout, worst)
+            violations.append(branch_violation(subject, [worst], message, broken, at_mm=at_mm))
+    contacts_rad = np.zeros(len(tree))
+    for deployment in subject.deployments:
+        along_rad = _summed_along(tree, deployment.contact_turn_rad)
+        contacts_rad = np.maximum(contacts_rad, along_rad)
+    path_rad = _summed_along(tree, turns_rad) + contacts_rad
     worst = int(np.argmax(path_rad))
     friction = FITTED.friction.value
     factor = capstan_factor(friction, float(path_rad[worst]))
-    broken = limits.most(factor, "capstan")
-    if broken:
+    if broken := limits.most(factor, "capstan"):
         message = (
             f"turns on the way to this tip multiply the film's tension by {factor:.1f}: "
             "straighten the path"
         )
         at_limit = math.degrees(math.log(broken.limit) / friction)
-        as_turn = BrokenLimit(severity=broken.severity, limit=at_limit)
-        found = (math.degrees(path_rad[worst]), as_turn)
-        violation = _turn_violation(subject, worst, message, found)
-        violations.append(replace(violation, aspect="capstan"))
+        as_turn = replace(broken, limit=at_limit, measured=math.degrees(path_rad[worst]))
+        at_mm = branch_start_mm(subject.layout, worst)
+        violations.append(
+            branch_violation(subject, [worst], message, as_turn, at_mm=at_mm, aspect="capstan")
+        )
     return RuleApplied(checked=len(tree), violations=tuple(violations))
-
-
-def _path_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
-    """Return the sum of absolute turns from the base to each branch's tip, shape (n,)."""
-    worst = np.zeros(len(tree))
-    for deployment in subject.deployments:
-        worst = np.maximum(worst, _summed_along(tree, deployment.contact_turn_rad))
-    return np.asarray(_summed_along(tree, np.abs(tree.offset_rad)) + worst)
 
 
 def _summed_along(tree: BranchTree, values: Floats) -> Floats:
@@ -329,13 +314,6 @@ def _summed_along(tree: BranchTree, values: Floats) -> Floats:
         rows = np.flatnonzero(tree.level == level)
         total[rows] += total[tree.parent[rows]]
     return total
-
-
-def _turn_violation(
-    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit]
-) -> Violation:
-    at_mm = branch_start_mm(subject.layout, branch)
-    return branch_violation(subject, [branch], message, found, at_mm=at_mm)
 
 
 TURN = Rule(

@@ -27,7 +27,7 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile, Machine, Recipe, RecipeStatus
+from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
 
 _NO_PATHS = RuleNotApplicable(reason="needs a recipe, which the paths follow from")
 _ORDER = tuple(Operation)
@@ -52,26 +52,16 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         if broken and (
             mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
         ):
-            violations[mark.label] = Violation(
-                message=f"mark {mark.label!r} touches the body or its rim: move it away",
-                measured=away_mm,
-                limit=broken.limit,
-                aspect=mark.label,
-            )
+            message = f"mark {mark.label!r} touches the body or its rim: move it away"
+            violations[mark.label] = broken.violation(message, aspect=mark.label)
     can_mark = Operation.MARK in subject.profile.recipe.by_operation
     note = "" if can_mark else "the recipe has no mark: no fold line, no label"
-    return RuleApplied(
-        checked=len(marks), violations=(*violations.values(), *_left_out(subject.job)), note=note
-    )
-
-
-def _left_out(job: Job) -> Iterator[Violation]:
-    """Yield a violation for each mark that was left out."""
-    reasons = job.facts.get("marks_left_out", ())
-    for reason in reasons if isinstance(reasons, list) else ():
-        yield Violation(
-            message=f"{reason}: mark the film by hand", severity=Severity.INFO, aspect=reason
-        )
+    reasons = subject.job.facts.get("marks_left_out", ())
+    left_out = [
+        Violation(message=f"{reason}: mark the film by hand", severity=Severity.INFO, aspect=reason)
+        for reason in (reasons if isinstance(reasons, list) else ())
+    ]
+    return RuleApplied(checked=len(marks), violations=(*violations.values(), *left_out), note=note)
 
 
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -79,7 +69,23 @@ def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     if subject.job is None or subject.profile is None:
         return _NO_PATHS
     paths = [path for path in subject.job.paths if path.operation.is_machined]
-    violations = [violation for path in paths for violation in _small_segments(path, limits)]
+    violations = []
+    for path in paths:
+        segments = list(path.contour.segments)
+        short = min(segments, key=lambda segment: segment.length_mm)
+        sharp = min(segments, key=lambda segment: segment.radius_mm)
+        for name, what, segment, size_mm in (
+            ("segment", "a line or arc", short, short.length_mm),
+            ("radius", "the radius of an arc", sharp, sharp.radius_mm),
+        ):
+            if broken := limits.least(size_mm, name):
+                violations.append(
+                    broken.violation(
+                        f"{what} of {path.label!r} is too small to be run",
+                        branches=(segment.branch,) if segment.branch else (),
+                        aspect=f"{name} {path.label}",
+                    )
+                )
     violations += _meetings(subject, subject.profile, paths, limits)
     violations += _marked_twice(paths, limits)
     violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
@@ -92,16 +98,12 @@ def _meetings(
     """Yield a violation for every two places at which a kerf reaches into a kerf or a seam."""
     found = list(meetings([p for p in paths if p.operation is not Operation.MARK], profile))
     for meeting in found[:_MOST_MEETINGS]:
-        broken = limits.least(meeting.left_mm, "apart")
-        if broken:
+        if broken := limits.least(meeting.left_mm, "apart"):
             other = "itself" if meeting.one is meeting.two else f"{meeting.one.label!r}"
             message = f"the beam reaches into {other} along {meeting.two.label!r}"
             at_mm = flat_place_mm(subject, meeting.one, meeting.at_mm)
-            yield Violation(
-                message=f"{message}: move the branches apart",
-                severity=broken.severity,
-                measured=meeting.left_mm,
-                limit=broken.limit,
+            yield broken.violation(
+                f"{message}: move the branches apart",
                 branches=meeting.branches,
                 at_mm=at_mm,
                 marker=mark_point(at_mm) if at_mm else "",
@@ -121,12 +123,9 @@ def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violat
         if not (marks[one] or marks[two]):
             continue
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
-        broken = limits.most(shared_mm, "shared")
-        if broken:
+        if broken := limits.most(shared_mm, "shared"):
             message = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
-            yield Violation(
-                message=message, measured=shared_mm, limit=broken.limit, aspect="shared"
-            )
+            yield broken.violation(message, aspect="shared")
 
 
 def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -145,37 +144,12 @@ def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     rings = [(place, path) for place, path in enumerate(paths) if frees(path)]
     for place, before in rings:
         for after in paths[place + 1 :]:
-            if before.operation is after.operation and bool(_inside(before, after).all()):
+            if before.operation is after.operation and _holds(before, after):
                 message = (
                     f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
                 )
                 violations.append(Violation(message=message, aspect="inner"))
     return RuleApplied(checked=len(paths), violations=tuple(violations))
-
-
-def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
-    segments = list(path.contour.segments)
-    short = min(segments, key=lambda segment: segment.length_mm)
-    sharp = min(segments, key=lambda segment: segment.radius_mm)
-    found = (
-        ("segment", "a line or arc", short, short.length_mm),
-        ("radius", "the radius of an arc", sharp, sharp.radius_mm),
-    )
-    violations = []
-    for name, what, segment, size_mm in found:
-        broken = limits.least(size_mm, name)
-        if broken:
-            violations.append(
-                Violation(
-                    message=f"{what} of {path.label!r} is too small to be run",
-                    severity=broken.severity,
-                    measured=size_mm,
-                    limit=broken.limit,
-                    branches=(segment.branch,) if segment.branch else (),
-                    aspect=f"{name} {path.label}",
-                )
-            )
-    return violations
 
 
 class _Body:
@@ -204,22 +178,18 @@ class _Body:
         return np.where(reaches, 0.0, shapely.distance(self.edge, shapes))
 
 
-def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
-    """Return which points of a path lie inside another one, which is closed if it is open."""
+def _holds(outer: LaserPath, inner: LaserPath) -> bool:
+    """Whether a path lies inside another one, which is closed if it is open."""
     points, around = inner.contour.flattened_mm(), outer.contour.flattened_mm()
     if len(around) < 3:
-        return np.zeros(len(points), dtype=np.bool_)
-    area = shapely.Polygon(around)
-    return np.asarray(shapely.contains_xy(area, points[:, 0], points[:, 1]))
-
-
-def _ring(path: LaserPath) -> Floats:
-    points = path.contour.flattened_mm()
-    return np.concatenate([points, points[:1]])
+        return False
+    return bool(shapely.contains_xy(shapely.Polygon(around), points[:, 0], points[:, 1]).all())
 
 
 def _line(path: LaserPath) -> shapely.LineString:
-    return shapely.LineString(_ring(path) if path.contour.closed else path.contour.flattened_mm())
+    points = path.contour.flattened_mm()
+    closing = points[: 1 if path.contour.closed else 0]
+    return shapely.LineString(np.concatenate([points, closing]))
 
 
 MARKS = Rule(
@@ -291,7 +261,10 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
         if speed > top:
             message = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
             violations.append(_warning(message, f"speed {operation}", (speed, top)))
-        radius_mm = _sharpest_mm(subject, operation)
+        paths = [] if subject.job is None else subject.job.along(Operation(operation))
+        radius_mm = min(
+            (s.radius_mm for path in paths for s in path.contour.segments), default=math.inf
+        )
         if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
             fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
             message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
@@ -305,38 +278,28 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     if subject.profile is None:
         return _NO_RECIPE
     recipe = subject.profile.recipe
-    violations = [*_energy_violations(subject.profile), *_kerf_violations(recipe, limits)]
+    violations = []
+    for window in recipe.coupons.windows:
+        run = recipe.by_operation.get(window.operation)
+        if run is None or run.focus_offset_mm.value != window.focus_mm:
+            continue
+        energy = run.line_energy_mj_mm(subject.profile.machine)
+        if not window.holds(energy):
+            message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
+            violations.append(_warning(f"{message}{window.words()}", f"energy {window.operation}"))
+    if settings := recipe.by_operation.get(Operation.WELDCUT):
+        kerf, seam = settings.kerf_mm, settings.seam_width_mm
+        if broken := limits.most(kerf.value / seam.value if seam.value else math.inf, "kerf"):
+            message = (
+                f"weldcut removes {kerf.value:g} mm ({kerf.standing}) and fuses only "
+                f"{seam.value:g} mm ({seam.standing}) beside it: measure both on coupons, or focus "
+                "less"
+            )
+            violations.append(broken.violation(message, aspect="kerf"))
     if recipe.status is RecipeStatus.UNVERIFIED:
         message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
         violations.insert(0, _warning(message, ""))
     return RuleApplied(checked=1 + len(recipe.coupons.windows), violations=tuple(violations))
-
-
-def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
-    """Yield a violation for each operation whose energy failed on the coupons."""
-    for window in profile.recipe.coupons.windows:
-        settings = profile.recipe.by_operation.get(window.operation)
-        if settings is None or settings.focus_offset_mm.value != window.focus_mm:
-            continue
-        energy = settings.line_energy_mj_mm(profile.machine)
-        if not window.holds(energy):
-            message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
-            yield _warning(f"{message}{window.words()}", f"energy {window.operation}")
-
-
-def _kerf_violations(recipe: Recipe, limits: Limits) -> Iterator[Violation]:
-    """Yield a violation where one pass removes a wider band of film than it fuses beside it."""
-    settings = recipe.by_operation.get(Operation.WELDCUT)
-    if settings is None:
-        return
-    kerf, seam = settings.kerf_mm, settings.seam_width_mm
-    ratio = kerf.value / seam.value if seam.value else math.inf
-    if broken := limits.most(ratio, "kerf"):
-        message = (
-            f"weldcut removes {kerf.value:g} mm ({kerf.standing}) and fuses only {seam.value:g} mm "
-            f"({seam.standing}) beside it: measure both on coupons, or focus less"
-        )
-        yield _warning(message, "kerf", (ratio, broken.limit))
 
 
 def _warning(
@@ -350,12 +313,6 @@ def _warning(
         limit=found[1],
         aspect=aspect,
     )
-
-
-def _sharpest_mm(subject: Subject, operation: str) -> float:
-    """Return the smallest arc radius along an operation's paths; infinite without arcs."""
-    paths = [] if subject.job is None else subject.job.along(Operation(operation))
-    return min((s.radius_mm for path in paths for s in path.contour.segments), default=math.inf)
 
 
 PLY = Rule(
@@ -403,8 +360,19 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         count = len(subject.job.tiles)
         note = f"the robot is larger than the bed and cut in {counted(count, 'tile')}, one after "
         note += "the other: its film is moved and aligned between them"
-        found = tuple(_tile_violations(subject.job, machine))
-        return RuleApplied(checked=count, violations=found, note=note)
+        violations = []
+        for number, tile in enumerate(subject.job.tiles, start=1):
+            over_mm = _over_mm(tile, machine)[0]
+            if over_mm > _SLACK_MM:
+                message, aspect = f"tile {number} hangs over the bed", f"tile {number}"
+                violations.append(
+                    Violation(message=message, measured=over_mm, limit=0.0, aspect=aspect)
+                )
+            found = tile.facts["targets_found_mm"]
+            if number > 1 and not (isinstance(found, list) and len(found) >= 2):
+                message = f"tile {number} has no two targets to align it by"
+                violations.append(Violation(message=message, aspect=f"targets {number}"))
+        return RuleApplied(checked=count, violations=tuple(violations), note=note)
     over_mm, checked = -math.inf, 0
     for sheet in subject.job.runs:
         sheet_over_mm, count = _over_mm(sheet, machine)
@@ -434,19 +402,6 @@ def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
         max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm) for x0, y0, x1, y1 in boxes
     )
     return over_mm, len(paths)
-
-
-def _tile_violations(job: Job, machine: Machine) -> Iterator[Violation]:
-    """Yield a violation for each tile that hangs over the bed or that cannot be aligned."""
-    for number, tile in enumerate(job.tiles, start=1):
-        over_mm, _ = _over_mm(tile, machine)
-        if over_mm > _SLACK_MM:
-            message = f"tile {number} hangs over the bed"
-            yield Violation(message=message, measured=over_mm, limit=0.0, aspect=f"tile {number}")
-        found = tile.facts["targets_found_mm"]
-        if number > 1 and not (isinstance(found, list) and len(found) >= 2):
-            message = f"tile {number} has no two targets to align it by"
-            yield Violation(message=message, aspect=f"targets {number}")
 
 
 def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:

@@ -10,11 +10,10 @@ from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, gap_angles_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import (
-    Capsules,
     capsules_of,
     excess_mm,
     pair_depths,
@@ -61,17 +60,13 @@ def _trunk_mm(design: Design) -> float:
 
 def _joint(design: Design, number: int) -> Pair:
     """Return how much of parent and child the joint below level ``number`` takes."""
-    level = design.levels[number - 1]
     wide = design.build.end_widths_mm[number - 1] / 2.0
     narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
-    fan = level.fan_rad if level.branches > 1 else 0.0
-    lean = least_lean_rad(design, number + 1)
-    beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+    beside, *between = gap_angles_rad(design, number)
     parent, child = straight_begins_mm(beside, (wide, narrow), radius)
-    if level.branches > 1:
-        between = fan / (level.branches - 1) + 2.0 * lean
-        child = max(child, straight_begins_mm(between, (narrow, narrow), radius, wide)[0])
+    for angle in between:
+        child = max(child, straight_begins_mm(angle, (narrow, narrow), radius, wide)[0])
     return parent, child
 
 
@@ -146,13 +141,20 @@ def fabrication_penalty(
         search can follow it; the logarithm keeps a hopeless tree below about 100.
     """
     changed = limits or {}
+    gaps = bare_gaps(design)
+    angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
+    narrow = _short_of(angles_deg, _limit(ANGLE, changed))
+    webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
+    shares = occupancies(design, film_mm, _limit(PACKING, changed, "packing"))
     kinds = (
         width_violations(design.build, changed),
-        _joints(design, changed),
-        _packing(design, changed, film_mm),
+        narrow + webbed + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
+        _over((100.0 * share for share in shares), _limit(PACKING, changed)),
         _on_sheet(design, changed, sheet_mm, taken_mm)
         if pieces is None
-        else _in_pieces(design, pieces, changed, taken_mm),
+        else quick.left
+        if (quick := quick_cuts(design, pieces))
+        else _on_sheet(design, changed, pieces.sheet_mm, taken_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
 
@@ -184,22 +186,9 @@ def width_violations(build: Build, changed: LimitChanges) -> float:
     return narrow + _short_of(ratios, _limit(WIDTH_RATIO, changed))
 
 
-def _joints(design: Design, changed: LimitChanges) -> float:
-    gaps = bare_gaps(design)
-    angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
-    narrow = _short_of(angles_deg, _limit(ANGLE, changed))
-    webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
-    return narrow + webbed + sum(_crowded(*room) for room in rooms_mm(design))
-
-
-def _crowded(room_mm: float, length_mm: float) -> float:
-    """Return how much of a branch is missing for its two ends to fit on it, at most 10."""
-    return min(MOST_OF_ONE, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
-
-
-def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
-    shares = occupancies(design, film_mm, _limit(PACKING, changed, "packing"))
-    return _over((100.0 * share for share in shares), _limit(PACKING, changed))
+def short_share(room_mm: float, length_mm: float, least_mm: float) -> float:
+    """Return how much of a branch is missing for its side to keep a least length, at most 10."""
+    return min(MOST_OF_ONE, max(0.0, (least_mm - room_mm) / length_mm))
 
 
 def _on_sheet(
@@ -211,20 +200,9 @@ def _on_sheet(
     if design.branch_count > MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
-    near = _too_near(capsules, least_gap_mm(CLEARANCE, changed, taken_mm))
+    clearance_mm = least_gap_mm(CLEARANCE, changed, taken_mm)
+    found = spacing(capsules, clearance_mm)
+    near = float(pair_depths(capsules, found, clearance_mm).sum())
     if sheet_mm is None:
         return near
     return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
-
-
-def _in_pieces(
-    design: Design, pieces: PieceLimits, changed: LimitChanges, taken_mm: float
-) -> float:
-    found = quick_cuts(design, pieces)
-    return _on_sheet(design, changed, pieces.sheet_mm, taken_mm) if found is None else found.left
-
-
-def _too_near(capsules: Capsules, clearance_mm: float) -> float:
-    """Return the summed depths of all pairs that are nearer than a clearance."""
-    found = spacing(capsules, clearance_mm)
-    return float(pair_depths(capsules, found, clearance_mm).sum())

@@ -1,7 +1,5 @@
 """Rules about robots in pieces: their number, their sleeves, labels."""
 
-from collections.abc import Iterator
-
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
@@ -19,8 +17,6 @@ from vinefab.fabrication.rules.subject import Subject
 from vinefab.fabrication.rules.widths import lap_occupancies
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
-from vinefab.model.laser import LapBond
-from vinefab.model.pieces import Sleeve, Unparted
 from vinefab.physics.seam import lap_load_n_mm
 
 
@@ -43,31 +39,33 @@ def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
     partition = subject.partition
     if partition is None:
         return _no_partition(subject)
-    violations = tuple(_unparted(subject, one) for one in partition.unparted)
-    return RuleApplied(checked=len(partition.sleeves) + len(violations), violations=violations)
-
-
-def _unparted(subject: Subject, found: Unparted) -> Violation:
-    named = found.branches[:_MOST_NAMED]
-    names = ", ".join(subject.ids(*named)) + (", ..." if len(found.branches) > len(named) else "")
-    message = f"{names} {found.why}, and cutting in pieces cannot help: "
-    if found.between:
-        between = ", ".join(subject.ids(*found.between[:_MOST_NAMED]))
-        message += (
-            f"no branch between them ({between}) has {found.needed_mm:.1f} mm of straight side for "
-            "a sleeve: lengthen one, or shorten fillets, lap or pouch"
+    violations = []
+    for found in partition.unparted:
+        named = found.branches[:_MOST_NAMED]
+        names = ", ".join(subject.ids(*named))
+        names += ", ..." if len(found.branches) > len(named) else ""
+        message = f"{names} {found.why}, and cutting in pieces cannot help: "
+        if found.between:
+            between = ", ".join(subject.ids(*found.between[:_MOST_NAMED]))
+            message += (
+                f"no branch between them ({between}) has {found.needed_mm:.1f} mm of straight side "
+                "for a sleeve: lengthen one, or shorten fillets, lap or pouch"
+            )
+        else:
+            message += "no branch lies between them, or only ones whose stubs are in the way"
+        violations.append(
+            Violation(
+                message=message,
+                measured=found.room_mm,
+                limit=found.needed_mm,
+                branches=subject.ids(*named),
+                at_mm=branch_middle_mm(subject.layout, found.branches[0]),
+                marker=mark_branches(subject.layout, found.branches),
+                aspect=found.why,
+            )
         )
-    else:
-        message += "no branch lies between them, or only ones whose stubs are in the way"
-    return Violation(
-        message=message,
-        measured=found.room_mm,
-        limit=found.needed_mm,
-        branches=subject.ids(*named),
-        at_mm=branch_middle_mm(subject.layout, found.branches[0]),
-        marker=mark_branches(subject.layout, found.branches),
-        aspect=found.why,
-    )
+    checked = len(partition.sleeves) + len(violations)
+    return RuleApplied(checked=checked, violations=tuple(violations))
 
 
 def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -101,47 +99,36 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
     if recipe.lap is None:
         reason = f"recipe {recipe.name} has no table [lap]: nothing is known of the bond of sleeves"
         return RuleNotApplicable(reason=f"{reason}; burst lap coupons and calibrate it")
-    violations = [
-        violation
-        for sleeve in sleeves
-        if (violation := _weak_lap(subject, sleeve, recipe.lap, limits))
-    ]
-    if pieces is not None and pieces.lap_mm < recipe.lap.band_mm.value:
-        rows = [sleeve.branch for sleeve in sleeves]
-        violations.append(_short_lap(subject.ids(*rows), pieces.lap_mm, recipe.lap))
-    return RuleApplied(checked=len(sleeves), violations=tuple(violations))
-
-
-def _weak_lap(subject: Subject, sleeve: Sleeve, bond: LapBond, limits: Limits) -> Violation | None:
-    load_n_mm = lap_load_n_mm(subject.design.build.pressure_kpa, sleeve.width_mm)
+    bond = recipe.lap
     limit_n_mm = bond.load_n_per_mm.value / limits["safety_factor"]
     severity = Severity.ERROR if bond.is_measured_limit else Severity.WARNING
-    broken = Limits({severity.value: limit_n_mm}).most(load_n_mm)
-    if broken is None:
-        return None
-    message = (
-        f"the lap of plug {sleeve.label}, {sleeve.width_mm:.1f} mm wide, may be loaded with "
-        f"{limit_n_mm:.3f} N per mm of rim with safety ({bond.words()}): lower the pressure or "
-        f"narrow the branch{'' if bond.is_measured_limit else ', or burst lap coupons'}"
-    )
-    return branch_violation(
-        subject,
-        [sleeve.branch],
-        message,
-        (load_n_mm, broken),
-        at_mm=_along_mm(subject, sleeve.branch, sleeve.outer_from_mm),
-    )
-
-
-def _short_lap(branches: tuple[str, ...], lap_mm: float, bond: LapBond) -> Violation:
-    """Return a warning that the bond's band is wider than the laps on some branches."""
-    return Violation(
-        message=f"a band of {bond.band_mm.value:g} mm, that of the recipe, has no room on laps of "
-        f"{lap_mm:g} mm: lengthen them ([build] pieces.lap_mm)",
-        severity=Severity.WARNING,
-        branches=branches,
-        aspect="band",
-    )
+    bears, layout, violations = Limits({severity.value: limit_n_mm}), subject.layout, []
+    for sleeve in sleeves:
+        row = sleeve.branch
+        load_n_mm = lap_load_n_mm(subject.design.build.pressure_kpa, sleeve.width_mm)
+        if broken := bears.most(load_n_mm):
+            message = (
+                f"the lap of plug {sleeve.label}, {sleeve.width_mm:.1f} mm wide, may be loaded "
+                f"with {limit_n_mm:.3f} N per mm of rim with safety ({bond.words()}): lower the "
+                "pressure or narrow the branch"
+                f"{'' if bond.is_measured_limit else ', or burst lap coupons'}"
+            )
+            along = layout.end_mm[row] - layout.start_mm[row]
+            share = sleeve.outer_from_mm / layout.tree.length_mm[row]
+            x, y = (layout.start_mm[row] + along * share).tolist()
+            violations.append(branch_violation(subject, [row], message, broken, at_mm=(x, y)))
+    if pieces is not None and pieces.lap_mm < bond.band_mm.value:
+        rows = [sleeve.branch for sleeve in sleeves]
+        violations.append(
+            Violation(
+                message=f"a band of {bond.band_mm.value:g} mm, that of the recipe, has no room on "
+                f"laps of {pieces.lap_mm:g} mm: lengthen them ([build] pieces.lap_mm)",
+                severity=Severity.WARNING,
+                branches=subject.ids(*rows),
+                aspect="band",
+            )
+        )
+    return RuleApplied(checked=len(sleeves), violations=tuple(violations))
 
 
 def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -163,21 +150,11 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
         else f"the lap has {room_mm:g} mm beside its band on each side, where a socket must be"
         " gathered onto its plug: lessen the ease, or lengthen the lap"
     )
-    violation = Violation(
-        message=f"{message} ([build] pieces.ease_mm)",
-        severity=broken.severity,
-        measured=pieces.ease_mm,
-        limit=broken.limit,
+    violation = broken.violation(
+        f"{message} ([build] pieces.ease_mm)",
         branches=subject.ids(*(sleeve.branch for sleeve in partition.sleeves)),
     )
     return RuleApplied(checked=len(partition.sleeves), violations=(violation,))
-
-
-def _along_mm(subject: Subject, branch: int, distance_mm: float) -> tuple[float, float]:
-    """Return the place at a distance along a branch's centre line."""
-    start_mm, end_mm = subject.layout.start_mm[branch], subject.layout.end_mm[branch]
-    x, y = start_mm + (end_mm - start_mm) * (distance_mm / subject.layout.tree.length_mm[branch])
-    return float(x), float(y)
 
 
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -201,7 +178,7 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
         "fewer or narrower children, or fewer cuts below"
     )
     violations = [
-        branch_violation(subject, [branch], message, (100.0 * shares[branch], broken))
+        branch_violation(subject, [branch], message, broken)
         for branch in fullest.values()
         if (broken := limits.most(100.0 * shares[branch]))
     ]
@@ -217,7 +194,11 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppl
         return RuleNotApplicable(reason="needs a recipe, which the marks follow from")
     if len(partition.pieces) == 1:
         return RuleApplied(checked=0)
-    wanted = list(_wanted(subject))
+    design = subject.design.name
+    wanted = [piece_mark(piece_name(design, piece.label)) for piece in partition.pieces]
+    for sleeve in partition.sleeves:
+        wanted.append(joint_mark(SOCKET, sleeve.label, piece_name(design, sleeve.socket_on)))
+        wanted.append(joint_mark(PLUG, sleeve.label, piece_name(design, sleeve.plug_on)))
     made = {path.label.split(", part ")[0] for path in job.along(Operation.MARK)}
     missing = [label for label in wanted if label not in made]
     if not missing:
@@ -232,18 +213,6 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppl
         limit=0.0,
     )
     return RuleApplied(checked=len(wanted), violations=(violation,))
-
-
-def _wanted(subject: Subject) -> Iterator[str]:
-    """Yield the names of all labels that a robot in pieces needs."""
-    partition, design = subject.partition, subject.design.name
-    if partition is None:
-        return
-    for piece in partition.pieces:
-        yield piece_mark(piece_name(design, piece.label))
-    for sleeve in partition.sleeves:
-        yield joint_mark(SOCKET, sleeve.label, piece_name(design, sleeve.socket_on))
-        yield joint_mark(PLUG, sleeve.label, piece_name(design, sleeve.plug_on))
 
 
 SLEEVE_ROOM = Rule(

@@ -4,8 +4,9 @@ Narrow leaves at the end of long, winding paths need much pressure to grow; the 
 at the least. Whether anything is left between the two decides whether a robot can be deployed.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
 
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
@@ -31,7 +32,6 @@ from vinefab.model.laser import (
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
-    GrowthPath,
     grown_paths,
     planned_paths,
     riding_mm,
@@ -56,7 +56,7 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         f"({material.seam.words()}): lower the pressure or narrow the widest part"
         f"{_or_test(material)}"
     )
-    return _applied(subject, branch, message, (subject.design.build.pressure_kpa, broken))
+    return _applied(subject, branch, message, broken)
 
 
 def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -71,21 +71,22 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable
         f"no seam of this film is known to have held so much pressure, at any width: "
         f"{material.seam.words()}; lower the pressure{_or_test(material)}"
     )
-    return _applied(subject, 0, message, (subject.design.build.pressure_kpa, broken))
+    return _applied(subject, 0, message, broken)
 
 
 def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-P04: the film does not balloon at the working pressure."""
     if subject.profile is None:
         return _NO_RECIPE
-    width_mm, branch = widest(subject)
-    strain_percent = 100.0 * _strain(subject.profile, subject.design.build.pressure_kpa, width_mm)
-    broken = limits.most(strain_percent)
-    message = (
-        f"the film stretches a lot around {width_mm:.1f} mm of lay-flat width"
-        f"{_basis(subject.profile.material.modulus_mpa)}: lower the pressure"
+    film, (width_mm, branch) = subject.profile.material, widest(subject)
+    strain = hoop_strain(
+        subject.design.build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
     )
-    return _applied(subject, branch, message, (strain_percent, broken))
+    message = (
+        f"the film stretches a lot around {width_mm:.1f} mm of lay-flat width (from "
+        f"{film.modulus_mpa.standing} numbers): lower the pressure"
+    )
+    return _applied(subject, branch, message, limits.most(100.0 * strain))
 
 
 def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> float:
@@ -96,11 +97,6 @@ def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> fl
 def growth_limit_kpa(width_mm: float, material: Material, limits: Limits) -> float:
     """Return the pressure that growth may take in a tube of a width: safe, and with a margin."""
     return safe_pressure_kpa(width_mm, material, limits) / (1.0 + limits["margin_percent"] / 100.0)
-
-
-def _strain(profile: LaserProfile, pressure_kpa: float, width_mm: float) -> float:
-    material = profile.material
-    return hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
 
 
 def widest(subject: Subject) -> tuple[float, int]:
@@ -117,20 +113,11 @@ def _or_test(material: Material) -> str:
     return "" if material.seam.is_measured_limit else ", or burst a balloon to know the limit"
 
 
-def _basis(*numbers: Quantity) -> str:
-    """Return the standing of the numbers behind a limit, as a phrase."""
-    standings = sorted({number.standing.value for number in numbers})
-    return f" (from {' and '.join(standings)} numbers)"
-
-
 def _applied(
-    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit | None]
+    subject: Subject, branch: int, message: str, broken: BrokenLimit | None
 ) -> RuleApplied:
-    measured, broken = found
-    if broken is None:
-        return RuleApplied(checked=1)
-    violation = branch_violation(subject, [branch], message, (measured, broken))
-    return RuleApplied(checked=1, violations=(violation,))
+    found = (branch_violation(subject, [branch], message, broken),) if broken else ()
+    return RuleApplied(checked=1, violations=found)
 
 
 BURST = Rule(
@@ -196,7 +183,7 @@ class GrowthConstantsRange:
                 tight=own,
                 diameter_mm=diameter_mm,
                 source=source,
-                measured=_are_measured(quantities(own).values()),
+                measured={one.standing for one in quantities(own).values()} == {Standing.MEASURED},
             )
         loose, tight = (
             FITTED.model_copy(
@@ -280,14 +267,17 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     loose, tight, top_kpa = gauge.loose, gauge.tight, gauge.safe_kpa
     takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({gauge.source})"
     violations, measured = [], gauge.growth_measured and gauge.seam_measured
-    if too_much := _too_much((loose, tight), gauge.growth_limit_kpa, measured=measured):
-        worst, broken = too_much
-        message = (
-            f"growth to this tip {worst.place} takes {takes}, and {gauge.width_mm:.1f} mm of "
-            f"lay-flat width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen "
-            "the narrow branches, or shorten and straighten the way"
-        )
-        violations.append(_violation(subject, worst, message, broken))
+    worse = Severity.ERROR if measured else Severity.WARNING
+    for worst, severity in ((loose, worse), (tight, Severity.WARNING)):
+        stands = Limits({severity.value: gauge.growth_limit_kpa})
+        if broken := stands.most(worst.pressure_kpa):
+            message = (
+                f"growth to this tip {worst.place} takes {takes}, and {gauge.width_mm:.1f} mm of "
+                f"lay-flat width stands {top_kpa:.1f} kPa with safety: narrow the widest part, "
+                "widen the narrow branches, or shorten and straighten the way"
+            )
+            violations.append(_violation(subject, worst, message, broken))
+            break
     working_kpa = subject.design.build.pressure_kpa
     worse = Severity.ERROR if gauge.growth_measured else Severity.WARNING
     if weak := Limits({worse.value: working_kpa}).most(loose.pressure_kpa):
@@ -297,31 +287,11 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         )
         if loose.pressure_kpa <= top_kpa:
             message += f"; set build.pressure_kpa, to at most {top_kpa:.1f}"
-        violations.append(replace(_violation(subject, loose, message, weak), aspect="working"))
+        violations.append(_violation(subject, loose, message, weak, aspect="working"))
     note = "" if subject.deployments else _FREE
     return RuleApplied(
         checked=max(1, len(subject.deployments)), violations=tuple(violations), note=note
     )
-
-
-def _are_measured(numbers: Iterable[Quantity]) -> bool:
-    return {number.standing for number in numbers} == {Standing.MEASURED}
-
-
-def _too_much(
-    worst: tuple[WorstBranch, WorstBranch], most_kpa: float, *, measured: bool
-) -> tuple[WorstBranch, BrokenLimit] | None:
-    """Return which of loosely and tightly stored film takes too much, and how bad that is."""
-    worse = Severity.ERROR if measured else Severity.WARNING
-    for one, severity in zip(worst, (worse, Severity.WARNING), strict=True):
-        if Limits({"error": most_kpa}).most(one.pressure_kpa):
-            return one, BrokenLimit(severity=severity, limit=most_kpa)
-    return None
-
-
-def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
-    """Return which branch takes the most pressure to grow, over all deployments."""
-    return worst_growths(subject, (constants,), fitted_mm)[0]
 
 
 def worst_growths(
@@ -337,7 +307,12 @@ def worst_growths(
     diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
     by_level = [[c.at_diameter(d_mm, fitted_mm) for d_mm in diameters_mm] for c in several]
     found: list[list[WorstBranch]] = [[] for _ in several]
-    for place, paths in _paths(subject):
+    # A branch that got stuck on a map still has to grow in free space, which is always checked.
+    walks = [("in free space", dict(enumerate(planned_paths(tree))))]
+    named = zip(subject.deployment_names, subject.deployments, strict=True)
+    for place, paths in chain(
+        walks, ((f"on {name}", grown_paths(deployment)) for name, deployment in named)
+    ):
         for worst, constants in zip(found, by_level, strict=True):
             here = (
                 WorstBranch(
@@ -352,33 +327,18 @@ def worst_growths(
     return [worst for (worst,) in found]
 
 
-def _paths(subject: Subject) -> Iterator[tuple[str, dict[int, GrowthPath]]]:
-    # A branch that got stuck on a map still has to grow in free space, which is always checked.
-    yield "in free space", dict(enumerate(planned_paths(subject.layout.tree)))
-    for name, deployment in zip(subject.deployment_names, subject.deployments, strict=True):
-        yield f"on {name}", grown_paths(deployment)
-
-
 def _violation(
-    subject: Subject, worst: WorstBranch, message: str, broken: BrokenLimit
+    subject: Subject, worst: WorstBranch, message: str, broken: BrokenLimit, aspect: str = ""
 ) -> Violation:
+    """Return a violation at a tip; marked are its branch and all ancestors."""
+    rows, row = [], worst.branch
+    while row >= 0:
+        rows.append(row)
+        row = int(subject.layout.tree.parent[row])
+    at_mm = branch_tip_mm(subject.layout, worst.branch)
     return branch_violation(
-        subject,
-        [worst.branch],
-        message,
-        (worst.pressure_kpa, broken),
-        at_mm=branch_tip_mm(subject.layout, worst.branch),
-        marked=_path_rows(subject, worst.branch),
+        subject, rows[:1], message, broken, at_mm=at_mm, marked=rows, aspect=aspect
     )
-
-
-def _path_rows(subject: Subject, branch: int) -> list[int]:
-    """Return a branch and all its ancestors."""
-    rows = []
-    while branch >= 0:
-        rows.append(branch)
-        branch = int(subject.layout.tree.parent[branch])
-    return rows
 
 
 WINDOW = Rule(

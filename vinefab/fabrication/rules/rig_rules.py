@@ -1,7 +1,8 @@
 """Rules about the test rig that a robot is tested on, and about the corridors of maps."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, RuleNotApplicable, Violation
 from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, Subject
@@ -21,13 +22,15 @@ class RigSubject:
     corridors: tuple[MapCorridors, ...] = ()  # of maps, or of the rig
 
 
-RigCheck = Callable[[RigSubject, Limits], RuleApplied | RuleNotApplicable]
+RigCheck = Callable[["RigSubject | Subject", Limits], RuleApplied | RuleNotApplicable]
+
+_NO_RIG = RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
 
 
-def check_solids(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_solids(subject: RigSubject | Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-R01: every part, read again, is closed, oriented and has the right volume."""
     if subject.rig is None:
-        return RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
+        return _NO_RIG
     violations = [
         Violation(message=f"{part.name} {problem}", aspect=part.name)
         for part in subject.rig.parts
@@ -36,10 +39,10 @@ def check_solids(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplica
     return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
 
 
-def check_fits(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplicable:
+def check_fits(subject: RigSubject | Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-R02: every part fits the machine, the margin of its bed kept."""
     if subject.rig is None:
-        return RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
+        return _NO_RIG
     room, violations = subject.rig.room_mm, []
     for part in subject.rig.parts:
         axes = zip(part.size_mm, room, ("wide", "deep", "high"), strict=True)
@@ -52,24 +55,40 @@ def check_fits(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplicabl
     return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
 
 
-def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_corridors(
+    subject: RigSubject | Subject, limits: Limits
+) -> RuleApplied | RuleNotApplicable:
     """VF-R03: corridors take the inflated diameter of every level."""
     if subject.design is None or not subject.corridors:
         missing = "a map or a rig (--map)" if subject.design else "a design (--design)"
         return RuleNotApplicable(reason=f"needs {missing}, to compare corridors with the robot")
-    violations = [
-        violation
-        for place in subject.corridors
-        for level, width_mm in enumerate(subject.design.build.widths_mm, 1)
-        if (violation := _tight(place, level, inflated_diameter_mm(width_mm), limits))
-    ]
+    violations = []
+    levels = list(enumerate(map(inflated_diameter_mm, subject.design.build.widths_mm), start=1))
+    for place, (level, diameter_mm) in product(subject.corridors, levels):
+        # A dead end with less free area than the branch's cross-section is no corridor: a notch.
+        usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
+        narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
+        least = min(narrow, key=lambda one: one.width_mm, default=None)
+        broken = limits.least(least.width_mm / diameter_mm) if least else None
+        if least is None or broken is None:
+            continue
+        every = "all" if len(narrow) == len(usable) else f"{len(narrow)}"
+        in_mm = replace(broken, measured=least.width_mm, limit=broken.limit * diameter_mm)
+        violations.append(
+            in_mm.violation(
+                f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
+                f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
+                f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm; no branch of that level gets through",
+                aspect=f"{place.name} level {level}",
+            )
+        )
     return RuleApplied(
         checked=sum(len(place.corridors) for place in subject.corridors),
         violations=tuple(violations),
     )
 
 
-def check_height(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+def check_height(subject: RigSubject | Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-R04: obstacles are higher than the inflated trunk, so that it does not climb over them."""
     if subject.design is None or subject.rig is None:
         missing = "a test rig (--rig)" if subject.rig is None else "a design (--design)"
@@ -78,49 +97,12 @@ def check_height(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotAp
     broken = limits.least(subject.rig.height_mm / diameter_mm)
     if not broken:
         return RuleApplied(checked=1)
-    violation = Violation(
-        message=f"obstacles are low for a trunk that inflates to {diameter_mm:.1f} mm, which "
-        "climbs over them: make them higher (--height-mm)",
-        severity=broken.severity,
-        measured=subject.rig.height_mm,
-        limit=broken.limit * diameter_mm,
+    in_mm = replace(broken, measured=subject.rig.height_mm, limit=broken.limit * diameter_mm)
+    violation = in_mm.violation(
+        f"obstacles are low for a trunk that inflates to {diameter_mm:.1f} mm, which "
+        "climbs over them: make them higher (--height-mm)"
     )
     return RuleApplied(checked=1, violations=(violation,))
-
-
-def _tight(place: MapCorridors, level: int, diameter_mm: float, limits: Limits) -> Violation | None:
-    """Return the violation by one level on one map, if any.
-
-    A dead end with less free area than the branch's cross-section is no corridor: a notch.
-    """
-    usable = [one for one in place.corridors if one.dead_end_mm >= diameter_mm]
-    narrow = [one for one in usable if limits.least(one.width_mm / diameter_mm)]
-    if not narrow:
-        return None
-    least = min(narrow, key=lambda one: one.width_mm)
-    broken = limits.least(least.width_mm / diameter_mm)
-    if broken is None:
-        return None
-    every = "all" if len(narrow) == len(usable) else f"{len(narrow)}"
-    return Violation(
-        message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
-        f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
-        f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm; no branch of that level gets through",
-        severity=broken.severity,
-        measured=least.width_mm,
-        limit=broken.limit * diameter_mm,
-        aspect=f"{place.name} level {level}",
-    )
-
-
-def _on_subject(check: RigCheck) -> Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]:
-    """Return a check of the subject of all rules."""
-
-    def check_subject(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-        rig = RigSubject(design=subject.design, rig=subject.rig, corridors=subject.corridors)
-        return check(rig, limits)
-
-    return check_subject
 
 
 RIG_SOLIDS = Rule(
@@ -128,7 +110,7 @@ RIG_SOLIDS = Rule(
     title="every rig part is a closed, oriented solid with the right volume",
     reason="slicers guess what an open mesh means",
     remedy="make the rig anew; report it if the part still is not closed",
-    check=_on_subject(check_solids),
+    check=check_solids,
 )
 RIG_SIZE = Rule(
     id="VF-R02",
@@ -136,7 +118,7 @@ RIG_SIZE = Rule(
     unit="mm",
     reason="a part that does not fit cannot be printed",
     remedy="another printer, a smaller scale, or lower obstacles",
-    check=_on_subject(check_fits),
+    check=check_fits,
 )
 CORRIDORS = Rule(
     id="VF-R03",
@@ -148,7 +130,7 @@ CORRIDORS = Rule(
     "end with less free area than the body's cross-section is a notch in a wall and no corridor, "
     "unless a start is in it",
     remedy="narrower tubes, a larger scale, or another map",
-    check=_on_subject(check_corridors),
+    check=check_corridors,
 )
 OBSTACLE_HEIGHT = Rule(
     id="VF-R04",
@@ -158,7 +140,7 @@ OBSTACLE_HEIGHT = Rule(
     limits={"warning": 1.2},
     reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
     remedy="higher obstacles, or a narrower trunk",
-    check=_on_subject(check_height),
+    check=check_height,
 )
 RIG_CHECKS: dict[str, tuple[Rule, RigCheck]] = {
     RIG_SOLIDS.id: (RIG_SOLIDS, check_solids),

@@ -26,14 +26,6 @@ LimitChanges = Mapping[str, Mapping[str, float]]
 """Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BrokenLimit:
-    """A limit that a value breaks."""
-
-    severity: Severity  # that of the most severe limit broken
-    limit: float  # the value of that limit
-
-
 @dataclass(frozen=True, slots=True)
 class Limits:
     """The named limits of one rule."""
@@ -45,20 +37,22 @@ class Limits:
     def __getitem__(self, name: str) -> float:
         return self.values[name]
 
-    def least(self, value: float, name: str = "") -> BrokenLimit | None:
+    def least(self, value: float, name: str = "") -> "BrokenLimit | None":
         """Return the most severe limit that a value falls below, or None."""
-        return self._worst(lambda limit: value < limit - ROUNDING * abs(limit), name)
+        return self._worst(value, lambda limit: value < limit - ROUNDING * abs(limit), name)
 
-    def most(self, value: float, name: str = "") -> BrokenLimit | None:
+    def most(self, value: float, name: str = "") -> "BrokenLimit | None":
         """Return the most severe limit that a value exceeds, or None."""
-        return self._worst(lambda limit: value > limit + ROUNDING * abs(limit), name)
+        return self._worst(value, lambda limit: value > limit + ROUNDING * abs(limit), name)
 
-    def _worst(self, breaks: Callable[[float], bool], name: str) -> BrokenLimit | None:
+    def _worst(
+        self, value: float, breaks: Callable[[float], bool], name: str
+    ) -> "BrokenLimit | None":
         prefix = f"{name}_" if name else ""
         for severity in (Severity.ERROR, Severity.WARNING):
             limit = self.values.get(f"{prefix}{severity}")
             if limit is not None and breaks(limit):
-                return BrokenLimit(severity=severity, limit=limit)
+                return BrokenLimit(severity=severity, limit=limit, measured=value)
         return None
 
 
@@ -74,6 +68,36 @@ class Violation:
     at_mm: tuple[float, float] | None = None  # the place in the flat layout
     marker: str = ""  # geometry that marks the place, as well-known text
     aspect: str = ""  # separates findings of one rule at one place; part of the fingerprint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrokenLimit:
+    """A limit that a value breaks."""
+
+    severity: Severity  # that of the most severe limit broken
+    limit: float  # the value of that limit
+    measured: float  # what breaks it
+
+    def violation(
+        self,
+        message: str,
+        *,
+        branches: tuple[str, ...] = (),
+        at_mm: Point | None = None,
+        marker: str = "",
+        aspect: str = "",
+    ) -> Violation:
+        """Return the violation by this value; see there."""
+        return Violation(
+            message=message,
+            severity=self.severity,
+            measured=self.measured,
+            limit=self.limit,
+            branches=branches,
+            at_mm=at_mm,
+            marker=marker,
+            aspect=aspect,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,21 +235,21 @@ def mark_point(at_mm: Point) -> str:
     >>> mark_point((1.0, 2.00004))
     'POINT (1 2)'
     """
-    return _text(shapely.Point(at_mm))
+    return _well_known(shapely.Point(at_mm))
 
 
 def mark_line(start_mm: Point, end_mm: Point) -> str:
     """Return the line between two points as well-known text; a point where they coincide."""
     if np.allclose(start_mm, end_mm, rtol=0.0, atol=10.0**-_DECIMALS):
         return mark_point(start_mm)
-    return _text(shapely.LineString([start_mm, end_mm]))
+    return _well_known(shapely.LineString([start_mm, end_mm]))
 
 
 def mark_branches(layout: FlatLayout, branches: Iterable[int]) -> str:
     """Return the centre lines of branches, by index, as well-known text."""
     rows = list(branches)
     ends = np.stack([layout.start_mm[rows], layout.end_mm[rows]], axis=1)
-    return _text(shapely.MultiLineString(ends.tolist()))
+    return _well_known(shapely.MultiLineString(ends.tolist()))
 
 
 def branch_middle_mm(layout: FlatLayout, branch: int) -> Point:
@@ -246,18 +270,19 @@ def branch_tip_mm(layout: FlatLayout, branch: int) -> Point:
     return float(x), float(y)
 
 
-def _text(geometry: shapely.Geometry) -> str:
+def _well_known(geometry: shapely.Geometry) -> str:
     return str(shapely.to_wkt(geometry, rounding_precision=_DECIMALS))
 
 
-def branch_violation(
+def branch_violation(  # noqa: PLR0913  what places and marks it, by keyword
     subject: Subject,
     branches: Iterable[int],
     message: str,
-    found: tuple[float, BrokenLimit],
+    broken: BrokenLimit,
     *,
     at_mm: Point | None = None,
     marked: Iterable[int] | None = None,
+    aspect: str = "",
 ) -> Violation:
     """Return a violation by branches.
 
@@ -265,23 +290,18 @@ def branch_violation(
     ----------
     branches
         Indices of the branches named.
-    found
-        The measured value and the limit that it breaks.
     at_mm
         The place; the midpoint of the first branch named by default.
     marked
         Indices of the branches marked; those named by default.
     """
     rows = list(branches)
-    measured, broken = found
-    return Violation(
-        message=message,
-        severity=broken.severity,
-        measured=measured,
-        limit=broken.limit,
+    return broken.violation(
+        message,
         branches=subject.ids(*rows),
         at_mm=at_mm or branch_middle_mm(subject.layout, rows[0]),
         marker=mark_branches(subject.layout, rows if marked is None else marked),
+        aspect=aspect,
     )
 
 

@@ -1,6 +1,6 @@
 """Run all rules on a subject, and report what was checked, skipped and found."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
@@ -72,7 +72,8 @@ def run_checks(
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)
-    stale = _stale(report.findings, subject.design.waivers)
+    names = {finding.fingerprint for finding in report.findings}
+    stale = tuple(w.fingerprint for w in subject.design.waivers if w.fingerprint not in names)
     broken = tuple(
         RuleSkipped(rule=name, reason=f"does not load ({why})")
         for name, why in RULES.broken.items()
@@ -144,6 +145,7 @@ def _report(
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []
+    reasons = {waiver.fingerprint: waiver.reason for waiver in waivers}
     for rule, outcome in outcomes:
         if isinstance(outcome, RuleApplied):
             run.append(
@@ -155,7 +157,7 @@ def _report(
                     title=rule.title,
                 )
             )
-            findings.extend(_finding(rule, violation) for violation in outcome.violations)
+            findings.extend(_finding(rule, one, reasons) for one in outcome.violations)
         else:
             skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
     return CheckReport(
@@ -163,12 +165,15 @@ def _report(
         recipe="",
         run=tuple(run),
         skipped=tuple(skipped),
-        findings=_waived(findings, waivers),
+        findings=tuple(findings),
     )
 
 
-def _finding(rule: Rule, violation: Violation) -> Finding:
+def _finding(rule: Rule, violation: Violation, waived: Mapping[str, str]) -> Finding:
+    """Return a violation as a finding; ``waived`` are the reasons of waivers by fingerprint."""
     x_mm, y_mm = violation.at_mm if violation.at_mm else (None, None)
+    # Without the measured value: a waiver must survive changes elsewhere in the design.
+    name = fingerprint(rule.id, violation.aspect, *violation.branches)
     return Finding(
         rule=rule.id,
         severity=violation.severity,
@@ -180,25 +185,11 @@ def _finding(rule: Rule, violation: Violation) -> Finding:
         x_mm=x_mm,
         y_mm=y_mm,
         marker_wkt=violation.marker,
-        # Without the measured value: a waiver must survive changes elsewhere in the design.
-        fingerprint=fingerprint(rule.id, violation.aspect, *violation.branches),
+        fingerprint=name,
         title=rule.title,
+        waived=name in waived,
+        reason=waived.get(name, ""),
     )
-
-
-def _waived(findings: list[Finding], waivers: tuple[Waiver, ...]) -> tuple[Finding, ...]:
-    reasons = {waiver.fingerprint: waiver.reason for waiver in waivers}
-    return tuple(
-        replace(finding, waived=True, reason=reasons[finding.fingerprint])
-        if finding.fingerprint in reasons
-        else finding
-        for finding in findings
-    )
-
-
-def _stale(findings: Sequence[Finding], waivers: tuple[Waiver, ...]) -> tuple[str, ...]:
-    found = {finding.fingerprint for finding in findings}
-    return tuple(w.fingerprint for w in waivers if w.fingerprint not in found)
 
 
 def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:

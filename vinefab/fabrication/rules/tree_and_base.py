@@ -31,10 +31,9 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     layout, tree = subject.layout, subject.layout.tree
     violations = []
     for row, length_mm in enumerate(tree.length_mm.tolist()):
-        broken = limits.least(length_mm)
-        if broken:
+        if broken := limits.least(length_mm):
             message = "the branch has next to no length: lengthen it or leave it out"
-            violations.append(branch_violation(subject, [row], message, (length_mm, broken)))
+            violations.append(branch_violation(subject, [row], message, broken))
     away = np.abs(layout.start_mm[1:] - layout.end_mm[tree.parent[1:]]).max(axis=1, initial=0.0)
     for row in (1 + np.flatnonzero(~(away < 1e-6))).tolist():
         violations.append(  # noqa: PERF401  one shape of loop for both halves of the rule
@@ -60,9 +59,14 @@ def check_polygon(subject: Subject, _: Limits) -> RuleApplied:
             checked=1, violations=(Violation(message=f"the outline is no polygon: {reason}"),)
         )
     at = float(found[1]), float(found[2])
+    # Named are the (up to) two branches nearest to the place.
+    capsules = subject.capsules
+    lines = shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
+    far = shapely.distance(lines, shapely.Point(at)) - capsules.most_half_mm
+    near = capsules.branch[np.argsort(far, kind="stable")]
     violation = Violation(
         message="the outline crosses itself here: a flat sheet cannot lie on itself",
-        branches=_nearest(subject, at),
+        branches=subject.ids(*sorted(list(dict.fromkeys(near.tolist()))[:2])),
         at_mm=at,
         marker=mark_point(at),
     )
@@ -81,25 +85,13 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     broken = limits.least(gap_mm)
     if not broken:
         return RuleApplied(checked=1)
-    violation = Violation(
-        message="the mouth is too narrow to be opened over the base: widen the trunk",
-        measured=gap_mm,
-        limit=broken.limit,
+    violation = broken.violation(
+        "the mouth is too narrow to be opened over the base: widen the trunk",
         branches=subject.ids(0),
         at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
         marker=mark_line(tuple(first), tuple(last)),
     )
     return RuleApplied(checked=1, violations=(violation,))
-
-
-def _nearest(subject: Subject, at_mm: tuple[float, float]) -> tuple[str, ...]:
-    """Return the ids of the (up to) two branches nearest to a place."""
-    capsules = subject.capsules
-    lines = shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
-    far = shapely.distance(lines, shapely.Point(at_mm)) - capsules.most_half_mm
-    _, first = np.unique(capsules.branch[np.argsort(far, kind="stable")], return_index=True)
-    order = capsules.branch[np.argsort(far, kind="stable")][np.sort(first)]
-    return subject.ids(*sorted(order[:2].tolist()))
 
 
 TREE = Rule(
@@ -138,11 +130,8 @@ def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
     broken = limits.least(tail_mm)
     if not broken:
         return RuleApplied(checked=1)
-    violation = Violation(
-        message="the tail is too short to be inverted over the base: set build.tail_mm",
-        severity=broken.severity,
-        measured=tail_mm,
-        limit=broken.limit,
+    violation = broken.violation(
+        "the tail is too short to be inverted over the base: set build.tail_mm",
         branches=subject.ids(0),
         at_mm=(-tail_mm, 0.0),
         marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
@@ -160,24 +149,18 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
     mouth_mm = math.dist(contour.points_mm[0], contour.points_mm[-1])
     violations = list(outline_violations(subject, ProblemKind.COLLAR, ProblemKind.COLLAR_FLARE))
     collar = subject.design.build.collar
-    broken = limits.most(mouth_mm)
-    off_mm = 0.0 if collar is None else abs(mouth_mm - collar.flat_width_mm)
-    if collar is not None:
-        broken = limits.most(off_mm, "fit")
-    if broken:
+    if collar is None:
+        broken = limits.most(mouth_mm)
         message = (
             "the tail is wider than the clamp of the base: narrow the trunk or give it a collar"
         )
+    else:
+        broken = limits.most(abs(mouth_mm - collar.flat_width_mm), "fit")
+        message = "the collar misses the clamp"
+    if broken:
+        at_mm = branch_start_mm(subject.layout, 0)
         violations.append(
-            Violation(
-                message=message if collar is None else "the collar misses the clamp",
-                severity=broken.severity,
-                measured=mouth_mm if collar is None else off_mm,
-                limit=broken.limit,
-                branches=subject.ids(0),
-                at_mm=branch_start_mm(subject.layout, 0),
-                aspect="clamp",
-            )
+            broken.violation(message, branches=subject.ids(0), at_mm=at_mm, aspect="clamp")
         )
     tail = [s for s in contour.segments if s.part is Part.TAIL]
     bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
@@ -208,7 +191,7 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     than = "shorter" if limits.least(longest_mm, "short") else "longer"
     message = f"robots {than} than the limit are untested: change the lengths or the scale"
     at_mm = branch_tip_mm(subject.layout, far)
-    violation = branch_violation(subject, [far], message, (longest_mm, broken), at_mm=at_mm)
+    violation = branch_violation(subject, [far], message, broken, at_mm=at_mm)
     return RuleApplied(checked=1, violations=(violation,))
 
 

@@ -1,7 +1,6 @@
 """Rules about the lay-flat widths of the levels."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -113,26 +112,17 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
             subject,
             level,
             f"level {level} is too narrow: widen it, or widen the trunk and keep the ratios",
-            (width_mm, broken),
+            broken,
         )
         for level, width_mm in enumerate(widths_mm, start=1)
         if (broken := limits.least(width_mm))
     ]
     more = outline_violations(subject, ProblemKind.VANISHED, known=tuple(violations))
-    short = _short_pouch(subject, limits)
-    return RuleApplied(checked=len(widths_mm), violations=(*violations, *more, *short))
-
-
-def _short_pouch(subject: Subject, limits: Limits) -> tuple[Violation, ...]:
-    """Return a violation if a rectangular pouch is too short along the branch to be a lumen."""
-    pouch = subject.design.build.pouch
-    broken = limits.least(pouch.length_mm) if pouch and pouch.length_mm else None
-    if pouch is None or broken is None:
-        return ()
-    message = "the pouch is too short along its branch to be inflated: lengthen it"
-    found = (pouch.length_mm or 0.0, broken)
-    violation = _level_violation(subject, subject.design.depth, message, found)
-    return (replace(violation, aspect="pouch"),)
+    if build.pouch and build.pouch.length_mm and (broken := limits.least(build.pouch.length_mm)):
+        message = "the pouch is too short along its branch to be inflated: lengthen it"
+        short = _level_violation(subject, subject.design.depth, message, broken, aspect="pouch")
+        more = (*more, short)
+    return RuleApplied(checked=len(widths_mm), violations=(*violations, *more))
 
 
 def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
@@ -145,7 +135,7 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
             subject,
             level,
             f"level {level} is too wide for the level before it: narrow it or widen its parent",
-            (ratio, broken),
+            broken,
         )
         for level, ratio in enumerate(ratios, start=2)
         if (broken := limits.least(ratio))
@@ -164,8 +154,11 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         _level_violation(
             subject,
             level,
-            _too_full(level, is_leaf=level == subject.design.depth),
-            (100.0 * share, broken),
+            f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
+            if level == subject.design.depth
+            else f"what grows out of level {level} fills too much of it: fewer or narrower"
+            " children",
+            broken,
         )
         for level, share in enumerate(found, start=1)
         if (broken := limits.most(100.0 * share))
@@ -173,18 +166,12 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
     return RuleApplied(checked=len(found), violations=tuple(violations))
 
 
-def _too_full(level: int, *, is_leaf: bool) -> str:
-    if is_leaf:
-        return f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
-    return f"what grows out of level {level} fills too much of it: fewer or narrower children"
-
-
 def _level_violation(
-    subject: Subject, level: int, message: str, found: tuple[float, BrokenLimit]
+    subject: Subject, level: int, message: str, broken: BrokenLimit, aspect: str = ""
 ) -> Violation:
     """Return a violation by a level: its first branch is named, all of them are marked."""
     rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
-    return branch_violation(subject, rows[:1], message, found, marked=rows)
+    return branch_violation(subject, rows[:1], message, broken, marked=rows, aspect=aspect)
 
 
 LEAST_WIDTH = Rule(

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import shapely
@@ -14,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
 from vinefab.maps.cleanup.drawn_shapes import (
     Changes,
-    Shape,
+    DrawnShape,
     SourceFrame,
     as_areas,
     polygons_of,
@@ -38,8 +37,9 @@ from vinefab.maps.cleanup.nesting import (
     enclose,
     painted,
 )
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
-from vinefab.model.map import Map, Pose, Start
+from vinefab.model.map import Map, Start
 
 BOUNDS = ("outline", "largest", "wall", "box")
 DRAWN = ("obstacles", "free")
@@ -52,8 +52,8 @@ _LEAST_CONNECTED_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AssembleOptions:
-    """How a drawing becomes a map.
+class AssembleOptions(ImportOptions):
+    """The options of an import, with the sizes that follow from the drawing's own.
 
     Parameters
     ----------
@@ -62,39 +62,19 @@ class AssembleOptions:
         outlines that are nowhere farther apart count as one.
     simplify_mm
         Largest distance by which walls move when corners are left out; 0 keeps every corner.
+    margin_mm
+        Between the drawing and the rectangle.
     sliver_mm2
         Obstacles and holes of less area are left out.
     most_join_mm
         The largest ``join_mm`` that a user may give: messages advise no more.
-    drawn
-        What the areas of the drawing are: ``obstacles`` (and bounds), or ``free``: their union is
-        the free space, its holes are obstacles. None: ``obstacles``, but ``free`` where no
-        outline contains all others and nothing else can be meant.
-    bounds
-        ``outline`` or None: the largest outline, free inside, must contain everything else.
-        ``largest``: the same, but what lies outside of it is left out. ``wall``: the largest
-        outline is the outer face of a solid wall and the outlines in it are rooms. ``box``: a
-        rectangle around everything.
-    margin_mm
-        Between the drawing and the rectangle.
-    wall_mm
-        Lines and outlines are the middle of walls of this thickness; None: they enclose.
-    open_lines
-        ``refuse`` or ``drop`` lines that enclose nothing.
-    start
-        Where robots start; found (the roomiest place) when None.
     """
 
     join_mm: float
-    sliver_mm2: float
     simplify_mm: float = 0.0
-    most_join_mm: float = LARGEST_MM
-    drawn: Literal["obstacles", "free"] | None = None
-    bounds: Literal["outline", "largest", "wall", "box"] | None = None
     margin_mm: float = 0.0
-    wall_mm: float | None = None
-    open_lines: Literal["refuse", "drop"] = "refuse"
-    start: Pose | None = None
+    sliver_mm2: float
+    most_join_mm: float = LARGEST_MM
 
     def __post_init__(self) -> None:
         number("join_mm", self.join_mm, 0.0, LARGEST_MM, "mm")
@@ -110,13 +90,13 @@ class AssembleOptions:
         for name in ("bounds", "wall_mm") if self.drawn == "free" else ():
             if getattr(self, name) is not None:
                 raise BadInputError(name, getattr(self, name), "nothing with --drawn free")
-        if self.open_lines not in ("refuse", "drop"):
+        if self.open_lines not in (None, "refuse", "drop"):
             raise BadInputError("open", self.open_lines, "refuse or drop")
 
 
 def assemble(
     name: str,
-    shapes: tuple[Shape, ...],
+    shapes: tuple[DrawnShape, ...],
     frame: SourceFrame,
     options: AssembleOptions,
     facts: Mapping[str, object],
@@ -162,7 +142,9 @@ def assemble(
     )
 
 
-def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes) -> Enclosed:
+def _enclosed(
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
+) -> Enclosed:
     if options.drawn == "free":
         found = free_areas(_regions(as_areas(shapes), options, changes), options.join_mm, changes)
         changes.counts["drawn"] = "free (as asked for): the areas are the free space"
@@ -198,7 +180,7 @@ def _enclosed(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
 
 
 def _regions(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     found = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
     if not found:
@@ -209,7 +191,7 @@ def _regions(
 
 
 def _filled(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     found = []
     for shape in shapes:
@@ -249,10 +231,10 @@ def _shells(polygons: list[Polygon]) -> list[Polygon]:
 
 
 def _outlines(
-    shapes: tuple[Shape, ...], options: AssembleOptions, changes: Changes
+    shapes: tuple[DrawnShape, ...], options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     loose: list[Line] = []
-    rings: list[tuple[Line, Shape]] = []
+    rings: list[tuple[Line, DrawnShape]] = []
     for shape in shapes:
         if shape.filled:
             continue
@@ -274,18 +256,18 @@ def _outlines(
             SolidRegion(polygon=wall, where="a wall", filled=True, wall=True) for wall in walls
         ] + [found for line, shape in rings for found in _solid(line, shape, options, changes)]
     joined = join(loose, options.join_mm, changes)
-    if joined.open and options.open_lines == "refuse":
+    if joined.open and options.open_lines != "drop":
         closing_mm = closing_gap_mm(loose, joined.open, options.most_join_mm, changes)
         raise refuse_open(joined.open, options.join_mm, changes, closing_mm)
     if joined.open:
         changes.add("open_lines_left_out", len(joined.open))
         changes.counts["open_lines"] = open_places(joined.open[:_MOST_NAMED], changes)
-    rings += [(line, Shape(rings=(), where=line.where)) for line in joined.rings]
+    rings += [(line, DrawnShape(rings=(), where=line.where)) for line in joined.rings]
     return [found for line, shape in rings for found in _solid(line, shape, options, changes)]
 
 
 def _solid(
-    line: Line, shape: Shape, options: AssembleOptions, changes: Changes
+    line: Line, shape: DrawnShape, options: AssembleOptions, changes: Changes
 ) -> list[SolidRegion]:
     polygons = _ring(line.points_mm, shape, options, changes)
     return [
@@ -295,7 +277,7 @@ def _solid(
 
 
 def _ring(
-    points_mm: Floats, shape: Shape, options: AssembleOptions, changes: Changes
+    points_mm: Floats, shape: DrawnShape, options: AssembleOptions, changes: Changes
 ) -> list[Polygon]:
     """Return what a ring encloses, simplified if the options say so."""
     polygons = ring_polygons(

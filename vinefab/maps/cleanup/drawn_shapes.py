@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import LARGEST_MM, Floats, positive
-from vinefab.model.map import refuse_jagged
+from vinefab.model.start import refuse_jagged
 
 Role = Literal["bounds", "obstacle"]
 
@@ -55,14 +55,14 @@ class Drawn(Generic[R]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape(Drawn[Floats]):
+class DrawnShape(Drawn[Floats]):
     """A drawn line, outline or filled area whose rings are points, each of shape (n, 2)."""
 
 
-def as_areas(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+def as_areas(shapes: tuple[DrawnShape, ...]) -> tuple[DrawnShape, ...]:
     """Return shapes with the outlines of each painted element as one filled area."""
     kept = [shape for shape in shapes if shape.paint is None]
-    painted: dict[int, list[Shape]] = {}
+    painted: dict[int, list[DrawnShape]] = {}
     for shape in shapes:
         if shape.paint is not None:
             painted.setdefault(shape.paint, []).append(shape)

@@ -48,7 +48,12 @@ def free_areas(parts: list[SolidRegion], join_mm: float, changes: Changes) -> Fr
         )
     fills = [part.polygon for part in parts if part.filled and part.role is None]
     rocks = [part.polygon for part in parts if part.role == "obstacle"]
-    inner, outer = _told_apart(_nested(parts, changes), fills)
+    outlines = _nested(parts, changes)
+    tree = shapely.STRtree(outlines)
+    in_fill = set(tree.query(fills, predicate="contains_properly")[1].tolist()) if fills else set()
+    # Outlines that lie inside of a filled area, and the others.
+    inner = [item for index, item in enumerate(outlines) if index in in_fill]
+    outer = [item for index, item in enumerate(outlines) if index not in in_fill]
     changes.add("outlines_in_areas_made_obstacles", len(inner))
     areas = np.array([*fills, *outer], dtype=np.object_)
     if len(areas) == 0:
@@ -85,20 +90,6 @@ def _count(changes: Changes, name: str) -> int:
     return number if isinstance(number, int) else 0
 
 
-def _told_apart(
-    outlines: list[Polygon], fills: list[Polygon]
-) -> tuple[list[Polygon], list[Polygon]]:
-    """Return the outlines that lie inside of a filled area, and the others."""
-    if not fills or not outlines:
-        return [], outlines
-    tree = shapely.STRtree(outlines)
-    found = set(tree.query(fills, predicate="contains_properly")[1].tolist())
-    return (
-        [item for index, item in enumerate(outlines) if index in found],
-        [item for index, item in enumerate(outlines) if index not in found],
-    )
-
-
 def _patches(areas: NDArray[np.object_], join_mm: float) -> list[BaseGeometry]:
     """Return what fills the gaps between areas that are near, but apart."""
     shapely.prepare(areas)
@@ -108,19 +99,14 @@ def _patches(areas: NDArray[np.object_], join_mm: float) -> list[BaseGeometry]:
     apart = ~shapely.intersects(areas[one], areas[other])
     patches = []
     for first, second in zip(areas[one[apart]], areas[other[apart]], strict=True):
-        grown = [
-            shapely.buffer(_near(item, beside, 2.0 * join_mm), 0.55 * join_mm)
+        # Of each the part around the other's box is enough.
+        reach_mm = np.array([-2.0, -2.0, 2.0, 2.0]) * join_mm
+        near = [
+            shapely.intersection(item, shapely.box(*(np.array(beside.bounds) + reach_mm)))
             for item, beside in ((first, second), (second, first))
         ]
-        patches.append(shapely.intersection(grown[0], grown[1]))
+        patches.append(shapely.intersection(*shapely.buffer(near, 0.55 * join_mm)))
     return patches
-
-
-def _near(item: Polygon, beside: Polygon, reach_mm: float) -> BaseGeometry:
-    """Return the part of an area around the box of another one."""
-    x_min, y_min, x_max, y_max = beside.bounds
-    box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
-    return shapely.intersection(item, shapely.box(*box))
 
 
 def plainly_free(found: FreeAreas, areas: list[SolidRegion]) -> bool:

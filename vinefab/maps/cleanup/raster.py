@@ -22,6 +22,7 @@ from vinefab.maps.cleanup.cell_walls import (
     unit,
 )
 from vinefab.maps.generators.generated_map import rounded
+from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
@@ -157,17 +158,16 @@ def straighten(loops: list[Floats], tolerance: float) -> Straightened:
     rough = [loop for loop, rectangle in zip(loops, rectangles, strict=True) if rectangle is None]
     if not rough:
         return Straightened(_polygon(fixed), 0.0)
-    walls = _split_loops(rough, np.array([_tolerance_for(loop, tolerance) for loop in rough]))
+    own = list[float]()  # small and thin loops have tolerances of their own
+    for loop in rough:
+        size = float(np.ptp(loop, axis=0).max())
+        thickness = 2.0 * float(Polygon(loop).area) / len(loop)
+        least = min(tolerance, _SMALL_SHARE * size, _THIN_SHARE * thickness)
+        own.append(max(_LEAST_TOLERANCE, least))
+    walls = _split_loops(rough, np.array(own))
     while _refine(walls, fixed):
         pass
     return Straightened(_polygon(_rings(walls, fixed)), float(walls.deviation().max()))
-
-
-def _tolerance_for(loop: Floats, tolerance: float) -> float:
-    size = float(np.ptp(loop, axis=0).max())
-    thickness = 2.0 * float(Polygon(loop).area) / len(loop)
-    own = min(_SMALL_SHARE * size, _THIN_SHARE * thickness)
-    return max(_LEAST_TOLERANCE, min(tolerance, own))
 
 
 def _rectangle(loop: Floats) -> Floats | None:
@@ -284,37 +284,11 @@ class GridPlacement:
         return int(np.floor(row)), int(np.floor(column))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RasterOptions:
-    """How cells become polygons.
-
-    Parameters
-    ----------
-    simplify_mm
-        Largest distance between the walls and the boundary of the cells; one cell when None, at
-        least 0.75 of a cell. Kept but for the rounding to 1e-4 mm.
-    least_obstacle_mm2
-        Obstacles smaller than this are left out; 0 keeps every cell.
-    start
-        Where robots start; found (the roomiest place) when None. The free region that holds it
-        is the one that is kept.
-    """
-
-    simplify_mm: float | None = None
-    least_obstacle_mm2: float = 0.0
-    start: Pose | None = None
-
-    def __post_init__(self) -> None:
-        if self.simplify_mm is not None:
-            positive("simplify_mm", self.simplify_mm)
-        number("least_obstacle_mm2", self.least_obstacle_mm2, 0.0, 1e14, "mm2")
-
-
 def raster_map(
     name: str,
     free: Mask,
     placement: GridPlacement,
-    options: RasterOptions,
+    options: ImportOptions,
     facts: Mapping[str, object],
 ) -> Map:
     """Return the map of one connected free region in a grid of cells.
@@ -323,15 +297,23 @@ def raster_map(
     bounds and every solid island in it is an obstacle. Solid cells around it are not drawn as an
     obstacle in a box: a robot cannot tell, and a printed rig needs walls around the free space,
     not a plate as large as the image.
+
+    Parameters
+    ----------
+    options
+        Walls lie within ``simplify_mm`` of the boundary of the cells, by default one cell, at least
+        0.75 of a cell; kept but for the rounding to 1e-4 mm.
     """
     tolerance_mm = placement.cell_mm if options.simplify_mm is None else options.simplify_mm
+    positive("simplify_mm", tolerance_mm)
+    least_mm2 = number("least_obstacle_mm2", options.least_obstacle_mm2 or 0.0, 0.0, 1e14, "mm2")
     least_mm = _LEAST_TOLERANCE * placement.cell_mm
     if tolerance_mm < least_mm * (1.0 - 1e-9):
         raise BadInputError(
             "simplify_mm", tolerance_mm, f"at least {least_mm:.6g} mm, 0.75 of a cell"
         )
     region, corner, left_out = _region(free, placement, options.start)
-    islands = _Islands.of(region, options.least_obstacle_mm2 / placement.cell_mm**2)
+    islands = _Islands.of(region, least_mm2 / placement.cell_mm**2)
     obstacles = len(islands.loops) - 1
     edges = sum(len(loop) for loop in islands.loops)
     if edges > MOST_EDGES or (edges > MANY_EDGES and obstacles > MOST_OBSTACLES):
@@ -345,11 +327,18 @@ def raster_map(
     result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, _LEAST_TOLERANCE))
     walls = placement.to_map(shapely.transform(result.polygon, lambda cells: cells + corner))
     rings = 1 + len(result.polygon.interiors)
+    if (pose := options.start) is None:
+        start = roomiest_start(walls, shapely.maximum_inscribed_circle(walls, tolerance_mm))
+    elif shapely.intersects_xy(walls, pose.x_mm, pose.y_mm):
+        start = Start(pose=pose)
+    else:
+        allowed = f"a place farther than {tolerance_mm:g} mm from walls"
+        raise BadInputError("start", f"({pose.x_mm:g}, {pose.y_mm:g}) mm", allowed)
     return Map(
         name=name,
         bounds=Polygon(walls.exterior),
         obstacles=tuple(Polygon(ring) for ring in walls.interiors),
-        starts=(_start(walls, options.start, tolerance_mm),),
+        starts=(start,),
         environment="raster",
         facts={
             **facts,
@@ -422,15 +411,3 @@ def _region(
     corner = np.array([columns.start, rows.start], dtype=np.float64)
     region = np.asarray(labels[rows, columns] == wanted, dtype=np.bool_)
     return region, corner, left_out
-
-
-def _start(free: Polygon, start: Pose | None, tolerance_mm: float) -> Start:
-    if start is None:
-        return roomiest_start(free, shapely.maximum_inscribed_circle(free, tolerance_mm))
-    if not shapely.intersects_xy(free, start.x_mm, start.y_mm):
-        raise BadInputError(
-            "start",
-            f"({start.x_mm:g}, {start.y_mm:g}) mm",
-            f"a place farther than {tolerance_mm:g} mm from walls",
-        )
-    return Start(pose=start)

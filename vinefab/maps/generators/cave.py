@@ -6,23 +6,29 @@ is vinefab's own.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le
+from pydantic import model_validator
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, number, positive, whole
+from vinefab.core.validation import Floats, number
 from vinefab.maps.generators.generated_map import (
     COORDINATE_GRID_MM,
+    Length,
+    Share,
     StartOptions,
+    StartSpread,
     box,
     canonical,
     check_seed,
-    check_shares,
     directions,
     generated_map,
     signed_area_mm2,
@@ -127,55 +133,36 @@ def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
 _STREAM = 1301
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CaveOptions(StartOptions):
-    """Options that instances of one Cave environment share.
+    """Options that instances of one Cave environment share."""
 
-    Parameters
-    ----------
-    size_mm
-        Width and height of the bounds.
-    chambers
-        Number of chambers that the passages connect.
-    chamber_radius_min_mm, chamber_radius_max_mm
-        Range of a chamber's mean radius.
-    passage_width_min_mm, passage_width_max_mm
-        Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
-    loops
-        Share, 0 to 1, of the possible shortcuts that are open besides the passages that connect
-        everything: 0 gives a cave without islands of rock, unless passages happen to meet.
-    wander
-        0: passages are straight; 1: they swing to the side by a quarter of their length.
-    roughness
-        0: smooth walls; 1: radius and width vary by half.
-    margin_mm
-        Rock left between cave and bounds, above 0.
+    size_mm: Annotated[Length, Doc("width and height of the bounds")] = 500.0
+    chambers: Annotated[int, Ge(1), Le(200), Doc("chambers that the passages connect")] = 12
+    chamber_radius_min_mm: Annotated[Length, Doc("least mean radius of a chamber")] = 22.0
+    chamber_radius_max_mm: Annotated[Length, Doc("largest mean radius of a chamber")] = 42.0
+    passage_width_min_mm: Annotated[
+        Length, Doc("least width of a passage; none is narrower, to 1 mm in 500")
+    ] = 22.0
+    passage_width_max_mm: Annotated[Length, Doc("largest width of a passage")] = 38.0
+    loops: Annotated[
+        Share,
+        Doc(
+            "share of the possible shortcuts that are open besides the passages that connect "
+            "everything; 0: no islands of rock, unless passages happen to meet"
+        ),
+    ] = 0.4
+    wander: Annotated[
+        Share, Doc("0: passages are straight; 1: they swing aside by a quarter of their length")
+    ] = 0.5
+    roughness: Annotated[Share, Doc("0: smooth walls; 1: radius and width vary by half")] = 0.5
+    margin_mm: Annotated[Length, Doc("rock left between cave and bounds")] = 10.0
+    start_spread_x_mm: StartSpread = 5.0
 
-    Raises
-    ------
-    BadInputError
-        If a value is out of range or the cave does not fit.
-    """
-
-    size_mm: float = 500.0
-    chambers: int = 12
-    chamber_radius_min_mm: float = 22.0
-    chamber_radius_max_mm: float = 42.0
-    passage_width_min_mm: float = 22.0
-    passage_width_max_mm: float = 38.0
-    loops: float = 0.4
-    wander: float = 0.5
-    roughness: float = 0.5
-    margin_mm: float = 10.0
-    start_spread_x_mm: float = 5.0
-
-    def __post_init__(self) -> None:
-        positive("size_mm", self.size_mm, 1e6)
-        whole("chambers", self.chambers, 1, 200)
-        self._check_range("chamber_radius", self.chamber_radius_min_mm, self.chamber_radius_max_mm)
-        self._check_range("passage_width", self.passage_width_min_mm, self.passage_width_max_mm)
-        check_shares(self, "loops", "wander", "roughness")
-        positive("margin_mm", self.margin_mm, self.size_mm)
+    @model_validator(mode="after")
+    def _fits(self) -> "CaveOptions":
+        for name in ("chamber_radius", "passage_width"):
+            least_mm, most_mm = getattr(self, f"{name}_min_mm"), getattr(self, f"{name}_max_mm")
+            number(f"{name}_max_mm", most_mm, least_mm, 1e6, "mm")
         if self.reach_mm >= 0.25 * self.size_mm:
             raise BadInputError(
                 "size_mm",
@@ -185,6 +172,7 @@ class CaveOptions(StartOptions):
         number("passage_width_min_mm", self.passage_width_min_mm, 0.005 * self.size_mm, 1e6, "mm")
         room_mm = self.size_mm - 2.0 * self.floor_mm
         self.check_starts((room_mm, room_mm), 0.5 * self.passage_width_min_mm)
+        return self
 
     @property
     def reach_mm(self) -> float:
@@ -206,10 +194,6 @@ class CaveOptions(StartOptions):
     def detail_mm(self) -> float:
         """Tolerance to which walls are simplified."""
         return 0.001 * self.size_mm
-
-    def _check_range(self, name: str, low_mm: float, high_mm: float) -> None:
-        positive(f"{name}_min_mm", low_mm, self.size_mm)
-        number(f"{name}_max_mm", high_mm, low_mm, self.size_mm, "mm")
 
 
 def cave_map(seed: int, options: CaveOptions | None = None) -> Map:

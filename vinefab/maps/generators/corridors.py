@@ -2,22 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
+from pydantic import model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import number, positive, whole
+from vinefab.core.validation import SMALLEST, number, positive
 from vinefab.maps.generators.generated_map import (
     COORDINATE_DECIMALS,
     COORDINATE_GRID_MM,
+    Length,
+    Share,
     StartOptions,
+    StartSpread,
     box,
     canonical,
     check_seed,
-    check_shares,
     generated_map,
 )
 from vinefab.model.map import Map, Start
@@ -273,58 +278,50 @@ _STREAM = 1601
 _MOST_ROOMS = 2000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CorridorsOptions(StartOptions):
     """Options that instances of one Corridors environment share.
 
-    Parameters
-    ----------
-    width_mm, height_mm
-        Size of the floor.
-    halls
-        Corridors. The first runs up from the lower side and begins at the start; each further one
-        divides the largest part of the floor that is left. Halls that meet are open to each other.
-    hall_width_mm
-        Width of the halls.
-    room_min_mm
-        Least width and depth of a room.
-    room_max_mm
-        Wider or deeper rooms are divided, unless the start stands where the wall would be.
-    wall_mm
-        Thickness of the walls.
-    door_mm
-        Width of the doors. A door keeps ``wall_mm`` to the corners of the room.
-    loops
-        Share, 0 to 1, of the possible further doors that are open. Without any, every room has
-        just the doors that make all reachable: one to a hall where there is one beside it.
-    start_clearance_mm
-        Least distance from every possible starting position to walls. The start is at the lower
-        end of the first hall; without halls, in the middle of the lower side.
-
-    Raises
-    ------
-    BadInputError
-        If a value is out of range, or doors do not fit in the rooms' walls.
+    The start is at the lower end of the first hall; without halls, in the middle of the lower side.
     """
 
-    width_mm: float = 500.0
-    height_mm: float = 500.0
-    halls: int = 3
-    hall_width_mm: float = 44.0
-    room_min_mm: float = 84.0
-    room_max_mm: float = 180.0
-    wall_mm: float = 6.0
-    door_mm: float = 26.0
-    loops: float = 0.15
-    start_spread_x_mm: float = 5.0
+    width_mm: Annotated[Length, Doc("width of the floor")] = 500.0
+    height_mm: Annotated[Length, Doc("height of the floor")] = 500.0
+    halls: Annotated[
+        int,
+        Ge(0),
+        Le(100),
+        Doc(
+            "corridors: the first runs up from the lower side and begins at the start; each "
+            "further one divides the largest part of the floor that is left; those that meet are "
+            "open to each other"
+        ),
+    ] = 3
+    hall_width_mm: Annotated[Length, Doc("width of the halls")] = 44.0
+    room_min_mm: Annotated[Length, Doc("least width and depth of a room")] = 84.0
+    room_max_mm: Annotated[
+        float,
+        Ge(SMALLEST),
+        Le(2e6),
+        Unit("mm"),
+        Doc("wider or deeper rooms are divided, unless the start stands where the wall would be"),
+    ] = 180.0
+    wall_mm: Annotated[Length, Doc("thickness of the walls")] = 6.0
+    door_mm: Annotated[
+        Length, Doc("width of the doors, which keep `wall_mm` to the corners of the room")
+    ] = 26.0
+    loops: Annotated[
+        Share,
+        Doc(
+            "share of the possible further doors that are open; without any, every room has just "
+            "the doors that make all reachable: one to a hall where there is one beside it"
+        ),
+    ] = 0.15
+    start_spread_x_mm: StartSpread = 5.0
 
-    def __post_init__(self) -> None:
-        positive("width_mm", self.width_mm, 1e6)
-        positive("height_mm", self.height_mm, 1e6)
-        whole("halls", self.halls, 0, 100)
+    @model_validator(mode="after")
+    def _fits(self) -> "CorridorsOptions":
         positive("wall_mm", self.wall_mm, self.width_mm)
         positive("door_mm", self.door_mm, self.width_mm)
-        check_shares(self, "loops")
         number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
         # Half of any room's wall then has room for a door, see `doorways`.
         least_mm = 2.0 * self.door_wall_mm + self.wall_mm
@@ -338,6 +335,7 @@ class CorridorsOptions(StartOptions):
         # Walls avoid the start, but a hall must be wide enough for it.
         wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
         self.check_starts((wide_mm, self.height_mm), 0.5 * self.door_mm)
+        return self
 
     @property
     def passage_mm(self) -> float:

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import Field, asdict, dataclass, fields
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
 from shapely import MultiPoint, Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import Floats, number, whole
+from vinefab.core.table import Table
+from vinefab.core.validation import SMALLEST, Floats, whole
 from vinefab.model.map import Map, Pose, Start
 
 COORDINATE_DECIMALS = 4
@@ -92,22 +94,33 @@ def _ring(closed_mm: Floats, *, clockwise: bool) -> Floats:
     return np.asarray(np.roll(points, -first, axis=0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartOptions:
-    """Where robots start: in the middle of the lower side, launching straight up.
+Share = Annotated[float, Ge(0), Le(1)]
+Length = Annotated[float, Ge(SMALLEST), Le(1e6), Unit("mm")]
+"""Of a map."""
+StartSpread = Annotated[
+    float, Ge(0), Le(1e6), Unit("mm"), Doc("half-width of the range that starting poses lie in")
+]
 
-    Parameters
-    ----------
-    start_clearance_mm
-        Least distance from every possible starting position to walls.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
-    """
 
-    start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
+class StartOptions(Table):
+    """Where robots start: in the middle of the lower side, launching straight up."""
+
+    start_clearance_mm: Annotated[
+        float,
+        Ge(0),
+        Le(1e6),
+        Unit("mm"),
+        Doc("least distance from every possible starting position to walls"),
+    ] = 15.0
+    start_spread_x_mm: StartSpread = 10.0
+    start_spread_y_mm: StartSpread = 0.0
+    start_spread_heading_deg: Annotated[
+        float,
+        Ge(0),
+        Le(180),
+        Unit("deg"),
+        Doc("half-width of the range of headings"),
+    ] = 30.0
 
     @property
     def start_count(self) -> int:
@@ -117,11 +130,6 @@ class StartOptions:
     def check_starts(self, room_mm: tuple[float, float], least_mm: float = 0.0) -> None:
         """Raise BadInputError unless the starts fit, each with its clearance or ``least_mm``."""
         count, (width_mm, height_mm) = self.start_count, room_mm
-        whole("starts", count, 1, 1000)
-        number("start_clearance_mm", self.start_clearance_mm, 0.0, width_mm, "mm")
-        number("start_spread_x_mm", self.start_spread_x_mm, 0.0, width_mm, "mm")
-        number("start_spread_y_mm", self.start_spread_y_mm, 0.0, height_mm, "mm")
-        number("start_spread_heading_deg", self.start_spread_heading_deg, 0.0, 180.0, "deg")
         clear_mm = max(self.start_clearance_mm, least_mm)
         wide_mm = 2.0 * (self.start_spread_x_mm + clear_mm)
         high_mm = 2.0 * (self.start_spread_y_mm + clear_mm)
@@ -148,17 +156,12 @@ class StartOptions:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SeveralStartOptions(StartOptions):
-    """Where robots start, from one of several places.
+    """Where robots start, from one of several places."""
 
-    Parameters
-    ----------
-    starts
-        Starting places, evenly spread along the lower side; one stands in its middle.
-    """
-
-    starts: int = 1
+    starts: Annotated[
+        int, Ge(1), Le(1000), Doc("places, evenly spread along the lower side; one: in its middle")
+    ] = 1
 
     @property
     def start_count(self) -> int:
@@ -169,18 +172,6 @@ class SeveralStartOptions(StartOptions):
 def start_zones(starts: tuple[Start, ...]) -> BaseGeometry:
     """Return the positions that any of the starts allows."""
     return shapely.union_all([start_zone(start) for start in starts])
-
-
-def option_fields(options: type[Any]) -> list[Field[Any]]:
-    """Return the fields of an options class in the order of facts and help texts: starts last."""
-    found = fields(options)
-    return sorted(found, key=lambda field: (field.name.startswith("start"), field.name != "starts"))
-
-
-def check_shares(options: StartOptions, *names: str) -> None:
-    """Raise BadInputError unless these options lie within 0 .. 1."""
-    for name in names:
-        number(name, getattr(options, name), 0.0, 1.0)
 
 
 def check_seed(seed: int) -> None:
@@ -199,7 +190,9 @@ def generated_map(
     **counted: object,
 ) -> Map:
     """Return the map of an environment; its facts are the options and what was counted."""
-    values = asdict(options)
+    names = type(options).model_fields
+    # Starts last.
+    ordered = sorted(names, key=lambda name: (name.startswith("start"), name != "starts"))
     return Map(
         name=f"{environment}_{seed}",
         bounds=bounds,
@@ -207,8 +200,5 @@ def generated_map(
         starts=starts,
         environment=environment,
         seed=seed,
-        facts={
-            **{field.name: values[field.name] for field in option_fields(type(options))},
-            **counted,
-        },
+        facts={**{name: getattr(options, name) for name in ordered}, **counted},
     )

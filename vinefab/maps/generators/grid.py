@@ -6,23 +6,27 @@ is vinefab's own.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
+from typing import Annotated
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
 from numpy.typing import NDArray
+from pydantic import model_validator
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, Ints, number, positive, whole
+from vinefab.core.validation import Floats, Ints, number, whole
 from vinefab.maps.generators.generated_map import (
+    Length,
     SeveralStartOptions,
+    Share,
     box,
     check_seed,
-    check_shares,
     directions,
     generated_map,
     rounded,
@@ -37,61 +41,48 @@ _LEAST_RADIUS_MM = 0.01
 _DEEPEST = 0.8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class GridOptions(SeveralStartOptions):
-    """Options that instances of one Grid environment share.
+    """Options that instances of one Grid environment share."""
 
-    Parameters
-    ----------
-    size_mm
-        Width of the bounds. Cells are square, so the height is ``size_mm * rows / columns``.
-    columns, rows
-        Cells; each holds one obstacle.
-    filled
-        Share, 0 to 1, of the cells that hold an obstacle; each cell is drawn by itself.
-    corners_min, corners_max
-        Range of an obstacle's number of corners, both ends possible.
-    radius_min, radius_max
-        Range of an obstacle's circumscribed radius, as a share of the cell's width.
-    irregularity
-        0: corners evenly spaced around the circle; 1: any two may nearly meet.
-    concavity
-        0: obstacles are convex; above, up to 1: corners of those with four or more are drawn
-        towards the middle, each by a random share up to 0.8 of this.
-    jitter
-        Share, 0 to 1, of the room left in its cell that an obstacle may be off the middle.
-    gap_mm
-        Least distance between two obstacles; half of it is kept to the bounds.
+    size_mm: Annotated[
+        Length, Doc("width of the bounds; cells are square, so it also gives the height")
+    ] = 500.0
+    columns: Annotated[int, Ge(1), Le(1000), Doc("cells side by side; each holds one obstacle")] = 6
+    rows: Annotated[int, Ge(1), Le(1000), Doc("rows of cells")] = 6
+    filled: Annotated[
+        Share, Doc("share of the cells that hold an obstacle; each cell is drawn by itself")
+    ] = 1.0
+    corners_min: Annotated[int, Ge(3), Le(100), Doc("least corners of an obstacle")] = 4
+    corners_max: Annotated[int, Ge(3), Le(100), Doc("most corners of an obstacle")] = 7
+    radius_min: Annotated[
+        float, Ge(0.01), Le(0.5), Doc("least circumscribed radius, as a share of the cell's width")
+    ] = 0.28
+    radius_max: Annotated[float, Ge(0.01), Le(0.5), Doc("largest one, likewise")] = 0.38
+    irregularity: Annotated[
+        Share, Doc("0: corners evenly spaced around the circle; 1: any two may nearly meet")
+    ] = 0.5
+    concavity: Annotated[
+        Share,
+        Doc(
+            "0: obstacles are convex; above, up to 1: corners of those with four or more are drawn "
+            "towards the middle, each by a random share up to 0.8 of this"
+        ),
+    ] = 0.0
+    jitter: Annotated[
+        Share, Doc("share of the room left in its cell that an obstacle may be off the middle")
+    ] = 0.8
+    gap_mm: Annotated[
+        float,
+        Ge(0),
+        Le(1e6),
+        Unit("mm"),
+        Doc("least distance between two obstacles; half of it is kept to the bounds"),
+    ] = 8.0
 
-    Raises
-    ------
-    BadInputError
-        If a value is out of range, the obstacles do not fit in their cells with the gap, or the
-        starting places do not fit between the sides.
-    """
-
-    size_mm: float = 500.0
-    columns: int = 6
-    rows: int = 6
-    filled: float = 1.0
-    corners_min: int = 4
-    corners_max: int = 7
-    radius_min: float = 0.28
-    radius_max: float = 0.38
-    irregularity: float = 0.5
-    concavity: float = 0.0
-    jitter: float = 0.8
-    gap_mm: float = 8.0
-
-    def __post_init__(self) -> None:
-        positive("size_mm", self.size_mm, 1e6)
-        whole("columns", self.columns, 1, 1000)
-        whole("rows", self.rows, 1, 1000)
-        whole("corners_min", self.corners_min, 3, 100)
+    @model_validator(mode="after")
+    def _fits(self) -> "GridOptions":
         whole("corners_max", self.corners_max, self.corners_min, 100)
-        number("radius_min", self.radius_min, 0.01, 0.5)
         number("radius_max", self.radius_max, self.radius_min, 0.5)
-        check_shares(self, "filled", "concavity", "irregularity", "jitter")
         if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
             least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
             raise BadInputError(
@@ -100,6 +91,7 @@ class GridOptions(SeveralStartOptions):
         most_mm = self.cell_mm * (1.0 - 2.0 * self.radius_max)
         number("gap_mm", self.gap_mm, 0.0, most_mm, f"mm (radius_max leaves {most_mm:.4g})")
         self.check_starts((self.size_mm, self.height_mm))
+        return self
 
     @property
     def cell_mm(self) -> float:

@@ -1,20 +1,23 @@
 """The Pegs environment: a peg board for the bench, round pegs in some holes of a lattice."""
 
 import math
-from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
+from pydantic import model_validator
 from shapely import Polygon
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import number, positive, whole
+from vinefab.core.validation import SMALLEST, number, positive
 from vinefab.maps.generators.generated_map import (
     SeveralStartOptions,
+    Share,
     box,
     check_seed,
-    check_shares,
     directions,
     generated_map,
     rounded,
@@ -23,64 +26,46 @@ from vinefab.maps.generators.generated_map import (
 from vinefab.model.map import Map, Start
 
 _STREAM = 1501
-_LATTICES = ("square", "hexagonal")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PegsOptions(SeveralStartOptions):
     """Options that instances of one Pegs environment share: the board and how it is filled.
 
-    Parameters
-    ----------
-    lattice
-        ``square``, or ``hexagonal``: every second row has one hole less and stands half a pitch
-        to the side.
-    columns, rows
-        Holes in the lowest row, and rows.
-    pitch_mm
-        Distance between neighbouring holes.
-    edge_mm
-        Distance from the outer holes to the sides of the board.
-    diameter_mm
-        A peg's diameter; a peg is a regular polygon with its corners on this circle.
-    sides
-        A peg's number of sides.
-    filled
-        Share, 0 to 1, of the holes that hold a peg, of those that the starts leave free.
-    jitter_mm
-        Pegs stand off their holes by at most this, in any direction.
-    start_clearance_mm
-        Least distance from every possible starting position to pegs and sides; holes where a peg
-        would stand nearer stay empty.
-
-    Raises
-    ------
-    BadInputError
-        If a value is out of range, pegs would touch each other or the sides, or the starting
-        places do not fit.
+    Holes where a peg would stand nearer to a start than its clearance stay empty.
     """
 
-    lattice: str = "square"
-    columns: int = 12
-    rows: int = 12
-    pitch_mm: float = 40.0
-    edge_mm: float = 30.0
-    diameter_mm: float = 14.0
-    sides: int = 16
-    filled: float = 0.45
-    jitter_mm: float = 0.0
+    lattice: Annotated[
+        Literal["square", "hexagonal"],
+        Doc("hexagonal: every second row has one hole less and stands half a pitch to the side"),
+    ] = "square"
+    columns: Annotated[int, Ge(1), Le(1000), Doc("holes in the lowest row")] = 12
+    rows: Annotated[int, Ge(1), Le(1000), Doc("rows of holes")] = 12
+    pitch_mm: Annotated[
+        float, Ge(SMALLEST), Le(1e4), Unit("mm"), Doc("distance between neighbouring holes")
+    ] = 40.0
+    edge_mm: Annotated[
+        float, Ge(0), Le(1e4), Unit("mm"), Doc("from the outer holes to the sides of the board")
+    ] = 30.0
+    diameter_mm: Annotated[
+        float,
+        Ge(SMALLEST),
+        Le(1e4),
+        Unit("mm"),
+        Doc("of pegs: regular polygons with their corners on a circle of this size"),
+    ] = 14.0
+    sides: Annotated[int, Ge(3), Le(100), Doc("corners of a peg")] = 16
+    filled: Annotated[
+        Share, Doc("share of the holes that hold a peg, of those that the starts leave free")
+    ] = 0.45
+    jitter_mm: Annotated[
+        float, Ge(0), Le(1e4), Unit("mm"), Doc("most that pegs stand off their holes, anywhere")
+    ] = 0.0
 
-    def __post_init__(self) -> None:
-        if self.lattice not in _LATTICES:
-            raise BadInputError("lattice", self.lattice, " or ".join(_LATTICES))
-        whole("columns", self.columns, 1, 1000)
-        whole("rows", self.rows, 1, 1000)
-        positive("pitch_mm", self.pitch_mm, 1e4)
+    @model_validator(mode="after")
+    def _fits(self) -> "PegsOptions":
         positive("diameter_mm", self.diameter_mm, self.pitch_mm)
-        whole("sides", self.sides, 3, 100)
         if self.diameter_mm < 0.02 * self.sides:
             raise BadInputError("diameter_mm", self.diameter_mm, f"at least {0.02 * self.sides:g}")
-        check_shares(self, "filled")
         most_mm = 0.5 * (self.pitch_mm - self.diameter_mm)
         number("jitter_mm", self.jitter_mm, 0.0, most_mm, f"mm (the pitch leaves {most_mm:.4g})")
         least_mm = 0.5 * self.diameter_mm + self.jitter_mm
@@ -92,6 +77,7 @@ class PegsOptions(SeveralStartOptions):
                 "less, so that pegs touch neither each other nor the sides",
             )
         self.check_starts(self.size_mm)
+        return self
 
     @property
     def size_mm(self) -> tuple[float, float]:

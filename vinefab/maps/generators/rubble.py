@@ -2,23 +2,28 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import shapely
+from annotated_types import Ge, Le, Unit
 from numpy.typing import NDArray
+from pydantic import model_validator
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.generators.generated_map import (
     COORDINATE_GRID_MM,
+    Length,
     SeveralStartOptions,
+    Share,
     box,
     canonical,
     check_seed,
-    check_shares,
     generated_map,
     start_zones,
 )
@@ -235,68 +240,67 @@ _NEAR = 0.03
 _ROUNDS = 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RubbleOptions(SeveralStartOptions):
-    """Options that instances of one Rubble environment share.
+    """Options that instances of one Rubble environment share."""
 
-    Parameters
-    ----------
-    size_mm
-        Width and height of the bounds.
-    cover
-        Share of the bounds that slabs cover: at least nine tenths of this; the last slab may go
-        beyond.
-    slab_min_mm, slab_max_mm
-        Range of a slab's length.
-    exponent
-        Lengths follow a power law: slabs twice as long are ``2 ** exponent`` times as rare.
-    thickness_min, thickness_max
-        Range of a slab's thickness, as a share of its length.
-    raggedness
-        0: slabs end straight; 1: ends are broken off at a slant.
-    direction_deg
-        Direction in which slabs lie, counter-clockwise from +x.
-    direction_spread_deg
-        Most that a slab lies off that; 90 is no preference.
-    leaning
-        Share, 0 to 1, of the slabs that lean on another or stick out of a side, where a place
-        for that is found.
-    passage_mm
-        Width that stays passable: slabs that do not lean on each other are at least this apart.
-        Only the corner between a slab and the one it leans on is narrower.
+    size_mm: Annotated[Length, Doc("width and height of the bounds")] = 500.0
+    cover: Annotated[
+        float,
+        Ge(0),
+        Le(0.8),
+        Doc(
+            "share of the bounds that slabs cover: at least nine tenths of this; the last slab may "
+            "go beyond"
+        ),
+    ] = 0.28
+    slab_min_mm: Annotated[Length, Doc("least length of a slab")] = 14.0
+    slab_max_mm: Annotated[Length, Doc("largest length of a slab")] = 170.0
+    exponent: Annotated[
+        float,
+        Ge(0),
+        Le(5),
+        Doc("of lengths: slabs twice as long are `2 ** exponent` times as rare"),
+    ] = 1.5
+    thickness_min: Annotated[
+        float, Ge(0.05), Le(0.8), Doc("least thickness of a slab, as a share of its length")
+    ] = 0.18
+    thickness_max: Annotated[float, Ge(0.05), Le(0.8), Doc("largest one, likewise")] = 0.6
+    raggedness: Annotated[
+        Share, Doc("0: slabs end straight; 1: ends are broken off at a slant")
+    ] = 0.7
+    direction_deg: Annotated[
+        float,
+        Ge(-360),
+        Le(360),
+        Unit("deg"),
+        Doc("in which slabs lie, counter-clockwise from +x"),
+    ] = 25.0
+    direction_spread_deg: Annotated[
+        float, Ge(0), Le(90), Unit("deg"), Doc("most that a slab lies off that; 90: no preference")
+    ] = 30.0
+    leaning: Annotated[
+        Share,
+        Doc(
+            "share of the slabs that lean on another or stick out of a side, where a place for "
+            "that is found"
+        ),
+    ] = 0.35
+    passage_mm: Annotated[
+        Length,
+        Doc(
+            "width that stays passable: slabs that do not lean on each other are at least this "
+            "apart; only the corner between a slab and the one it leans on is narrower"
+        ),
+    ] = 18.0
 
-    Raises
-    ------
-    BadInputError
-        If a value is out of range.
-    """
-
-    size_mm: float = 500.0
-    cover: float = 0.28
-    slab_min_mm: float = 14.0
-    slab_max_mm: float = 170.0
-    exponent: float = 1.5
-    thickness_min: float = 0.18
-    thickness_max: float = 0.6
-    raggedness: float = 0.7
-    direction_deg: float = 25.0
-    direction_spread_deg: float = 30.0
-    leaning: float = 0.35
-    passage_mm: float = 18.0
-
-    def __post_init__(self) -> None:
-        positive("size_mm", self.size_mm, 1e6)
-        number("cover", self.cover, 0.0, 0.8)
+    @model_validator(mode="after")
+    def _fits(self) -> "RubbleOptions":
         number("slab_min_mm", self.slab_min_mm, max(0.5, 2e-3 * self.size_mm), self.size_mm, "mm")
         number("slab_max_mm", self.slab_max_mm, self.slab_min_mm, 0.5 * self.size_mm, "mm")
-        number("exponent", self.exponent, 0.0, 5.0)
-        number("thickness_min", self.thickness_min, 0.05, 0.8)
         number("thickness_max", self.thickness_max, self.thickness_min, 0.8)
-        check_shares(self, "raggedness", "leaning")
-        number("direction_deg", self.direction_deg, -360.0, 360.0, "deg")
-        number("direction_spread_deg", self.direction_spread_deg, 0.0, 90.0, "deg")
         positive("passage_mm", self.passage_mm, 0.2 * self.size_mm)
         self.check_starts((self.size_mm, self.size_mm), 0.5 * self.passage_mm)
+        return self
 
     @property
     def slab_kind(self) -> SlabKind:

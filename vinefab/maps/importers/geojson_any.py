@@ -21,7 +21,7 @@ from vinefab.maps.importers.source_drawing import (
     Straight,
     drawing_map,
 )
-from vinefab.model.files.map_geojson import feature_key, geojson_document, read_map
+from vinefab.model.files.map_geojson import feature_key, geojson_document
 from vinefab.model.map import Map, Start
 
 
@@ -93,7 +93,7 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     if "vinefab" in document:
         options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
         scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
-        world = _scaled_map(read_map(path), scale)
+        world = _scaled_map(Map.read(path), scale)
         return replace(world, facts={**world.facts, "source": path.name})
     with located(path):
         if options.scale_mm_per_unit is None:

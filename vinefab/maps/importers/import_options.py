@@ -2,16 +2,142 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 from vinefab.core.errors import BadInputError
-from vinefab.maps.importers.photo_options import PhotoOptions
+from vinefab.core.limits import number, positive
+from vinefab.core.plain_text import counted
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from vinefab.model.map import Pose
+
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
+
+SCALES = (
+    "--points 'X,Y;X,Y' (pixels of the photo) with --distance-mm, four --points with "
+    "--rectangle-mm W,H, --marker-mm SIDE, or --scale-mm-per-unit (mm per pixel)"
+)
+"""How a photo gets its scale, in words."""
+
+_MOST_PX = 1e5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhotoOptions:
+    """Options of the import of a photo or scan.
+
+    Parameters
+    ----------
+    points_px
+        Places in the photo, (column, row) from its upper left corner, as picture viewers count:
+        two whose distance is known, or the four corners of a rectangle, its lower left one first,
+        then counter-clockwise.
+    distance_mm
+        Between two points.
+    rectangle_mm
+        Width and height of the rectangle whose corners four points are.
+    marker_mm
+        Side of the black frame of the ArUco markers (DICT_4X4_50) in the photo; one is enough, all
+        have this size and lie in one plane.
+    height_mm
+        How far the obstacles stand above the points or markers; their walls are vertical.
+    obstacles
+        ``dark``, ``light``, or a colour ``R,G,B`` or ``R,G,B,TOLERANCE``, 0 to 255 each.
+    threshold
+        Brightness between floor and obstacles, 0 to 255; found from the photo (Otsu) when None.
+    crop_mm
+        Left, low, right and top of what is imported, in map coordinates.
+    """
+
+    points_px: tuple[tuple[float, float], ...] = ()
+    distance_mm: float | None = None
+    rectangle_mm: tuple[float, float] | None = None
+    marker_mm: float | None = None
+    height_mm: float = 0.0
+    obstacles: str = "dark"
+    threshold: float | None = None
+    crop_mm: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for point in self.points_px:
+            for value in point:
+                number("points", value, -_MOST_PX, _MOST_PX, "px")
+        for key in ("distance_mm", "marker_mm"):
+            if getattr(self, key) is not None:
+                positive(key, getattr(self, key))
+        for value in self.rectangle_mm or ():
+            positive("rectangle_mm", value)
+        number("height_mm", self.height_mm, 0.0, 1e5, "mm")
+        if self.threshold is not None:
+            number("threshold", self.threshold, 0.0, 255.0)
+        for value in self.crop_mm or ():
+            number("crop", value, -1e7, 1e7, "mm")
+        wanted = {2: "distance_mm", 4: "rectangle_mm"}
+        given = [key for key in wanted.values() if getattr(self, key) is not None]
+        count = len(self.points_px)
+        if count and count not in wanted:
+            raise BadInputError(
+                "points", counted(count, "point"), "two, or the four of a rectangle"
+            )
+        if count and given != [wanted[count]]:
+            option = "--" + wanted[count].replace("_", "-")
+            found = ", ".join(given).replace("_", "-") or "nothing"
+            raise BadInputError(
+                "points", f"{counted(count, 'point')} with {found}", f"with {option}"
+            )
+        if given and not count:
+            need = {"distance_mm": "two", "rectangle_mm": "four"}[given[0]]
+            raise BadInputError(given[0], getattr(self, given[0]), f"with {need} --points")
+        colour = self.colour
+        if colour is not None and self.threshold is not None:
+            raise BadInputError(
+                "threshold",
+                self.threshold,
+                "with dark or light obstacles; a colour has its "
+                "tolerance: --obstacles R,G,B,TOLERANCE",
+            )
+
+    def ensure_one_scale(self, mm_per_pixel: float | None) -> None:
+        """Raise BadInputError unless there is just one thing that gives the photo its scale."""
+        given = {
+            "points": self.points_px or None,
+            "marker_mm": self.marker_mm,
+            "scale_mm_per_unit": mm_per_pixel,
+        }
+        names = [name for name, value in given.items() if value is not None]
+        if not names:
+            raise BadInputError("scale of the photo", None, SCALES)
+        if len(names) > 1:
+            raise BadInputError(names[1], given[names[1]], f"not together with {names[0]}")
+
+    def refuse(self, source: Path) -> None:
+        """Raise BadInputError naming an option that was given: the file is no photo."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value != field.default:
+                option = {"points_px": "points", "crop_mm": "crop"}.get(field.name, field.name)
+                allowed = f"only for photos and scans ({', '.join(PHOTO_SUFFIXES)})"
+                raise BadInputError(option, value, allowed, source)
+
+    @property
+    def colour(self) -> tuple[float, ...] | None:
+        """Red, green, blue and tolerance of the obstacles, or None if brightness tells them."""
+        if self.obstacles in ("dark", "light"):
+            return None
+        try:
+            values = tuple(float(part) for part in self.obstacles.split(","))
+        except (ValueError, AttributeError):
+            values = ()
+        if len(values) not in (3, 4) or not all(0.0 <= value <= 255.0 for value in values):
+            allowed = "dark, light, or a colour R,G,B or R,G,B,TOLERANCE, 0 to 255 each"
+            raise BadInputError("obstacles", self.obstacles, allowed)
+        return values if len(values) == 4 else (*values, _TOLERANCE)
+
+
+_TOLERANCE = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,16 +162,20 @@ class ImportOptions:
     layers
         Names of the layers (DXF, GeoPackage) or groups (SVG) to read; empty for all.
     drawn
-        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``, see
-        `AssembleOptions`.
+        What the areas of a drawing are: ``obstacles`` (and bounds), or ``free``: their union is
+        the free space, its holes are obstacles. Otherwise ``obstacles``, but ``free`` where no
+        outline contains all others and nothing else can be meant.
     bounds
-        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`.
+        ``outline``: the largest outline, free inside, must contain everything else. ``largest``:
+        the same, but what lies outside of it is left out. ``wall``: the largest outline is the
+        outer face of a solid wall and the outlines in it are rooms. ``box``: a rectangle around
+        everything.
     margin_mm
         Around the drawing when the bounds are a box.
     wall_mm
-        Thickness of walls that are drawn as lines.
+        Thickness of walls that are drawn as lines; otherwise lines enclose.
     open_lines
-        ``refuse`` or ``drop``.
+        ``refuse`` or ``drop`` lines that enclose nothing.
     photo
         What is known of a photo or scan: its scale, and what its obstacles look like.
     """

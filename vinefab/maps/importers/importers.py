@@ -5,6 +5,7 @@ To add one: a file with ``read(path, options)``, an entry here, a valid sample i
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
-from vinefab.maps.importers.import_options import ImportOptions
-from vinefab.maps.importers.photo_options import PHOTO_SUFFIXES
+from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
@@ -32,22 +32,18 @@ class MapImporter:
     malformed: bytes  # a damaged file, which must be refused
 
 
-def _import_dxf(path: Path, options: ImportOptions) -> Map:
-    from vinefab.maps.importers.dxf_drawing import import_dxf  # noqa: PLC0415  ezdxf takes a second to import
+def _late(module: str, name: str) -> Callable[[Path, ImportOptions], Map]:
+    """Return a reader whose module is loaded once a file of its kind is read."""
 
-    return import_dxf(path, options)
+    def read(path: Path, options: ImportOptions) -> Map:
+        found = import_module(f"vinefab.maps.importers.{module}")
+        world: Map = getattr(found, name)(path, options)
+        return world
+
+    return read
 
 
-def _import_gis(path: Path, options: ImportOptions) -> Map:
-    from vinefab.maps.importers.gis_layers import import_gis  # noqa: PLC0415  seldom used
-
-    return import_gis(path, options)
-
-
-def _import_photo(path: Path, options: ImportOptions) -> Map:
-    from vinefab.maps.importers.photo_map import import_photo  # noqa: PLC0415  scipy.optimize takes long to import
-
-    return import_photo(path, options)
+_read_gis = _late("gis_layers", "import_gis")
 
 
 IMPORTERS: Registry[MapImporter] = Registry(
@@ -65,7 +61,7 @@ IMPORTERS: Registry[MapImporter] = Registry(
         ),
         "dxf": MapImporter(
             suffixes=(".dxf",),
-            read=_import_dxf,
+            read=_late("dxf_drawing", "import_dxf"),  # ezdxf takes a second to import
             malformed=b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nhere\n0\nENDSEC\n0\nEOF\n",
         ),
         "svg": MapImporter(
@@ -80,18 +76,18 @@ IMPORTERS: Registry[MapImporter] = Registry(
         ),
         "geopackage": MapImporter(
             suffixes=(".gpkg",),
-            read=_import_gis,
+            read=_read_gis,
             malformed=b"SQLite format 3\0 and no pages",
         ),
         "shapefile": MapImporter(
-            suffixes=(".shp",), read=_import_gis, malformed=b"\0\0\x27\x0a and no header"
+            suffixes=(".shp",), read=_read_gis, malformed=b"\0\0\x27\x0a and no header"
         ),
         "flatgeobuf": MapImporter(
-            suffixes=(".fgb",), read=_import_gis, malformed=b"fgb\x03fgb\0 and no header"
+            suffixes=(".fgb",), read=_read_gis, malformed=b"fgb\x03fgb\0 and no header"
         ),
         "photo": MapImporter(
             suffixes=PHOTO_SUFFIXES,
-            read=_import_photo,
+            read=_late("photo_map", "import_photo"),
             malformed=b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x08\0\0\0\x08\x08\0\0\0\0",
         ),
     },

@@ -13,9 +13,8 @@ from vinefab.core.plain_text import visible
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.maps.cleanup.cell_walls import Mask
-from vinefab.maps.cleanup.raster import GridPlacement, RasterOptions, raster_map
-from vinefab.maps.importers.import_options import ImportOptions
-from vinefab.maps.importers.photo_options import PhotoOptions
+from vinefab.maps.cleanup.raster import GridPlacement, raster_map
+from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS
 from vinefab.model.map import Map
 from vinefab.photos.found_markers import find_markers, square_points
@@ -28,8 +27,7 @@ from vinefab.photos.photo_camera import (
     plane_homography,
     projected,
 )
-from vinefab.photos.plan_view import PlanView
-from vinefab.photos.rectify import AreaMm, most_pixels_per_mm, rectified, shown_in
+from vinefab.photos.rectify import AreaMm, PlanView, most_pixels_per_mm, rectified, shown_in
 
 _ONLY_OTHERS = (
     "join_mm",
@@ -382,10 +380,6 @@ def _world(
         y_mm=view.top_mm - rows * view.mm_per_pixel,
     )
     simplify_mm = scene.mm_per_pixel if options.simplify_mm is None else options.simplify_mm
-    chosen = RasterOptions(
-        simplify_mm=simplify_mm,
-        least_obstacle_mm2=least_mm2,
-        start=options.start,
-    )
+    chosen = replace(options, simplify_mm=simplify_mm, least_obstacle_mm2=least_mm2)
     world = raster_map(visible(path.stem), free[::-1], placement, chosen, facts)
     return replace(world, environment="photo")

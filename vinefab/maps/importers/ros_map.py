@@ -21,7 +21,6 @@ from vinefab.maps.cleanup.raster import (
     LARGEST_CELL_MM,
     LEAST_CELL_MM,
     GridPlacement,
-    RasterOptions,
     raster_map,
 )
 from vinefab.maps.importers.import_options import ImportOptions
@@ -155,11 +154,7 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
             visible(path.stem),
             free if unknown == "obstacle" else ~occupied,
             source.placement(scale),
-            RasterOptions(
-                simplify_mm=options.simplify_mm,
-                least_obstacle_mm2=options.least_obstacle_mm2 or 0.0,
-                start=options.start,
-            ),
+            options,
             facts,
         )
     return replace(world, environment="ros")

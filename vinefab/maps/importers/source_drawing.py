@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import counted, visible
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.drawn_shapes import Drawn, Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Drawn, DrawnShape, SourceFrame, framed
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.model.map import Map
 
@@ -181,9 +181,9 @@ class Ring:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingItem(Drawn[Ring]):
-    """A `Shape` whose curves are still curves."""
+    """A `DrawnShape` whose curves are still curves."""
 
-    def flat(self, tolerance: float) -> Shape:
+    def flat(self, tolerance: float) -> DrawnShape:
         """Return it with chords for curves, within a tolerance in units of the source."""
         try:
             rings, holes = (
@@ -195,7 +195,7 @@ class DrawingItem(Drawn[Ring]):
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
         same = {one.name: getattr(self, one.name) for one in fields(self)}
-        return Shape(**same | {"rings": rings, "holes": holes})
+        return DrawnShape(**same | {"rings": rings, "holes": holes})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,18 +274,15 @@ def _assembling(
     margin_mm = (
         _four_digits(_MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
     )
-    return AssembleOptions(
-        join_mm=join_mm,
-        simplify_mm=simplify_mm or 0.0,
-        sliver_mm2=_four_digits(max(join_mm, 1e-4) ** 2),
-        most_join_mm=most_join_mm,
-        drawn=options.drawn,
-        bounds=options.bounds,
-        margin_mm=margin_mm,
-        wall_mm=options.wall_mm,
-        open_lines=options.open_lines or "refuse",
-        start=options.start,
-    ), tolerance_mm
+    given = {one.name: getattr(options, one.name) for one in fields(options)}
+    sizes = {
+        "join_mm": join_mm,
+        "simplify_mm": simplify_mm or 0.0,
+        "margin_mm": margin_mm,
+        "sliver_mm2": _four_digits(max(join_mm, 1e-4) ** 2),
+        "most_join_mm": most_join_mm,
+    }
+    return AssembleOptions(**given | sizes), tolerance_mm
 
 
 def _four_digits(value: float) -> float:

@@ -7,16 +7,10 @@ import tomli_w
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.table import validated
 from vinefab.model.contacts import CONTACTS_SCHEMA, ContactsFile, MeasuredContacts
 from vinefab.model.files.shipped import locate
-from vinefab.model.files.toml import read_toml, validated
-
-
-def contacts_given(given: object) -> MeasuredContacts:
-    """Return measured contacts as a user gives them: also by the path or name of their file."""
-    if isinstance(given, str | PathLike):
-        return read_contacts(given)
-    return contacts_of(given, "a file of measured contacts (TOML), or its name")
+from vinefab.model.files.toml import read_toml
 
 
 def contacts_of(

@@ -4,12 +4,12 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import shapely
 from pydantic import ConfigDict, Field
-from shapely import LineString, Point, Polygon
+from shapely import LineString, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
@@ -18,8 +18,11 @@ from vinefab.core.table import Table, declared_keys, validated
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
-from vinefab.model.map import Map, Pose, Start, are_valid, refuse_jagged
+from vinefab.model.start import Pose, Start, are_valid, refuse_jagged
 from vinefab.model.start_place import StartPlace, StartTable, with_starts
+
+if TYPE_CHECKING:
+    from vinefab.model.map import Map
 
 _LARGEST_BYTES = 1 << 30
 _DECIMALS = 6
@@ -67,24 +70,20 @@ def _polygons(key: str, feature: dict[str, Any]) -> list[Polygon]:
     raise BadInputError(f"{key}.geometry.type", kind, "Polygon or MultiPolygon")
 
 
-def _point(key: str, feature: dict[str, Any]) -> tuple[float, float]:
-    """Return the position of a Point feature, or raise BadInputError."""
-    kind, coordinates = _geometry(key, feature)
-    if kind != "Point":
-        raise BadInputError(f"{key}.geometry.type", kind, "Point")
-    x, y = _positions(key, [coordinates])[0]
-    return float(x), float(y)
+def _shape_text(shape: LineString | Polygon) -> str:
+    """Return a shape as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
 
+    def rounded(line: LineString) -> list[list[float]]:
+        points: list[list[float]] = (
+            np.round(shapely.get_coordinates(line), _DECIMALS) + 0.0
+        ).tolist()
+        return points
 
-def _polygon_text(polygon: Polygon) -> str:
-    """Return a polygon as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
-    oriented = shapely.orient_polygons(polygon)
-    rings = [oriented.exterior, *oriented.interiors]
-    coordinates = [np.round(shapely.get_coordinates(ring), _DECIMALS) + 0.0 for ring in rings]
-    return json.dumps(
-        {"type": "Polygon", "coordinates": [ring.tolist() for ring in coordinates]},
-        allow_nan=False,
-    )
+    if isinstance(shape, LineString):
+        return json.dumps({"type": "LineString", "coordinates": rounded(shape)}, allow_nan=False)
+    oriented = shapely.orient_polygons(shape)
+    rings = [rounded(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    return json.dumps({"type": "Polygon", "coordinates": rings}, allow_nan=False)
 
 
 def _geometry(key: str, feature: dict[str, Any]) -> tuple[object, Any]:
@@ -101,7 +100,11 @@ def _polygon(key: str, rings: object) -> Polygon:
     polygon = Polygon(shell, holes)
     refuse_jagged(key, polygon)
     if not are_valid(np.array([polygon], dtype=np.object_))[0]:
-        raise BadInputError(key, _reason(polygon), "rings that do not cross or touch themselves")
+        # What is wrong with it, and where: ``Self-intersection at (5, 5)``.
+        what, _, where = shapely.is_valid_reason(polygon).partition("[")
+        x, _, y = where.rstrip("]").partition(" ")
+        reason = f"{what} at ({x}, {y})" if where else what
+        raise BadInputError(key, reason, "rings that do not cross or touch themselves")
     return polygon
 
 
@@ -134,13 +137,6 @@ def _is_position(point: object) -> bool:
     )
 
 
-def _reason(polygon: Polygon) -> str:
-    """Return what is wrong with a polygon, and where: ``Self-intersection at (5, 5)``."""
-    what, _, where = shapely.is_valid_reason(polygon).partition("[")
-    x, _, y = where.rstrip("]").partition(" ")
-    return f"{what} at ({x}, {y})" if where else what
-
-
 MAP_SCHEMA = "vinefab/map-1"
 _ROLES = ("bounds", "obstacle", "start")
 _OF_GEOMETRY = ("line", "area")
@@ -164,11 +160,16 @@ _Content = tuple[Polygon, list[Polygon], list[tuple[str, Start | StartPlace]]]
 """Bounds, obstacles, and starts, each with what messages call it."""
 
 
-def read_map(path: Path) -> Map:
+def read_map(path: Path, made: "type[Map]") -> "Map":
     """Return the map in a GeoJSON file.
 
     A file that vinefab wrote gives every feature a role. In a file without any roles the largest
     polygon must contain all others and is the bounds; the others are obstacles.
+
+    Parameters
+    ----------
+    made
+        The class of maps, which has this function as its `Map.read`.
 
     Raises
     ------
@@ -186,7 +187,7 @@ def read_map(path: Path) -> Map:
         bounds, obstacles, starts = (
             _with_roles(features, roles) if has_roles else _without_roles(features)
         )
-        world = Map(
+        world = made(
             name=about.name or path.stem,
             bounds=bounds,
             obstacles=tuple(obstacles),
@@ -194,16 +195,13 @@ def read_map(path: Path) -> Map:
             seed=about.seed,
             facts=about.facts or {},
         )
-        for _, start in starts:
-            if isinstance(start, Start):
-                _check_pose(world, start.pose)
         found = [one for key, start in starts for one in with_starts(world, (start,), key).starts]
         return replace(world, starts=tuple(found))
     except BadInputError as error:
         raise error.at(path) from error
 
 
-def map_text(world: Map) -> str:
+def map_text(world: "Map") -> str:
     """Return a map as GeoJSON text, one feature per line, coordinates to 1e-6 mm."""
     about = {
         "schema": MAP_SCHEMA,
@@ -224,7 +222,7 @@ def map_text(world: Map) -> str:
 def _polygon_line(role: str, polygon: Polygon) -> str:
     return (
         f'{{"type": "Feature", "properties": {{"role": "{role}"}}, '
-        f'"geometry": {_polygon_text(polygon)}}}'
+        f'"geometry": {_shape_text(polygon)}}}'
     )
 
 
@@ -242,14 +240,6 @@ def _start_line(start: Start) -> str:
         shape = _shape_text(start.area)
     properties = json.dumps({"role": "start", **about}, allow_nan=False)
     return f'{{"type": "Feature", "properties": {properties}, "geometry": {shape}}}'
-
-
-def _shape_text(area: LineString | Polygon) -> str:
-    """Return the line or polygon of a start as GeoJSON."""
-    if isinstance(area, Polygon):
-        return _polygon_text(area)
-    points = np.round(shapely.get_coordinates(area), _DECIMALS) + 0.0
-    return json.dumps({"type": "LineString", "coordinates": points.tolist()}, allow_nan=False)
 
 
 def _about(document: dict[str, Any]) -> _About:
@@ -316,7 +306,9 @@ def _start(key: str, feature: dict[str, Any]) -> Start | StartPlace:
     given = {name: properties[name] for name in names if properties.get(name) is not None}
     try:
         area = _start_area(key, feature)
-        point = _point(key, feature) if area is None and "side" not in properties else None
+        point = None
+        if area is None and "side" not in properties:
+            point = _positions(key, [_geometry(key, feature)[1]])[0].tolist()
     except BadInputError as error:
         if error.key.startswith(key):
             raise
@@ -365,12 +357,3 @@ def _start_place(table: StartTable, area: LineString | Polygon | None) -> Start 
         area=area,
         clearance_mm=place.least_clearance_mm,
     )
-
-
-def _check_pose(world: Map, pose: Pose) -> None:
-    spot = Point(pose.x_mm, pose.y_mm)
-    where = f"({spot.x:g}, {spot.y:g})"
-    if not world.bounds.covers(spot):
-        raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
-    if shapely.contains(list(world.obstacles), spot).any():
-        raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

@@ -39,7 +39,15 @@ def path_inside(
     BadInputError
         If it leads elsewhere, or is no path.
     """
-    path = _ordinary(key, given, source)
+    try:
+        path = path_given(key, given)
+        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
+    except BadInputError as error:
+        raise error.at(source) from error
+    except UnicodeEncodeError:  # halves of letters
+        too_long = True
+    if too_long or len(str(given)) > _LONGEST_PATH:
+        raise BadInputError(key, given, "a path of ordinary length", source)
     real = Path(os.path.realpath((base or folders[0]) / path))
     if not is_inside(real, (*folders, *shipped)):
         shown = " or ".join(dict.fromkeys(map(str, folders)))
@@ -51,17 +59,3 @@ def is_inside(path: Path, folders: Sequence[Path]) -> bool:
     """Tell whether a path leads, links followed, into one of some folders or below it."""
     real = Path(os.path.realpath(path))
     return any(real.is_relative_to(os.path.realpath(folder)) for folder in folders)
-
-
-def _ordinary(key: str, given: object, source: str | Path) -> Path:
-    """Return a path that a system can look for."""
-    try:
-        path = path_given(key, given)
-        too_long = any(len(part.encode()) > _LONGEST_NAME for part in path.parts)
-    except BadInputError as error:
-        raise error.at(source) from error
-    except UnicodeEncodeError:  # halves of letters
-        too_long = True
-    if too_long or len(str(given)) > _LONGEST_PATH:
-        raise BadInputError(key, given, "a path of ordinary length", source)
-    return path

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.table import validated
 from vinefab.model.files.named_file import is_inside
 from vinefab.model.files.shipped import locate
-from vinefab.model.files.toml import read_toml, validated
+from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, Machine, Material, Recipe
 
 P = TypeVar("P", Machine, Material, Recipe)

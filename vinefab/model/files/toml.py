@@ -4,18 +4,14 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pydantic import BaseModel
 
-from vinefab.core import table
-from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.errors import UnreadableFileError, located
+from vinefab.core.limits import check_plain
 from vinefab.core.table import declared_keys
-from vinefab.core.validation import check_plain
-from vinefab.core.version import __version__
 from vinefab.model.files.shipped import read_text
-
-M = TypeVar("M", bound=BaseModel)
 
 LARGEST_TOML_BYTES = 1 << 20
 """A hundred times the largest that is shipped; all keys of it are looked at in two seconds."""
@@ -52,17 +48,6 @@ def toml_content(text: str, path: str | Path) -> dict[str, Any]:
     return content
 
 
-def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
-    """Return data as an instance of a schema; a file of another kind is told by its schema."""
-    try:
-        return table.validated(model, data, source)
-    except BadInputError as error:
-        if error.key != "schema" or error.value is None:
-            raise
-        allowed = f"{error.allowed}{_other_kind(error.value, error.allowed)}"
-        raise BadInputError(error.key, error.value, allowed, source) from error
-
-
 def table_content(table: BaseModel) -> dict[str, Any]:
     """Return a declared table as the keys and plain values of a file.
 
@@ -84,27 +69,3 @@ def _plain(value: Any) -> Any:  # noqa: ANN401  a value of any field
     if isinstance(value, Mapping):
         return {name: _plain(inner) for name, inner in value.items()}
     return [_plain(inner) for inner in value] if isinstance(value, tuple | list) else value
-
-
-_KINDS_OF_FILES = {
-    "design": "a design: vinefab grow, check, fabricate and others take it",
-    "run": "a run file: vinefab optimize takes it",
-    "map": "a map: --map and --maps take it",
-    "recipe": "a recipe: --recipe takes it",
-    "machine": "a laser: a recipe names it",
-    "material": "a film: a recipe names it",
-    "printer": "a printer: --printer of vinefab rig takes it",
-    "contacts": "measured contacts: --contacts takes them",
-}
-"""What files are for, by the kind that their schema names."""
-
-
-def _other_kind(given: object, allowed: str) -> str:
-    """Return what a file of another kind or version is, behind a semicolon, or nothing."""
-    found = re.fullmatch(r"vinefab/([a-z]+)-(\d{1,4})", given) if isinstance(given, str) else None
-    if found is None:
-        return ""
-    if f"vinefab/{found[1]}-" in allowed:
-        return f"; this is vinefab {__version__}, and another version wrote it"
-    about = _KINDS_OF_FILES.get(found[1])
-    return f"; this is {about}" if about else ""

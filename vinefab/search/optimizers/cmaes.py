@@ -7,15 +7,17 @@ treated like the others: the package's probabilities for categories became NaN i
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
 from cmaes import CatCMAwM
 from scipy import special
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, number
+from vinefab.core.table import Table
+from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _LEAST, _MOST = 1e-8, 1e32
@@ -259,20 +261,18 @@ _ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool}
 _NUMBERS = ("_sigma", "_g", "_iqhist_values")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CmaConfig:
-    """Parameters of CMA-ES.
+Spread = Annotated[
+    float,
+    Ge(1e-3),
+    Le(1),
+    Doc("standard deviation of the first points, as a share of each range"),
+]
 
-    Parameters
-    ----------
-    spread
-        Standard deviation of the first generation, as a share of each range.
-    """
 
-    spread: float = 0.2
+class CmaConfig(Table):
+    """Parameters of CMA-ES."""
 
-    def __post_init__(self) -> None:
-        number("optimizer.spread", self.spread, 1e-3, 1.0)
+    spread: Spread = 0.2
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return the search before its first generation."""

@@ -6,14 +6,16 @@ its operators can be driven step by step.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
+from typing_extensions import Doc
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, number
+from vinefab.core.table import Table
+from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 if TYPE_CHECKING:
@@ -24,22 +26,15 @@ else:
 _STREAM = 1404
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EvolutionConfig:
-    """Parameters of the evolutionary algorithm; the defaults are pymoo's.
+Eta = Annotated[float, Ge(1), Le(1000)]
+"""Distribution index."""
 
-    Parameters
-    ----------
-    crossover_eta, mutation_eta
-        Distribution indices: larger values keep children nearer to parents, mutants to originals.
-    """
 
-    crossover_eta: float = 15.0
-    mutation_eta: float = 20.0
+class EvolutionConfig(Table):
+    """Parameters of the evolutionary algorithm; the defaults are pymoo's."""
 
-    def __post_init__(self) -> None:
-        number("optimizer.crossover_eta", self.crossover_eta, 1.0, 1000.0)
-        number("optimizer.mutation_eta", self.mutation_eta, 1.0, 1000.0)
+    crossover_eta: Annotated[Eta, Doc("larger values keep children nearer to their parents")] = 15.0
+    mutation_eta: Annotated[Eta, Doc("larger values keep mutants nearer to their originals")] = 20.0
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return the algorithm before its first generation."""

@@ -16,17 +16,22 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
+from annotated_types import Ge, Le
+from pydantic import model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, Ints, number, whole
+from vinefab.core.table import Table
+from vinefab.core.validation import Floats, Ints
 from vinefab.search.optimizers.cmaes import (
     LEAST_POPULATION,
     CmaConfig,
     Distribution,
+    Spread,
     mixed_distribution,
 )
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
@@ -55,36 +60,34 @@ class StartingOptimizer(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IslandsConfig:
-    """Parameters of the islands.
+class IslandsConfig(Table):
+    """Parameters of the islands."""
 
-    Parameters
-    ----------
-    island
-        Points that an island evaluates in a generation, about: the population is divided evenly.
-        0: a fifth of the population, but from 6 to 12.
-    first_generations
-        Generations of an island on the first rung.
-    keep
-        One island of so many climbs to the next rung, which takes so many times as long.
-    spread
-        Standard deviation of an island's first points, as a share of each range.
-    """
+    island: Annotated[
+        int,
+        Ge(0),
+        Le(1000),
+        Doc(
+            "points that an island evaluates in a generation, about: the population is divided "
+            "evenly; 0: a fifth of the population, but from 6 to 12"
+        ),
+    ] = 0
+    first_generations: Annotated[
+        int, Ge(1), Le(1000), Doc("generations of an island on the first rung")
+    ] = 3
+    keep: Annotated[
+        int,
+        Ge(2),
+        Le(100),
+        Doc("one island of so many climbs to the next rung, which takes so many times as long"),
+    ] = 3
+    spread: Spread = 0.2
 
-    island: int = 0
-    first_generations: int = 3
-    keep: int = 3
-    spread: float = 0.2
-
-    def __post_init__(self) -> None:
-        whole("optimizer.island", self.island, 0, 1000)
+    @model_validator(mode="after")
+    def _enough_points(self) -> "IslandsConfig":
         if 0 < self.island < LEAST_POPULATION:
-            allowed = f"0, or at least {LEAST_POPULATION}"
-            raise BadInputError("optimizer.island", self.island, allowed)
-        whole("optimizer.first_generations", self.first_generations, 1, 1000)
-        whole("optimizer.keep", self.keep, 2, 100)
-        number("optimizer.spread", self.spread, 1e-3, 1.0)
+            raise BadInputError("island", self.island, f"0, or at least {LEAST_POPULATION}")
+        return self
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return the search before its first generation.

@@ -6,7 +6,6 @@ that are not manufacturable rank below all others, by their fitness.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -35,7 +34,6 @@ class FrontOptimizer(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NsgaConfig(EvolutionConfig):
     """Parameters of NSGA-II, those of the evolutionary algorithm."""
 

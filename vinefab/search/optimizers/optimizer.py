@@ -125,7 +125,7 @@ class Optimizer(Protocol):
 
 
 class OptimizerConfig(Protocol):
-    """An optimizer's own parameters: a frozen dataclass whose fields all have defaults."""
+    """An optimizer's own parameters: a `Table`, or a frozen dataclass, all with defaults."""
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return an optimizer before its first generation."""

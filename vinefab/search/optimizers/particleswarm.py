@@ -6,14 +6,17 @@ swarm improves. All coordinates are continuous; the space maps them to integers.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
+from pydantic import model_validator
+from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, Ints, number
+from vinefab.core.table import Table
+from vinefab.core.validation import Floats, Ints
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _STREAM = 1403
@@ -21,44 +24,41 @@ _ARRAYS = ("position", "velocity", "best_x", "best_sum", "best_count")
 _NUMBERS = ("generation", "inertia", "neighbours", "failures")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptiveSwarmConfig:
-    """Parameters of the adaptive swarm; the defaults are MATLAB's.
+Weight = Annotated[float, Ge(0), Le(10)]
 
-    Parameters
-    ----------
-    least_inertia, most_inertia
-        Range of the inertia; it starts at the upper end.
-    self_weight, social_weight
-        Acceleration towards its own best point and the best of its neighbours.
-    least_neighbours
-        Smallest number of neighbours, as a share of the swarm.
-    adapt_always
-        Whether the inertia also adapts after a generation without improvement. Descriptions of
-        the algorithm differ on this.
-    reevaluate
-        Evaluate every personal best again in each generation and use its mean, so that a lucky
-        evaluation does not persist. The swarm is then half as large: the other half of the
-        generation's evaluations goes to the personal bests.
-    """
 
-    least_inertia: float = 0.1
-    most_inertia: float = 1.1
-    self_weight: float = 1.49
-    social_weight: float = 1.49
-    least_neighbours: float = 0.25
-    adapt_always: bool = True
-    reevaluate: bool = False
+class AdaptiveSwarmConfig(Table):
+    """Parameters of the adaptive swarm; the defaults are MATLAB's."""
 
-    def __post_init__(self) -> None:
-        number("optimizer.least_inertia", self.least_inertia, 0.0, 10.0)
-        number("optimizer.most_inertia", self.most_inertia, 0.0, 10.0)
-        number("optimizer.self_weight", self.self_weight, 0.0, 10.0)
-        number("optimizer.social_weight", self.social_weight, 0.0, 10.0)
-        number("optimizer.least_neighbours", self.least_neighbours, 0.0, 1.0)
+    least_inertia: Annotated[Weight, Doc("lower end of the range of the inertia")] = 0.1
+    most_inertia: Annotated[Weight, Doc("upper end of it, where it starts")] = 1.1
+    self_weight: Annotated[Weight, Doc("acceleration towards a particle's own best point")] = 1.49
+    social_weight: Annotated[Weight, Doc("acceleration towards the best of its neighbours")] = 1.49
+    least_neighbours: Annotated[
+        float, Ge(0), Le(1), Doc("smallest number of neighbours, as a share of the swarm")
+    ] = 0.25
+    adapt_always: Annotated[
+        bool,
+        Doc(
+            "whether the inertia also adapts after a generation without improvement; descriptions "
+            "of the algorithm differ on this"
+        ),
+    ] = True
+    reevaluate: Annotated[
+        bool,
+        Doc(
+            "evaluate every personal best again in each generation and use its mean, so that a "
+            "lucky evaluation does not persist; the swarm is then half as large: the other half of "
+            "the generation's evaluations goes to the personal bests"
+        ),
+    ] = False
+
+    @model_validator(mode="after")
+    def _range_of_inertia(self) -> "AdaptiveSwarmConfig":
         if self.least_inertia > self.most_inertia:
             allowed = f"at most most_inertia, {self.most_inertia:g}"
-            raise BadInputError("optimizer.least_inertia", self.least_inertia, allowed)
+            raise BadInputError("least_inertia", self.least_inertia, allowed)
+        return self
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return a swarm before its first generation."""

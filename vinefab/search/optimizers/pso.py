@@ -8,15 +8,18 @@ step and its own state back afterwards.
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
+from pydantic import model_validator
+from typing_extensions import Doc
 
 from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, number, whole
+from vinefab.core.table import Table
+from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
@@ -47,40 +50,44 @@ _STREAM = 1401
 _ARRAYS = ("position", "velocity", "pbest_pos", "pbest_cost")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SwarmConfig:
-    """Parameters of the particle swarm.
+class SwarmConfig(Table):
+    """Parameters of the particle swarm."""
 
-    Parameters
-    ----------
-    inertia
-        Share of its velocity that a particle keeps.
-    cognitive, social
-        Acceleration towards its own best and its neighbours' best point.
-    neighbours
-        Size of a particle's neighbourhood, itself included: a ring by number. 0: all particles.
-    most_speed
-        Largest change of a coordinate in one generation, as a share of its range.
-    ignore_inactive
-        Whether best points of designs without a level exert no pull on that level's coordinates:
-        their values there have never been evaluated.
-    """
+    inertia: Annotated[float, Ge(0), Le(2), Doc("share of its velocity that a particle keeps")] = (
+        0.73
+    )
+    cognitive: Annotated[
+        float, Ge(0), Le(10), Doc("acceleration towards a particle's own best point")
+    ] = 1.49
+    social: Annotated[float, Ge(0), Le(10), Doc("acceleration towards its neighbours' best")] = 1.49
+    neighbours: Annotated[
+        int,
+        Ge(0),
+        Le(100_000),
+        Doc(
+            "size of a particle's neighbourhood, itself included: a ring by number; 0: all "
+            "particles"
+        ),
+    ] = 5
+    most_speed: Annotated[
+        float,
+        Ge(1e-6),
+        Le(1),
+        Doc("largest change of a coordinate in one generation, as a share of its range"),
+    ] = 0.5
+    ignore_inactive: Annotated[
+        bool,
+        Doc(
+            "whether best points of designs without a level exert no pull on that level's "
+            "coordinates: their values there have never been evaluated"
+        ),
+    ] = False
 
-    inertia: float = 0.73
-    cognitive: float = 1.49
-    social: float = 1.49
-    neighbours: int = 5
-    most_speed: float = 0.5
-    ignore_inactive: bool = False
-
-    def __post_init__(self) -> None:
-        number("optimizer.inertia", self.inertia, 0.0, 2.0)
-        number("optimizer.cognitive", self.cognitive, 0.0, 10.0)
-        number("optimizer.social", self.social, 0.0, 10.0)
-        number("optimizer.most_speed", self.most_speed, 1e-6, 1.0)
-        whole("optimizer.neighbours", self.neighbours, 0, 100_000)
+    @model_validator(mode="after")
+    def _neighbourhood(self) -> "SwarmConfig":
         if self.neighbours == 1:
-            raise BadInputError("optimizer.neighbours", 1, "0 for all, or at least 2")
+            raise BadInputError("neighbours", 1, "0 for all, or at least 2")
+        return self
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         """Return a swarm before its first generation."""

@@ -1,10 +1,10 @@
 """Random search: the baseline for every other optimizer."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import cast
 
 from vinefab.core.rng import child
+from vinefab.core.table import Table
 from vinefab.core.validation import Floats
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
@@ -36,8 +36,7 @@ class RandomSearch:
         self._generation = cast("int", state["generation"])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RandomConfig:
+class RandomConfig(Table):
     """Random search has no parameters."""
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:

@@ -17,18 +17,30 @@ from shapely.errors import ShapelyError
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
-from vinefab.core.front_door import front_door
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Answer, Block, Notes, Number, Picture, Result, Table, lines
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Result,
+    Rows,
+)
+from vinefab.growth.options import growth_text, trained_growth
 from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.files.run_recipe import RunRecipe
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.score import Evaluation, Score
+from vinefab.model.score import Evaluation, Score, composite_text
 from vinefab.model.start_place import start_of_record, start_record, start_text
 from vinefab.search.evaluator import final_seed
+from vinefab.search.record.elsewhere import contacts_table, elsewhere_facts, mean_score
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
 from vinefab.search.settings import (
     RunSettings,
@@ -101,10 +113,12 @@ class RunResult(Result):
     recipe
         The recipe by which designs were judged; None where none was asked for, and in a record of
         an older vinefab.
-    told
-        What was found, a line each, of what `vinefab.optimize` returned.
-    exit_code
-        Of the command: 1 where no manufacturable robot was found.
+    violations
+        Which rules and limits the winner violates; empty where none, or where that is not known.
+    front
+        The front of a run with several objectives.
+    again
+        The call that gives the winner's score again.
     """
 
     run_id: str
@@ -120,58 +134,134 @@ class RunResult(Result):
     extensions: tuple[Extension, ...] = ()
     prediction: Mapping[str, Any] = field(default_factory=dict)
     recipe: RunRecipe | None = None
-    told: tuple[str, ...] = ()
-    exit_code: int = 0
+    violations: str = ""
+    front: Rows | None = None
+    again: str = ""
+    schema = "vinefab/run-result-1"
 
     @property
-    def summary(self) -> tuple[str, ...]:
-        """The result, a line each: what `vinefab.optimize` told, or else the view."""
-        return self.told or tuple(lines(self.view()))
-
-    def __repr__(self) -> str:
-        return f"<RunResult {self.headline}>"
+    def exit_code(self) -> int:
+        """The exit code of the command: 1 where no manufacturable robot was found."""
+        return int(bool(self.violations))
 
     @property
     def details(self) -> tuple[str, ...]:
         """The summary, and where the time went."""
-        return (self.times.summary, *self.summary)
-
-    def json_text(self) -> str:
-        """Return the result as JSON: ``vinefab/run-result-1``."""
-        text: str = front_door("search.run").result_json(self)
-        return text
+        return (*self.summary, self.times.summary)
 
     def view(self) -> Iterator[Block]:
-        """Yield the winner, how it was found, the finalists, and what is predicted of it."""
-        yield Answer(f"{self.headline}.")
-        picture = self.best._repr_svg_()
-        if picture is not None:
+        """Yield the winner, what it scores, how it was found, and the finalists."""
+        yield self.answer
+        if (picture := self.best._repr_svg_()) is not None:
             yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
-        yield Table(
-            caption="Finalists, the winner first (simulated)",
-            headings=("design", "fitness", f"mean {self.score.task} on the training maps",
-                      "keeps what was checked"),
+        best, found, growth = self.best, self.prediction, trained_growth(self.best)
+        fresh = counted(len(self.score.evaluations), "fresh pose")
+        scores = {
+            kind: Fact(
+                f"{kind} {self.score.task} on the training maps",
+                Number(value, form=".4f"),
+                f"composite.{kind}",
+                detail=f"{made}; {fresh}; simulated"
+                if (made := composite_text(kind))
+                else f"{fresh}; simulated",
+            )
+            for kind, value in self.score.composite.items()
+        }
+        yield Facts((*(elsewhere_facts(found) if found else ()), scores.pop("mean")), lead=True)
+        designs = counted(self.evaluations, "design")
+        yield Facts(
+            (
+                *scores.values(),
+                Fact("winner", best.name, "winner", detail=size_words(best)),
+                *([Fact("cut in", self.pieces_words, detail="computed")] * bool(self.pieces_words)),
+                Fact("by the rules", self.made, "fabricable", data=self.fabricable),
+                *([Fact("limits", str(best.origin["limits"]), detail="planned")]
+                  if "limits" in best.origin else []),
+                Fact("growth", growth_text(growth, [best]), "growth", data=growth.content),
+                Fact("evaluated", f"{designs} in {counted(len(self.history), 'generation')}",
+                     "evaluations", data=self.evaluations),
+                Fact("stopped by", self.stopped, "stopped"),
+                Fact("run", self.run_id, "run"),
+                *([Fact("the score again", self.again)] if self.again else []),
+            )
+        )  # fmt: skip
+        if self.front is not None:
+            yield self.front
+        if found:
+            yield contacts_table(found)
+        yield Rows(
+            caption="finalists on the same fresh poses, the winner first (simulated)",
+            headings=("fitness", "mean score", "penalty", "branches", "levels"),
             rows=tuple(
-                (counted(one.design.branch_count, "branch"), Number(one.fitness, form=".4f"),
-                 Number(one.score.composite["mean"], form=".4f"), "no" if one.penalty else "yes")
+                (Number(one.fitness, form=".4f"), Number(one.score.composite["mean"], form=".4f"),
+                 Number(one.penalty, form=".3g"), one.design.branch_count, one.design.depth)
                 for one in self.finalists
             ),
+            key="finalists",
+            keys=("fitness", "", "penalty", "", ""),
+            data=tuple({"composite": dict(one.score.composite)} for one in self.finalists),
+            folded=True,
         )  # fmt: skip
-        yield Notes(self.notes)
-        if self.prediction:
-            yield Notes(
-                tuple(front_door("prediction.run_winner").prediction_lines(self.prediction))
+        yield Notes(self.notes, "notes")
+        drift = "; ".join(self.drift)
+        yield Notes(
+            (
+                *([found["note"]] if found and found["note"] else []),
+                *(extension.text for extension in self.extensions),
+                *([f"repair: {self.repair}"] if self.repair else []),
+                *([f"resumed with other package versions, so the last digits may differ: {drift}"]
+                  if drift else []),
             )
+        )  # fmt: skip
+        yield Data(self._only_in_json)
+
+    def _only_in_json(self) -> dict[str, Any]:
+        return {
+            "repair": self.repair,
+            "extensions": [asdict(extension) for extension in self.extensions],
+            "prediction": {k: v for k, v in self.prediction.items() if k != "origin"} or None,
+            "generations": [
+                {
+                    "best": g.best,
+                    "mean": float(np.nanmean(g.composite)) if g.has_designs else None,
+                    "spread": float(np.nanstd(g.composite)) if g.has_designs else None,
+                    "fabricable_share": g.fabricable_share,
+                    "seconds": g.seconds,
+                }
+                for g in self.history
+            ],
+            "times": {**self.times.plain(), "shares": self.times.shares},
+        }
 
     @property
-    def headline(self) -> str:
-        """The winner, how it was found and what it scores, in one line."""
-        return (
-            f"{self.best.name}: best of {counted(self.evaluations, 'design')} in "
-            f"{counted(len(self.history), 'generation')}, stopped by {self.stopped}; "
-            f"mean {self.score.task} {self.score.composite['mean']:.4f} on fresh poses of the "
-            "training maps (simulated)"
+    def answer(self) -> Answer:
+        """The winner, what it is expected to score, its size, and whether it can be made."""
+        if self.violations:
+            beyond = self.violations.startswith(LIMITED)
+            asked = "robot within the limits" if beyond else "manufacturable robot"
+            return Answer(f"found no {asked}: the winner violates {self.violations}", "bad")
+        mean = f"{self.score.composite['mean']:.3f} on fresh poses on the training maps"
+        if self.prediction:
+            unseen = self.prediction["unseen"]
+            mean = f"{mean_score(unseen['score'])} on {unseen['label']}"
+        size = "; ".join(filter(None, (size_words(self.best), self.pieces_words)))
+        made = self.made if self.checked else "not checked whether it is manufacturable"
+        return Answer(
+            f"found {self.best.name}: {self.score.task} {mean} (simulated); {size}; {made}",
+            "good" if self.checked and self.fabricable else "caution",
         )
+
+    @property
+    def made(self) -> str:
+        """Whether the winner is manufacturable."""
+        if not self.checked:
+            return "not checked (`fabricable = false`)"
+        if self.violations:
+            beyond = self.violations.startswith(LIMITED)
+            return f"{'manufacturable, but' if beyond else 'not manufacturable:'} {self.violations}"
+        # The search is stricter than the rules where that keeps it from their edges.
+        beyond_search = "beyond limits of the search (see `vinefab check`)"
+        return "manufacturable" if self.fabricable else beyond_search
 
     @classmethod
     def read(cls, folder: str | PathLike[str]) -> "RunResult":
@@ -239,6 +329,15 @@ class RunResult(Result):
     def evaluations(self) -> int:
         """Number of designs that the search evaluated."""
         return sum(len(generation.fitness) for generation in self.history)
+
+
+LIMITED = "space."
+"""How violations begin that are of limits of the space alone."""
+
+
+def size_words(design: Design) -> str:
+    """Return the size of a design in words."""
+    return f"{counted(design.branch_count, 'branch')} on {counted(design.depth, 'level')}"
 
 
 # --- The serialized form -------------------------------------------------------------------------

@@ -260,6 +260,10 @@ def _joined(piece, count):
 # --- Bodies on cells --------------------------------------------------------------------------
 
 
+SLACK = 1e-6
+"""Cells so near to a limit are looked at one by one: far more than rounding."""
+
+
 @compiled
 def reach_areas(points, first_point, branch, room, radius, weight, box, level, mark, out):
     """Compute the free area within a distance of each of several bodies.
@@ -311,23 +315,54 @@ def _reach_from(ax, ay, dx, dy, radius, weight, level, mark, stamp):
     lowest = max(math.ceil(min(ay, ay + dy) - outer), 0)
     highest = min(math.floor(max(ay, ay + dy) + outer), rows - 1)
     for row in range(lowest, highest + 1):
-        # The part of the piece that is near enough in y bounds what can be near in x.
-        first, last = 0.0, 1.0
-        if dy != 0.0:
-            one, two = (row - outer - ay) / dy, (row + outer - ay) / dy
-            first, last = max(0.0, min(one, two)), min(1.0, max(one, two))
-        x_one, x_two = ax + first * dx, ax + last * dx
-        left = max(math.ceil(min(x_one, x_two) - outer), 0)
-        right = min(math.floor(max(x_one, x_two) + outer), columns - 1)
+        # No cell beyond these counts, and every cell within those counts in full.
+        one, two = _stretch(ax, row - ay, dx, dy, outer + SLACK)
+        left, right = max(math.ceil(one), 0), min(math.floor(two), columns - 1)
+        full_from, full_to = right + 1, right
+        if radius > 0.5 + SLACK:
+            one, two = _stretch(ax, row - ay, dx, dy, radius - 0.5 - SLACK)
+            if one <= two:
+                full_from, full_to = math.ceil(one), math.floor(two)
         for column in range(left, right + 1):
             before = level[row, column] if mark[row, column] == stamp else 0.0
             if before == 1.0 or weight[row, column] == 0.0:
                 continue
-            now = _nearness(column - ax, row - ay, dx, dy, radius)
+            now = 1.0
+            if column < full_from or column > full_to:
+                now = _nearness(column - ax, row - ay, dx, dy, radius)
             if now > before:
                 level[row, column], mark[row, column] = now, stamp
                 added += (now - before) * weight[row, column]
     return added
+
+
+@inlined
+def _stretch(ax, y, dx, dy, radius):
+    """Return from where to where a row is within a distance of a piece; inf and -inf if nowhere.
+
+    The outline of what is so near is made of two half circles and two straight sides.
+    """
+    one, two = math.inf, -math.inf
+    square = radius * radius - y * y
+    if square >= 0.0:
+        half = math.sqrt(square)
+        one, two = ax - half, ax + half
+    square = radius * radius - (y - dy) * (y - dy)
+    if square >= 0.0:
+        half = math.sqrt(square)
+        one, two = min(one, ax + dx - half), max(two, ax + dx + half)
+    length = math.sqrt(dx * dx + dy * dy)
+    if length > 0.0 and dy != 0.0:
+        aside, up = radius * dy / length, radius * dx / length
+        share = (y - up) / dy
+        if 0.0 <= share <= 1.0:
+            x = ax - aside + share * dx
+            one, two = min(one, x), max(two, x)
+        share = (y + up) / dy
+        if 0.0 <= share <= 1.0:
+            x = ax + aside + share * dx
+            one, two = min(one, x), max(two, x)
+    return one, two
 
 
 @inlined

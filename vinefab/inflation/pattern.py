@@ -1,0 +1,166 @@
+"""The pattern of a design: the flat tree that deploys as designed, and what flat trees become."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from vinefab.core.errors import VinefabError
+from vinefab.fabrication.outline.joint import joint_of
+from vinefab.inflation.compensation import (
+    FlatJoint,
+    UnreachableJointError,
+    deployed_joint,
+    flat_joint,
+)
+from vinefab.inflation.joint import Joint
+from vinefab.inflation.tube import tube_stretch
+from vinefab.model.design import Design, Trunk, UnevenLevel
+from vinefab.model.laser import Material
+from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
+from vinefab.physics.seam import hoop_strain
+
+LEAST_STRAIN = 0.002
+"""Flat angles of stiffer film, and without pressure, are those at this hoop strain: they differ by
+less than a degree down to it."""
+
+MOST_STRAIN = 0.5
+
+ASSUMED_PRESSURE_KPA = 20.0
+"""Where a design's working pressure is not known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelJoint:
+    """The joint that all branches of one level sprout from."""
+
+    level: int  # of the children, 2 for those of the trunk
+    width_mm: float  # lay-flat width of the parent at the joint
+    count: int  # joints of this kind in the robot
+    wanted_deg: tuple[float, ...]  # designed angle of each child
+    found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
+    problem: str = ""  # why it does not deploy as designed; empty where it does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pattern:
+    """A design, the flat tree that is cut for it, and what that deploys as (simulated).
+
+    Without compensation the flat tree is the design itself.
+    """
+
+    design: Design
+    flat: Design
+    deployed: Design
+    joints: tuple[LevelJoint, ...]  # of each level from the second on
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Why levels do not deploy as designed, a sentence each."""
+        return tuple(joint.problem for joint in self.joints if joint.problem)
+
+
+def strain_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return the hoop strain of film at a design's working pressure on a tube of some width.
+
+    Two digits, so that joints that differ by no more are one.
+    """
+    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    strain = hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
+    return float(f"{min(max(strain, LEAST_STRAIN), MOST_STRAIN):.2g}")
+
+
+def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return by how much a straight tube of some width grows longer under pressure, as a ratio."""
+    return tube_stretch(strain_of(design, material, width_mm))[1]
+
+
+@lru_cache(maxsize=64)
+def _joint(wanted: Joint, compensated: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
+    return flat_joint(wanted) if compensated else deployed_joint(wanted)
+
+
+def pattern_of(design: Design, material: Material) -> Pattern:
+    """Return the flat tree that a design is cut as.
+
+    Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
+    become those that deploy as designed, and lengths grow by what the joint pulls back. A level
+    whose joint cannot be solved keeps its designed angles and has a problem.
+
+    Parameters
+    ----------
+    material
+        Its film stretches; the strain at the working pressure decides.
+    """
+    build, flat, deployed = design.build, list(design.levels), list(design.levels)
+    joints = []
+    compensated = build.compensation == "inflation"
+    parents = 1
+    for place, level in enumerate(design.levels):
+        width_mm = build.end_widths_mm[place]
+        lengths_mm = child_lengths_mm(level)
+        wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
+        found: FlatJoint | None
+        try:
+            found = _level_joint(design, material, place, compensated=compensated)
+            problem = ""
+        except UnreachableJointError as error:
+            found, problem = error.nearest, f"level {place + 2}: {error}"
+        except VinefabError as error:
+            found, problem = None, f"level {place + 2}: {error}"
+        joints.append(
+            LevelJoint(
+                level=place + 2,
+                width_mm=width_mm,
+                count=parents,
+                wanted_deg=wanted,
+                found=found,
+                problem=problem,
+            )
+        )
+        if found is not None:
+            backs_mm = width_mm * np.array(found.pull_backs)
+            stretch = stretch_of(design, material, build.widths_mm[place + 1])
+            reached_mm = lengths_mm if compensated else lengths_mm * stretch - backs_mm
+            cut_mm = (lengths_mm + backs_mm) / stretch if compensated else lengths_mm
+            flat[place] = UnevenLevel.of_children(found.flat.angles_deg, cut_mm.tolist())
+            deployed[place] = UnevenLevel.of_children(found.deployed_deg, reached_mm.tolist())
+        parents *= level.branches
+    stretch = stretch_of(design, material, build.widths_mm[0])
+    trunk_mm = design.trunk_length_mm
+    cut_trunk_mm = trunk_mm / stretch if compensated else trunk_mm
+    grown_trunk_mm = trunk_mm if compensated else trunk_mm * stretch
+    return Pattern(
+        design=design,
+        flat=design.changed(trunk=Trunk(length_mm=cut_trunk_mm), levels=tuple(flat)),
+        deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
+        joints=tuple(joints),
+    )
+
+
+def _level_joint(design: Design, material: Material, place: int, *, compensated: bool) -> FlatJoint:
+    """Return the joint of one level; fillets are those that its flat angles leave room for."""
+    build, level = design.build, design.levels[place]
+    width_mm = build.end_widths_mm[place]
+    wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
+    levels = list(design.levels)
+    fillets: tuple[float, ...] = ()
+    for _ in range(3):
+        drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
+        before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
+        if before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01:
+            break
+        wanted = Joint(
+            angles_deg=wanted_deg,
+            widths=(round(build.widths_mm[place + 1] / width_mm, 4),) * level.branches,
+            fillets=fillets,
+            hoop_strain=strain_of(design, material, width_mm),
+        )
+        found = _joint(wanted, compensated)
+        if not compensated:
+            break
+        levels[place] = UnevenLevel.of_children(
+            found.flat.angles_deg, child_lengths_mm(level).tolist()
+        )
+    return found

@@ -1,0 +1,84 @@
+"""What a run's winner does elsewhere, as the record has it.
+
+That is on unseen maps, over contacts and placed off. `vinefab.prediction.run_winner` finds it.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from vinefab.core.plain_text import counted
+from vinefab.core.view import Fact, Number, Rows
+
+PLACED_OFF = 10.0
+"""A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
+
+
+def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the least and the greatest mean score of a body placed off by up to `PLACED_OFF`."""
+    score = content["unseen"]["score"]["mean"]
+    changes = [
+        row["change"]
+        for row in content["placed_off"]
+        if abs(row["step"]) <= PLACED_OFF and row["change"] is not None
+    ]
+    return score + min([0.0, *changes]), score + max([0.0, *changes])
+
+
+def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[float, float]:
+    """Return the least and the greatest mean score over contacts."""
+    means = [value["mean"] for value in content[family]["over_contacts"]]
+    return min(means), max(means)
+
+
+def mean_score(score: Mapping[str, float | None]) -> Number:
+    """Return a mean score with its 95 % interval, where it has one."""
+    low, high = score["low"], score["high"]
+    interval = None if low is None or high is None else (low, high)
+    return Number(score["mean"], form=".3f", interval=interval)
+
+
+def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
+    """Return what a winner is expected to score elsewhere, and how sure that is."""
+    task, unseen = content["task"], content["unseen"]
+    angles, standing = content["head_on_half_angles_deg"], angles_standing(content)
+    (least, most), (low, high) = contact_ends(content), placed_off_range(content)
+    return (
+        Fact(
+            f"{task} on {unseen['label']}",
+            mean_score(unseen["score"]),
+            detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its "
+            "95 % interval over maps (simulated)",
+        ),
+        Fact(
+            f"{task} over contacts",
+            f"{least:.3f} to {most:.3f}",
+            detail=f"mean there at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg "
+            f"({standing.partition(':')[0]}; simulated)",
+        ),
+        Fact(
+            f"{task} placed off",
+            f"{low:.3f} to {high:.3f}",
+            detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
+            "off (assumed; simulated)",
+        ),
+    )
+
+
+def angles_standing(content: Mapping[str, Any]) -> str:
+    """Return where the half-angles come from that a winner was tried with."""
+    standing: str = content.get("head_on_half_angles_standing", "assumed")
+    return standing
+
+
+def contacts_table(content: Mapping[str, Any]) -> Rows:
+    """Return the mean scores over the head-on half-angle, on unseen and on training maps."""
+    return Rows(
+        caption=f"mean {content['task']} score over the head-on half-angle "
+        f"({angles_standing(content)}), with 95 % intervals over maps, from the same poses "
+        "(simulated)",
+        headings=("where", *(f"{angle:g} deg" for angle in content["head_on_half_angles_deg"])),
+        rows=tuple(
+            (content[key]["label"], *map(mean_score, content[key]["over_contacts"]))
+            for key in ("unseen", "training")
+        ),
+    )

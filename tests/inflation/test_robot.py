@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.inflation.joint import Joint, inflated_joint
-from vinefab.inflation.robot import inflated_robot
+from vinefab.inflation.joint import inflated_joint
+from vinefab.inflation.robot import inflated_robot, joints_of
 from vinefab.model.design import Build, Design, Level
 
 
@@ -19,9 +19,13 @@ def test_a_robot_of_one_joint_deploys_as_its_joint():
     fork = Level(branches=2, length_mm=80.0, fan_rad=np.radians(100.0))
     build = Build(widths_mm=(24.0, 14.4), fillet_mm=(4.8,), tail_mm=40.0)
     design = Design(name="y", trunk_length_mm=60.0, levels=(fork,), build=build)
-    found = inflated_robot(design, across=8)
-    joint = inflated_joint(Joint.fan(2, 100.0, width=0.6, fillet=0.2))
-    assert np.degrees(found.deployed_offsets_rad[1:]) == pytest.approx(joint.angles_deg, abs=0.6)
+    found = inflated_robot(design)
+    (joint,) = joints_of(design)
+    assert joint.angles_deg == pytest.approx((-50.0, 50.0))
+    assert (joint.widths, joint.hoop_strain) == ((pytest.approx(0.6),) * 2, 0.01)
+    assert joint.fillets == pytest.approx((0.2, 0.2, 0.2))
+    alone = inflated_joint(joint)
+    assert np.degrees(found.deployed_offsets_rad[1:]) == pytest.approx(alone.angles_deg, abs=0.8)
     assert found.center_lines_mm.shape == (3, 33, 2)
     assert found.center_lines_mm[0, 0] == pytest.approx([0.0, 0.0], abs=1e-9)
 

@@ -31,7 +31,7 @@ FINEST = 0.25
 GRADE = 0.35
 """How fast spacing may grow with distance."""
 
-LEAST_ANGLE_DEG = 4.0
+LEAST_ANGLE_DEG = 1.0
 """Meshes with a sharper triangle are refused."""
 
 _CORNER_RAD = math.radians(20.0)

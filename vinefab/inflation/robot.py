@@ -12,13 +12,15 @@ from scipy.interpolate import LinearNDInterpolator
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.exactness import pattern_of
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.inflation.joint import axis_of
+from vinefab.inflation.joint import Joint, axis_of
 from vinefab.inflation.mesh import Straight
 from vinefab.inflation.sheet import Sheet, sheet_of
 from vinefab.inflation.solve import Equilibrium, Tell
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part, Segment
+from vinefab.model.tree import fan_offsets_rad
 
 ACROSS = 8
 """Triangles across a tube of a robot."""
@@ -101,6 +103,31 @@ def inflated_robot(
     return inflated_pattern(
         outline.contour, flat_layout(cut), hoop_strain=hoop_strain, across=across, tell=tell
     )
+
+
+def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[Joint, ...]:
+    """Return the joints of a design, one for each level that has children, the trunk's first.
+
+    Fillets are those that the outline has, capped where angles are narrow. Branches count as even:
+    a taper gives the widths at the joint alone.
+
+    Parameters
+    ----------
+    hoop_strain
+        p W / (pi E t) of the trunk. That of a joint is smaller by its parent's width.
+    """
+    build, joints = design.build, []
+    for level, kinds in enumerate(pattern_of(design, 0.0).joints):
+        parent, children = build.end_widths_mm[level], design.levels[level].branches
+        joints.append(
+            Joint(
+                angles_deg=tuple(np.degrees(fan_offsets_rad(design.levels[level])).tolist()),
+                widths=(build.widths_mm[level + 1] / parent,) * children,
+                fillets=tuple(gap.radius_mm / parent for gap in kinds[0].gaps),
+                hoop_strain=hoop_strain * parent / build.widths_mm[0],
+            )
+        )
+    return tuple(joints)
 
 
 def inflated_pattern(

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -430,16 +431,9 @@ def _hexagonal(boxes: list[Floats], size: float) -> Floats:
 
 def _within(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
     """Return whether points lie within a polygon."""
-    inside = np.zeros(len(points), dtype=bool)
-    ends = np.roll(polygon, -1, axis=0)
-    for block in range(0, len(points), 2048):
-        x, y = points[block : block + 2048].T
-        (ax, ay), (bx, by) = polygon.T, ends.T
-        crosses = (ay[None] > y[:, None]) != (by[None] > y[:, None])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = ax + (y[:, None] - ay) * (bx - ax) / (by - ay)
-        inside[block : block + 2048] = (crosses & (x[:, None] < at)).sum(axis=1) % 2 == 1
-    return inside
+    area = shapely.Polygon(polygon)
+    shapely.prepare(area)
+    return np.asarray(shapely.contains_xy(area, points))
 
 
 # --- Triangles ------------------------------------------------------------------------------------

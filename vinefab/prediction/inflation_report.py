@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.jsontext import rounded
 from vinefab.core.plain_text import counted
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import (
     Answer,
     Block,
@@ -42,7 +42,7 @@ from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_
 from vinefab.inflation.surface import closed_surface
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE
 from vinefab.pages.page_svg import page_svg
@@ -238,7 +238,7 @@ class InflatedDesign(Result):
         return self.design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
 
     @property
-    def surface(self) -> tuple[Floats, np.ndarray]:
+    def surface(self) -> tuple[Floats, Ints]:
         """Corners in mm and triangles of the deployed body, a closed surface."""
         return closed_surface(self.robot)
 
@@ -368,7 +368,7 @@ class InflatedDesign(Result):
                 (
                     level,
                     Number(width_mm, form=".1f"),
-                    Number(self._strain(width_mm), "%", ".1f", per=0.01, decimals=4),
+                    Number(_strain(design, film, width_mm), "%", ".1f", per=0.01, decimals=4),
                     Number(2.0 * width_mm * around / np.pi, form=".1f", decimals=3),
                     Number(stretch_of(design, film, width_mm) - 1.0, "%", ".1f", per=0.01,
                            decimals=4),
@@ -383,10 +383,6 @@ class InflatedDesign(Result):
             key="tubes",
             keys=("level", "flat_mm", "hoop_strain", "diameter_mm", "longer_by"),
         )
-
-    def _strain(self, width_mm: float) -> float:
-        film = self.profile.material
-        return hoop_strain(self.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value)
 
     def _conditions(self) -> tuple[Fact, ...]:
         """Return pressure, film and volume."""
@@ -421,7 +417,7 @@ class InflatedDesign(Result):
             "standing": {"shape": "simulated", "modulus": str(film.modulus_mpa.standing)},
             "modulus_mpa": film.modulus_mpa.value,
             "film_mm": film.ply_mm.value,
-            "hoop_strain": round(self._strain(self.design.build.widths_mm[0]), 5),
+            "hoop_strain": round(_strain(self.design, film, self.design.build.widths_mm[0]), 5),
             "overlap_mm2": round(self.deployed.overlap_mm2, 3),
             "not_simulated": list(LEFT_OUT),
             "tips.each": [
@@ -435,6 +431,12 @@ class InflatedDesign(Result):
 
 
 _TIP_KEYS = ("designed_x_mm", "designed_y_mm", "deployed_x_mm", "deployed_y_mm", "off_mm")
+
+
+def _strain(design: Design, film: Material, width_mm: float) -> float:
+    """Return the hoop strain of a straight tube as it is, not rounded or limited."""
+    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    return hoop_strain(pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value)
 
 
 def _off_words(found: DeployedPattern) -> str:
@@ -477,19 +479,17 @@ def inflate_design(
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
             notes.append(f"{_HOW[choice]} it cannot be inflated; wanted: {why}")
-    strain = hoop_strain(
-        design.build.pressure_kpa or ASSUMED_PRESSURE_KPA,
-        design.build.widths_mm[0],
-        profile.material.ply_mm.value,
-        profile.material.modulus_mpa.value,
-    )
+    film = profile.material
+    strain = _strain(design, film, design.build.widths_mm[0])
     if strain > MOST_STRAIN:
         notes.append(
             f"hoop strain {100 * strain:.0f} % is simulated as {100 * MOST_STRAIN:.0f} %: no film "
             "stays elastic there"
         )
-    if profile.material.modulus_mpa.standing is Standing.ASSUMED:
+    if film.modulus_mpa.standing is Standing.ASSUMED:
         notes.append("the film's modulus is assumed, and so is how far it stretches")
+    if design.build.pouch is not None:
+        notes.append("pouches pull their ends back farther than plain tips: not compensated")
     if deployed.overlap_mm2 > 0.0:
         notes.append(
             f"the deployed body overlaps itself on {deployed.overlap_mm2:.0f} mm2: there branches "

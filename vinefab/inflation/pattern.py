@@ -200,14 +200,18 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
     width_mm = build.end_widths_mm[place]
     wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
     levels = list(design.levels)
-    fillets: tuple[float, ...] = ()
-    for _ in range(3):
+    # Children stand beside their designed axes: turned a little, their tips come nearer.
+    away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
+    turn_deg, fillets = 0.0, tuple[float, ...]()
+    for step in range(4):
         drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
-        if before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01:
+        same = before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01
+        if same and step > 1:
             break
+        share = 1.0 - turn_deg / wanted_deg[-1] if wanted_deg[-1] else 1.0
         wanted = Joint(
-            angles_deg=wanted_deg,
+            angles_deg=tuple(round(share * angle, 3) for angle in wanted_deg),
             widths=(round(build.widths_mm[place + 1] / width_mm, 4),) * level.branches,
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
@@ -215,6 +219,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         found = _joint(wanted, compensated)
         if not compensated:
             break
+        turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)
         levels[place] = UnevenLevel.of_children(
             found.flat.angles_deg, child_lengths_mm(level).tolist()
         )

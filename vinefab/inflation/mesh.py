@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay, cKDTree
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.outline import Contour
 
@@ -167,7 +168,8 @@ def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
     """
     old, new = _Curve(before), _Curve(after)
     if len(old.lengths) != len(new.lengths):
-        raise BadInputError("outline", len(new.lengths), f"{len(old.lengths)} segments")
+        allowed = counted(len(old.lengths), "segment")
+        raise BadInputError("outline", counted(len(new.lengths), "segment"), allowed)
     number = old.segment(mesh.places)
     share = (mesh.places - old.starts[number]) / old.lengths[number]
     moved = new.at(new.starts[number] + share * new.lengths[number]) - mesh.points[mesh.seam]

@@ -39,7 +39,7 @@ def test_compensation_brings_tips_to_where_they_are_designed(inflated):
     assert content["standing"] == {"shape": "simulated", "modulus": "assumed"}
     assert len(content["tips"]["each"]) == 6
     for row in content["branches"][1:]:
-        assert row["expected_deg"] == pytest.approx(row["designed_deg"], abs=0.6)
+        assert row["expected_deg"] == pytest.approx(row["designed_deg"], abs=1.5)
         assert row["in_robot_deg"] == pytest.approx(row["expected_deg"], abs=1.5)
     assert [row["count"] for row in content["joints"]] == [1, 3]
     assert all(row["crotch_load"] > 1.0 and row["passage"] <= 1.0 for row in content["joints"])

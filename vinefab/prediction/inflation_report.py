@@ -112,7 +112,7 @@ class DeployedPattern:
             If no equilibrium is found.
         """
         tell(0.0, "solving joints")
-        pattern = pattern_of(design, profile.material)
+        pattern = pattern_of(design, profile)
         for joint in pattern.joints:
             if joint.problem:
                 raise BadInputError("design", design.name, _solvable_words(joint))
@@ -478,7 +478,7 @@ def inflate_design(
             other = DeployedPattern.of(changed, profile, across, part_of(progress, 0.5, 1.0))
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
-            notes.append(f"{_HOW[choice]} it cannot be inflated; wanted: {why}")
+            notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
     film = profile.material
     strain = _strain(design, film, design.build.widths_mm[0])
     if strain > MOST_STRAIN:

@@ -138,3 +138,9 @@ def test_bad_input_is_one_line(vinefab, extra, named):
     (line,) = errors.splitlines()
     assert line.startswith("error:")
     assert named in line
+
+
+def test_more_triangles_than_memory_holds_are_refused(vinefab):
+    code, _, errors = vinefab("inflate", "grid_explorer", "--across", 32)
+    assert code == 2
+    assert "--across is 32; allowed: 4 to 22 for grid_explorer" in errors

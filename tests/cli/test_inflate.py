@@ -39,7 +39,7 @@ def test_compensation_brings_tips_to_where_they_are_designed(inflated):
     assert content["standing"] == {"shape": "simulated", "modulus": "assumed"}
     assert len(content["tips"]["each"]) == 6
     for row in content["branches"][1:]:
-        assert row["expected_deg"] == pytest.approx(row["designed_deg"], abs=0.6)
+        assert row["expected_deg"] == pytest.approx(row["designed_deg"], abs=1.5)
         assert row["in_robot_deg"] == pytest.approx(row["expected_deg"], abs=1.5)
     assert [row["count"] for row in content["joints"]] == [1, 3]
     assert all(row["crotch_load"] > 1.0 and row["passage"] <= 1.0 for row in content["joints"])
@@ -138,3 +138,9 @@ def test_bad_input_is_one_line(vinefab, extra, named):
     (line,) = errors.splitlines()
     assert line.startswith("error:")
     assert named in line
+
+
+def test_more_triangles_than_memory_holds_are_refused(vinefab):
+    code, _, errors = vinefab("inflate", "grid_explorer", "--across", 32)
+    assert code == 2
+    assert "--across is 32; allowed: 4 to 22 for grid_explorer" in errors

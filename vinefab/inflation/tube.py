@@ -22,7 +22,7 @@ def tube_stretch(hoop_strain: float, poisson: float = POISSON) -> tuple[float, f
     Examples
     --------
     >>> [round(stretch, 4) for stretch in tube_stretch(0.01)]
-    [1.0078, 1.0006]
+    [1.0077, 1.0006]
     """
     around = along = 1.0
     for _ in range(200):

@@ -63,6 +63,9 @@ LEFT_OUT = (
 )
 """What the simulation does not know."""
 
+MOST_CORNERS = 200_000
+"""Of a simulated pattern: 2 GB of memory and about a minute."""
+
 _PLAN_PT = 340.0
 _OTHER = {"inflation": "none", "none": "inflation"}
 _HOW = {
@@ -467,6 +470,7 @@ def inflate_design(
     NotConvergedError
         If no equilibrium is found.
     """
+    _ensure_affordable(design, across)
     notes, other = [], None
     deployed = DeployedPattern.of(
         design, profile, across, part_of(progress, 0.0, 1.0 if alone else 0.5)
@@ -478,7 +482,7 @@ def inflate_design(
             other = DeployedPattern.of(changed, profile, across, part_of(progress, 0.5, 1.0))
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
-            notes.append(f"{_HOW[choice]} it cannot be inflated; wanted: {why}")
+            notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
     film = profile.material
     strain = _strain(design, film, design.build.widths_mm[0])
     if strain > MOST_STRAIN:
@@ -498,6 +502,18 @@ def inflate_design(
     return InflatedDesign(
         design=design, profile=profile, deployed=deployed, other=other, notes=tuple(notes)
     )
+
+
+def _ensure_affordable(design: Design, across: int) -> None:
+    """Check that the triangles of a pattern fit into memory."""
+    layout = flat_layout(with_short_tail(design))
+    tubes = float((layout.tree.length_mm / layout.width_mm).sum()) + 2.0  # lengths in widths
+    most = int((MOST_CORNERS / tubes) ** 0.5) // 2 * 2
+    if across > most >= 4:
+        raise BadInputError("across", across, f"4 to {most} for {design.name}: memory")
+    if most < 4:
+        allowed = f"one that {MOST_CORNERS:,} corners of triangles fill: fewer or shorter branches"
+        raise BadInputError("design", design.name, allowed)
 
 
 # --- Pictures -----------------------------------------------------------------------------------

@@ -104,12 +104,14 @@ def test_it_tells_its_bounds(file):
         (80.0, (0.6, 0.6, 0.05)),
         (80.0, (0.6, 0.15, 0.4)),
         (2.0, (0.6, 0.15, 0.05)),
+        (28.0, (0.4, 0.1, 0.01)),
         (300.0, (0.6, 0.15, 0.05)),
     ],
 )
 def test_it_does_not_answer_beyond_its_rows(fan_deg, place):
     assert fan_table(2).compensated(fan_deg, place) is None
     assert fan_table(2).deployed(fan_deg, place) is None
+    assert fan_table(4).compensated(44.0, place) is None
 
 
 @pytest.mark.parametrize("children", CHILDREN)

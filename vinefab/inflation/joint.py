@@ -488,13 +488,17 @@ def _sensitivity(found: InflatedJoint) -> Floats:
 
     here, columns = outline(joint.angles_deg), []
     for child_number in range(len(joint.angles_deg)):
-        measured = []
+        turns, measured = [], []
         for way in (1.0, -1.0):
             angles = list(joint.angles_deg)
             angles[child_number] += way * math.degrees(_TURN_RAD)
-            there = outline(tuple(angles))
+            try:
+                there = outline(tuple(angles))
+                followed_mesh = followed(sheet.mesh, here.contour, there.contour, there.straights)
+            except BadInputError:  # an arc begins or ends right here: the other way tells
+                continue
             turned = Membrane(
-                followed(sheet.mesh, here.contour, there.contour, there.straights).points,
+                followed_mesh.points,
                 sheet.mesh.triangles,
                 sheet.membrane.free,
                 hoop_strain=joint.hoop_strain,
@@ -502,6 +506,13 @@ def _sensitivity(found: InflatedJoint) -> Floats:
             positions = found.equilibrium.positions.copy()
             pull = turned.gradient(positions)
             positions[turned.free] -= found.equilibrium.stiffness.solve(pull)
+            turns.append(way * math.degrees(_TURN_RAD))
             measured.append(_measured(sheet.mesh, positions, joint.hoop_strain)[0])
-        columns.append((measured[0] - measured[1]) / (2.0 * math.degrees(_TURN_RAD)))
+        if not turns:
+            allowed = "angles at which the outline changes smoothly"
+            raise BadInputError("angles_deg", joint.angles_deg, allowed)
+        if len(turns) < 2:
+            turns.append(0.0)
+            measured.append(found.angles_deg)
+        columns.append((measured[0] - measured[1]) / (turns[0] - turns[1]))
     return np.column_stack(columns)

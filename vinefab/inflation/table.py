@@ -34,11 +34,14 @@ LEAST_GAP_DEG = 2.0
 TRUSTED_DEG = 0.6
 """Largest standard deviation of an angle from the table, by the distance to its rows."""
 
-MOST_SENSITIVE = 6.0
+MOST_SENSITIVE = 4.0
 """Joints whose flat angles matter more than so are simulated."""
 
 CROWDED_DEG = 16.0
 """Four and more siblings that deploy nearer to each other are simulated."""
+
+NARROW_DEG, NARROW_RATIO = 34.0, 0.45
+"""So are two or three that are narrower, where they deploy nearer to each other."""
 
 _EVENED = 0.65  # flat over deployed turn of an inner child, where a fan is nearly even
 _MOST_UNEVEN_DEG = 1.5
@@ -289,7 +292,8 @@ class FanTable:
         apart = 2.0 * float(deployed[0]) / (count - 1) if half else 180.0
         lengths, *rest = (process(x)[0] for process in self.figures)
         sensitivity, load = float(np.exp(rest[0][0])), float(np.exp(rest[1][0]))
-        least = CROWDED_DEG if count > 3 else 1.5 * LEAST_GAP_DEG
+        is_narrow = bool(x[0, 1] < NARROW_RATIO)
+        least = CROWDED_DEG if count > 3 else NARROW_DEG if is_narrow else 1.5 * LEAST_GAP_DEG
         if apart < least or sensitivity > MOST_SENSITIVE:
             return None
         backs, offsets = lengths[: count - half], lengths[count - half :]

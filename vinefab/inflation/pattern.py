@@ -1,7 +1,7 @@
 """The pattern of a design: the flat tree that deploys as designed, and what flat trees become."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +9,8 @@ import numpy as np
 from vinefab.core.errors import VinefabError
 from vinefab.fabrication.outline.joint import joint_of
 from vinefab.inflation.compensation import (
+    MESH_DEG,
+    WITHIN_DEG,
     FlatJoint,
     UnreachableJointError,
     deployed_joint,
@@ -126,9 +128,45 @@ def stretch_of(design: Design, material: Material, width_mm: float) -> float:
     return tube_stretch(strain_of(design, material, width_mm))[1]
 
 
+_MOST_TARGETS = 8
+
+
 @lru_cache(maxsize=64)
-def _joint(wanted: Joint, compensated: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
-    return flat_joint(wanted) if compensated else deployed_joint(wanted)
+def _joint(wanted: Joint, compensated: bool, gain: float) -> FlatJoint:  # noqa: FBT001  a key of the cache
+    """Return a joint whose children turn so many times as far as simulated, as measured.
+
+    The simulated angles aimed at are moved until those with the gain are the wanted ones.
+    """
+    if not compensated:
+        return _gained(deployed_joint(wanted), gain)
+    if gain == 1.0:
+        return flat_joint(wanted)
+    goal = np.array(wanted.angles_deg)
+    target = goal
+    for _ in range(_MOST_TARGETS):
+        try:
+            simulated = flat_joint(wanted.with_angles(tuple(np.round(target, 3).tolist())))
+        except UnreachableJointError as error:
+            if error.nearest is None:
+                raise
+            simulated = error.nearest
+        found = _gained(simulated, gain)
+        off = goal - np.array(found.deployed_deg)
+        if np.abs(off).max() <= WITHIN_DEG:
+            return found
+        target = target + off
+    if np.abs(off).max() <= MESH_DEG:
+        return found
+    angles = ", ".join(f"{angle:.1f}" for angle in found.deployed_deg)
+    raise UnreachableJointError(wanted, found, f"the nearest with gain {gain:g}: {angles} degrees")
+
+
+def _gained(found: FlatJoint, gain: float) -> FlatJoint:
+    """Return a simulated joint with the turns that film was measured to make."""
+    flat = np.array(found.flat.angles_deg)
+    turned = flat + gain * (np.array(found.deployed_deg) - flat)
+    sensitivity = abs(1.0 - gain) + gain * found.sensitivity
+    return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
 
 
 def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
@@ -141,7 +179,8 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     Parameters
     ----------
     profile
-        Its film stretches; the strain at the working pressure decides.
+        Its film stretches; the strain at the working pressure decides. A measured closing gain says
+        how far joints turn over the simulated.
     """
     material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
@@ -197,6 +236,7 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
 def _level_joint(design: Design, material: Material, place: int, *, compensated: bool) -> FlatJoint:
     """Return the joint of one level; fillets are those that its flat angles leave room for."""
     build, level = design.build, design.levels[place]
+    gain = 1.0 if material.closing_gain is None else material.closing_gain.value
     width_mm = build.end_widths_mm[place]
     wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
     levels = list(design.levels)
@@ -216,7 +256,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
         )
-        found = _joint(wanted, compensated)
+        found = _joint(wanted, compensated, gain)
         if not compensated:
             break
         turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)

@@ -147,6 +147,9 @@ NO_SHRINKAGE = Quantity(
     value=0.0, standing=Standing.ASSUMED, source="not given: film is taken to keep its size"
 )
 
+CLOSING_GAIN = (0.0, 3.0)
+"""Least and greatest closing gain of joints."""
+
 SEAM_KEYS = ("burst_kpa", "burst_width_mm", "survived_kpa", "survived_width_mm")
 """Fields of a material that say what is known of its seam."""
 
@@ -187,6 +190,7 @@ _SurvivedPressure = Annotated[
     Quantity | None, _POSITIVE, Unit("kPa"), Doc("that a welded tube bore: a lower bound")
 ]
 _TubeWidth = Annotated[Quantity | None, _POSITIVE, Unit("mm"), Doc("lay-flat width of that tube")]
+_CLOSING = Interval(ge=CLOSING_GAIN[0], le=CLOSING_GAIN[1])
 _SHRINKAGE = Interval(ge=SHRINKAGE_PERCENT[0], le=SHRINKAGE_PERCENT[1])
 
 
@@ -220,6 +224,21 @@ class Material(Table):
         Unit("%"),
         Doc("by how much welded film comes out shorter than drawn; none: taken as 0 (assumed)"),
     ] = NO_SHRINKAGE
+    # Shown in fingerprints only where it is known: those of films without it stay as they were.
+    closing_gain: Annotated[
+        Quantity | None,
+        _CLOSING,
+        Field(repr=False),
+        Doc(
+            "by how much joints bend under pressure, over the simulated; 0: not at all; none: taken"
+            " as 1 (assumed)"
+        ),
+    ] = None
+
+    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
+        yield from super().__repr_args__()
+        if self.closing_gain is not None:
+            yield "closing_gain", self.closing_gain
 
     @model_validator(mode="after")
     def _seam_is_known(self) -> "Material":
@@ -258,6 +277,12 @@ class Measured(Table):
     friction: Annotated[Quantity | None, _FRICTION, Doc("of your film on your obstacles")] = None
     shrinkage_percent: Annotated[
         Quantity | None, _SHRINKAGE, Unit("%"), Doc("of your film where it is welded")
+    ] = None
+    modulus_mpa: Annotated[
+        Quantity | None, _POSITIVE, Unit("MPa"), Doc("of your film, at working pressure")
+    ] = None
+    closing_gain: Annotated[
+        Quantity | None, _CLOSING, Doc("of your joints: how far they bend over the simulated")
     ] = None
 
     def replaced_in(self, material: Material) -> Material:

@@ -20,12 +20,14 @@ from vinefab.fabrication.calibration.coupons import (
     coupon_sheets,
     energies_mj_mm,
     energy_matrix,
+    joint_pieces,
     ladder_designs,
     lap_pieces,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Operation
+from vinefab.model.outline import Part
 
 RECIPE = "co2_60w__stretchlon_200"
 LASERED = [RECIPE, "co2_40w__stretchlon_200", "co2_80w__stretchlon_200"]
@@ -50,6 +52,7 @@ def test_every_coupon_keeps_the_rules_and_every_file_is_read_back(coupons):
     assert {run.rule for run in coupons.report.run} >= {"VF-T02", "VF-W04", "VF-L01", "VF-X01"}
     assert [job.name for job in coupons.jobs] == [
         "coupons",
+        "joints",
         "matrix_focus_00",
         "matrix_focus_03",
         "matrix_focus_06",
@@ -57,10 +60,11 @@ def test_every_coupon_keeps_the_rules_and_every_file_is_read_back(coupons):
     ]
 
 
+@pytest.mark.parametrize("make", [coupon_pieces, joint_pieces])
 @pytest.mark.parametrize("name", LASERED)
-def test_pieces_lie_on_the_bed_and_clear_of_each_other(name):
+def test_pieces_lie_on_the_bed_and_clear_of_each_other(name, make):
     profile = read_profile(name)
-    pieces = coupon_pieces(profile)
+    pieces = make(profile)
     sheets = coupon_sheets(pieces, profile)
     machine = profile.machine
     bed = shapely.box(0, 0, machine.bed_width_mm.value, machine.bed_height_mm.value)
@@ -193,6 +197,22 @@ def test_the_ladder_of_lengths_has_every_length_as_a_robot_is_drawn(coupons, fil
     assert [float(row["setting"]) for row in notes] == found
     for row in notes:
         assert any(row["note"].split()[-1] in p.label for p in coupons.sheets[0].paths)
+
+
+def test_joint_coupons_are_cut_with_the_flat_angles_of_their_names(coupons):
+    (sheet,) = (job for job in coupons.sheets if job.name == "joints")
+    bodies = {path.label.split()[-1]: path.contour for path in sheet.along(Operation.WELDCUT)}
+    assert len(bodies) == 10
+    for name, body in bodies.items():
+        kind, angle, width = name.split("-")
+        turns = set()
+        for segment in body.segments:
+            along = np.subtract(segment.end_mm, segment.start_mm)
+            is_side = segment.bulge == 0.0 and segment.part is Part.SIDE
+            if is_side and np.hypot(*along) > 0.5 * float(width[1:]):
+                turns.add(round(math.degrees(math.atan2(along[1], along[0]))) % 180)
+        wanted = {60} if kind == "ELBOW" else {int(angle) // 2, 180 - int(angle) // 2}
+        assert turns - {0} == wanted, name
 
 
 def test_crotches_have_three_fillets_and_squares_are_50_mm(coupons):

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from vinefab.core.atomic import ensure_unchanged
 from vinefab.core.jsontext import json_text
-from vinefab.fabrication.calibration.coupon_results import results_text
+from vinefab.fabrication.calibration.coupon_results import SLACK_KPA, results_text
 from vinefab.fabrication.calibration.coupons import (
+    JOINT_KPA,
+    JOINT_ROW_MM,
     LAP_MM,
     SQUARE_MM,
     Coupon,
@@ -15,6 +17,7 @@ from vinefab.fabrication.calibration.coupons import (
     coupon_pieces,
     coupon_sheets,
     energy_matrix,
+    joint_pieces,
 )
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
@@ -42,6 +45,8 @@ def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | N
         energies=lambda values: ", ".join(f"{energy:.1f}" for energy in values),
         square_mm=SQUARE_MM,
         lap_mm=LAP_MM,
+        joint_kpa=JOINT_KPA,
+        slack_kpa=SLACK_KPA,
     )
 
 
@@ -87,8 +92,9 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
     ReadBackError
         If a laser file, read back, differs from its job.
     """
-    pieces = coupon_pieces(profile)
+    pieces, joints = coupon_pieces(profile), joint_pieces(profile)
     sheets = coupon_sheets(pieces, profile)
+    sheets += coupon_sheets(joints, profile, "joints", JOINT_ROW_MM)
     matrix = _matrix(profile)
     specs = [package_spec(sheet, profile) for sheet in sheets]
     specs += [
@@ -102,7 +108,7 @@ def make_coupons(profile: LaserProfile) -> CouponSet:
         laser |= written.files
         problems |= written.problems
     ensure_read_back(problems)
-    report = _checked(pieces, sheets, profile, problems)
+    report = _checked((*pieces, *joints), sheets, profile, problems)
     return CouponSet(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
 
 

@@ -13,6 +13,8 @@ from vinefab.fabrication.calibration.coupons import (
     BALLOONS,
     FILLETS_MM,
     FOCUS_MM,
+    JOINT_KPA,
+    JOINT_WIDTHS_MM,
     LADDER_MM,
     LAP_COPIES,
     LAP_WIDTHS_MM,
@@ -20,6 +22,7 @@ from vinefab.fabrication.calibration.coupons import (
     STRIP_MM,
     STRIPS,
     Matrix,
+    joint_designs,
     lap_name,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
@@ -63,6 +66,8 @@ _MEASURES = {
     "growth_width": "mm",
     "growth": "kPa",
     "growth_free": "kPa",
+    "joint_girth": "mm",
+    "joint_angle": "rad",
     "matrix": "",
 }
 """What may be measured, and the unit that the fit works in; empty for outcomes in words."""
@@ -74,6 +79,12 @@ GROWTH_PATHS = {
 """Paths that tell the growth constants apart best: by Fisher information, of those up to a metre
 with up to 270 degrees, for constants within a factor of two of the published ones.
 """
+
+SLACK_KPA = 2.0
+"""Pressure at which a trunk is round and hardly stretched."""
+
+GIRTHS = 3
+"""Readings of each girth: so many coupons of a width."""
 
 _LARGEST = 1e9
 """Of a reading, in any unit: profiles hold no larger number."""
@@ -149,6 +160,23 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             for focus in FOCUS_MM
             for energy in matrix.energies_mj_mm
         ]
+    rows += [
+        ("joint_girth", f"{width:g} {kpa:g}", "mm", "around a trunk; setting: width and kPa")
+        for width in JOINT_WIDTHS_MM
+        for kpa in (SLACK_KPA, JOINT_KPA)
+        for _ in range(GIRTHS)
+    ]
+    between = "between the axes of the children; setting: coupon and kPa"
+    elbow = "from the axis of the trunk to that of the child; setting: coupon and kPa"
+    rows += [
+        (
+            "joint_angle",
+            f"{joint.name} {JOINT_KPA:g}",
+            "deg",
+            between if joint.levels[0].branches > 1 else elbow,
+        )
+        for joint in joint_designs()
+    ]
     lines += [
         "# Fill in the column value; rows without a value are ignored; add rows as you like.",
         "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",

@@ -1,7 +1,7 @@
-"""Coupons: test pieces for kerf, seam, widths, burst pressure and fillets, and the energy matrix.
+"""Coupons: test pieces for kerf, seam, widths, burst pressure, fillets, joints; the energy matrix.
 
 Every piece that is inflated is a small robot: a design, outlined like any robot, with the recipe's
-offsets. What is measured on it is labelled beside it.
+offsets, and cut as drawn, without compensation. What is measured on it is labelled beside it.
 """
 
 import math
@@ -19,7 +19,7 @@ from vinefab.fabrication.job.piece_jobs import recipe_facts
 from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
 from vinefab.fabrication.outline.ends import OpenEnd
-from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch
+from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch, UnevenLevel
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, Standing
 from vinefab.model.outline import Contour
@@ -39,6 +39,14 @@ LAP_WIDTHS_MM = (10.0, 20.0)
 LAP_COPIES = 3
 LAP_MM = PieceSettings().lap_mm
 PORT_MM = 6.0
+JOINT_WIDTHS_MM = (20.0, 40.0)
+JOINTS_DEG = {
+    **{f"PAIR-{fan}": (-fan / 2.0, fan / 2.0) for fan in (40, 60, 80, 120)},
+    "ELBOW-60": (60.0,),
+}
+"""Flat angles of the children of each kind of joint coupon."""
+JOINT_KPA = 20.0
+"""Pressure at which joint coupons are measured: that of robots whose own is not known."""
 LETTER_MM = 4.0
 LABEL_GAP_MM = 5.0
 _LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
@@ -70,7 +78,7 @@ class Coupon:
 
 
 def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
-    """Return every coupon for a recipe but the energy matrix, each at a place of its own."""
+    """Return every coupon for a recipe but the energy matrix and the joints."""
     robots = [*balloon_designs(), *crotch_designs(), *ladder_designs(), *length_designs()]
     return (
         *(robot_piece(design, profile) for design in robots),
@@ -84,7 +92,9 @@ def balloon_designs() -> tuple[Design, ...]:
     """Return the burst balloons: a pouch of 20 x 60 mm with a narrow port for a needle."""
     length, width = BALLOON_MM
     pouch = Pouch(shape="rectangle", length_mm=length, width_mm=width)
-    build = Build(widths_mm=(PORT_MM,), fillet_mm=(), tail_mm=20.0, pouch=pouch)
+    build = Build(
+        widths_mm=(PORT_MM,), fillet_mm=(), tail_mm=20.0, pouch=pouch, compensation="none"
+    )
     # The pouch is centred on the end of the branch: 5 mm of port stand between it and the base.
     return tuple(
         Design(name=f"BURST-{number}", trunk_length_mm=length / 2 + 5.0, build=build)
@@ -108,7 +118,7 @@ def length_designs() -> tuple[Design, ...]:
 
 
 def _finger(name: str, width_mm: float, trunk_mm: float) -> Design:
-    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=_LADDER_TAIL_MM)
+    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=_LADDER_TAIL_MM, compensation="none")
     return Design(name=name, trunk_length_mm=trunk_mm, build=build)
 
 
@@ -120,10 +130,40 @@ def crotch_designs() -> tuple[Design, ...]:
             name=f"CROTCH-R{radius:g}",
             trunk_length_mm=30.0,
             levels=(fork,),
-            build=Build(widths_mm=(20.0, 12.0), fillet_mm=(radius,), tail_mm=10.0),
+            build=Build(
+                widths_mm=(20.0, 12.0), fillet_mm=(radius,), tail_mm=10.0, compensation="none"
+            ),
         )
         for radius in FILLETS_MM
     )
+
+
+def joint_designs() -> tuple[Design, ...]:
+    """Return the joint coupons: pairs and an elbow in two sizes, of the same shape."""
+    found = []
+    for width_mm in JOINT_WIDTHS_MM:
+        build = Build(
+            widths_mm=(width_mm, 0.6 * width_mm),
+            fillet_mm=(0.15 * width_mm,),
+            tail_mm=30.0,
+            compensation="none",
+        )
+        for kind, angles_deg in JOINTS_DEG.items():
+            children = UnevenLevel.of_children(angles_deg, [2.5 * width_mm] * len(angles_deg))
+            found.append(
+                Design(
+                    name=f"{kind}-W{width_mm:g}",
+                    trunk_length_mm=2.0 * width_mm,
+                    levels=(children,),
+                    build=build,
+                )
+            )
+    return tuple(found)
+
+
+def joint_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
+    """Return the joint coupons, which are cut from a sheet for themselves."""
+    return tuple(robot_piece(design, profile) for design in joint_designs())
 
 
 def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
@@ -183,7 +223,7 @@ def lap_design(name: str, width_mm: float, blend_mm: float) -> Design:
     It has no narrow port: once joined, it is turned inside out through its open end.
     """
     tail_mm = _LAP_CLAMP_MM + _LAP_TUBE_MM + blend_mm + LAP_MM
-    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=tail_mm)
+    build = Build(widths_mm=(width_mm,), fillet_mm=(), tail_mm=tail_mm, compensation="none")
     return Design(name=name, trunk_length_mm=_LAP_TUBE_MM, build=build)
 
 
@@ -255,13 +295,21 @@ COUPON_GAP_MM = 8.0
 ROW_MM = 300.0
 """Longest row, so that the film piece stays handy on large beds."""
 
+JOINT_ROW_MM = 2.0 * ROW_MM
+"""Of joint coupons: all lie on one sheet of a bed of 1000 x 600 mm."""
+
 _PROCESS_ORDER = tuple(Operation)
 
 
-def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job, ...]:
+def coupon_sheets(
+    pieces: Sequence[Coupon],
+    profile: LaserProfile,
+    name: str = "coupons",
+    row_mm: float = ROW_MM,
+) -> tuple[Job, ...]:
     """Return the jobs that hold all pieces, in rows from the lower left, highest pieces first."""
     (bed_x, bed_y), margin = profile.machine.usable_mm, profile.machine.margin_mm.value
-    room = min(bed_x, ROW_MM), bed_y
+    room = min(bed_x, row_mm), bed_y
     sheets: list[list[Coupon]] = [[]]
     x, y, row = 0.0, 0.0, 0.0
     for piece in sorted(pieces, key=lambda piece: -_size(piece)[1]):
@@ -277,11 +325,11 @@ def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job,
         low_x, low_y, _, _ = piece.box_mm
         sheets[-1].append(piece.shifted(margin + x - low_x, margin + y - low_y))
         x, row = x + width + COUPON_GAP_MM, max(row, height)
-    names = ["coupons"] if len(sheets) == 1 else [f"coupons_{k + 1}" for k in range(len(sheets))]
+    names = [name] if len(sheets) == 1 else [f"{name}_{k + 1}" for k in range(len(sheets))]
     facts = _coupon_facts(profile)
     return tuple(
-        sheet_job(name, [path for piece in sheet for path in piece.paths], profile, facts)
-        for name, sheet in zip(names, sheets, strict=True)
+        sheet_job(title, [path for piece in sheet for path in piece.paths], profile, facts)
+        for title, sheet in zip(names, sheets, strict=True)
     )
 
 

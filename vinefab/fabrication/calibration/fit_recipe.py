@@ -34,6 +34,7 @@ from vinefab.fabrication.calibration.estimate import (
     mean_estimate,
     solve_equations,
 )
+from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
 from vinefab.model.files.profile_toml import profile_of
 from vinefab.model.files.shipped import locate
@@ -402,6 +403,12 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     for group, fit in _FITS.items():
         with parts.group(group):
             numbers |= fit(results)
+    with parts.group("modulus"):
+        numbers |= fit_modulus(results, profile)
+    with parts.group("closing gain"):
+        bent, found = fit_closing(results, profile, numbers.get("measured.modulus_mpa"))
+        numbers |= bent
+        remarks += found
     windows: tuple[EnergyWindow, ...] = ()
     with parts.group("energy matrix"):
         windows = energy_windows(results, profile)

@@ -1,8 +1,10 @@
 """What all tests share."""
 
+import atexit
 import os
 import shutil
 import signal
+import tempfile
 
 import pytest
 from hypothesis import settings
@@ -26,6 +28,10 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     number = getattr(signal, name, None)
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
+
+# Simulated joints are kept for the next run of a user, not of tests.
+os.environ["VINEFAB_CACHE"] = tempfile.mkdtemp(prefix="vinefab-cache-")
+atexit.register(shutil.rmtree, os.environ["VINEFAB_CACHE"], ignore_errors=True)
 
 
 @pytest.fixture

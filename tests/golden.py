@@ -36,6 +36,7 @@ SETTINGS = {
     "TZ": "UTC",
     "VINEFAB_PROFILES": os.devnull,  # no designs and recipes of the user's own
     "XDG_STATE_HOME": os.devnull,
+    "VINEFAB_CACHE": os.devnull,  # no joints simulated before
     "OPENBLAS_NUM_THREADS": "1",
 }
 LOADED_ONCE = (  # takes most of a command's start; nothing of vinefab's

@@ -1,15 +1,20 @@
 """Flat angles that deploy as designed: the inverse of one simulated joint."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.validation import Floats
-from vinefab.inflation.joint import InflatedJoint, Joint, inflated_joint
+from vinefab.inflation.joint import InflatedJoint, Joint, inflated_joint, turned_joint
+from vinefab.inflation.joint_cache import cached, keep
+from vinefab.inflation.solve import NotConvergedError
+from vinefab.inflation.table import fan_table, table_file
 
 WITHIN_DEG = 0.25
 """A joint is solved when every child deploys within this of what is wanted."""
@@ -20,6 +25,14 @@ MESH_DEG = 0.6
 MOST_SIMULATIONS = 12
 
 _FURTHEST_STEP_DEG = 25.0
+_FURTHEST_FOLLOWED_DEG = 5.0
+"""Up to so far, a step keeps its triangles: new ones move results by 0.2 to 0.9 degrees."""
+
+_WEAK_SLOPE = 0.3
+
+_EVEN_WITHIN = 2e-3
+"""Fans that are even within this, in degrees and widths of the trunk, are in the table."""
+
 _LEAST_GAP_DEG = 4.0
 """Flat siblings keep at least this angle from each other and from the trunk while one solves."""
 
@@ -51,6 +64,9 @@ class FlatJoint:
     sensitivity: float  # largest change of a deployed angle over that of all flat ones
     crotch_load: float  # largest load of the weld over that of the trunk's straight seam
     passage: float  # largest ball from the trunk into any child, over the child's tube
+    source: str = "simulated"  # or "table"
+    # How far a direct simulation on other triangles may deploy from this.
+    within_deg: float = MESH_DEG
 
     @classmethod
     def of(cls, found: InflatedJoint) -> "FlatJoint":
@@ -72,14 +88,12 @@ class FlatJoint:
         )
 
 
-Simulate = Callable[[Joint], InflatedJoint]
-
-
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=4096)
 def flat_joint(wanted: Joint) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles.
 
-    Newton's method on the simulated joint; its slopes come with every simulation.
+    From the table that ships where it can be trusted, else from the user's cache, else by Newton's
+    method on the simulated joint; its slopes come with every simulation.
 
     Parameters
     ----------
@@ -97,36 +111,116 @@ def flat_joint(wanted: Joint) -> FlatJoint:
     >>> [round(angle) for angle in flat_joint(pair).flat.angles_deg]
     [-40, 40]
     """
-    return _solved(wanted, inflated_joint)
+    return _by_table("flat", wanted) or _by_cache("flat", wanted, simulated_flat_joint)
 
 
+@lru_cache(maxsize=4096)
 def deployed_joint(flat: Joint) -> FlatJoint:
-    """Return what becomes of a flat joint.
+    """Return what becomes of a flat joint, from the table, the cache or a simulation.
 
     Raises
     ------
     UnreachableJointError
         If it cannot be simulated.
     """
-    return _deployed(flat)
+    return _by_table("deployed", flat) or _by_cache("deployed", flat, simulated_deployed_joint)
 
 
-@lru_cache(maxsize=512)
-def _deployed(flat: Joint) -> FlatJoint:
+def _by_table(way: str, joint: Joint) -> FlatJoint | None:
+    """Return an even fan by the table, where it can be trusted."""
+    count, file = len(joint.angles_deg), table_file()
+    fan_deg = joint.angles_deg[-1] - joint.angles_deg[0]
+    even = Joint.fan(
+        count,
+        fan_deg,
+        width=joint.widths[0],
+        fillet=joint.fillets[0],
+        hoop_strain=joint.hoop_strain,
+    )
+    off = max(
+        abs(one - other)
+        for one, other in zip(
+            (*joint.angles_deg, *joint.widths, *joint.fillets),
+            (*even.angles_deg, *even.widths, *even.fillets),
+            strict=True,
+        )
+    )
+    table = fan_table(count)
+    if off > _EVEN_WITHIN or table is None or file is None:
+        return None
+    place = (joint.widths[0], joint.fillets[0], joint.hoop_strain)
+    compensated = way == "flat"
+    fan = table.compensated(fan_deg, place) if compensated else table.deployed(fan_deg, place)
+    if fan is None:
+        return None
+    bound = file.compensation if compensated else file.deployment
+    return FlatJoint(
+        flat=joint.with_angles(fan.flat_deg) if compensated else joint,
+        deployed_deg=joint.angles_deg if compensated else fan.deployed_deg,
+        pull_backs=fan.pull_backs,
+        side_offsets=fan.side_offsets,
+        sensitivity=fan.sensitivity,
+        crotch_load=fan.crotch_load,
+        passage=fan.passage,
+        source="table",
+        within_deg=round(bound.largest_deg, 1),
+    )
+
+
+def _by_cache(way: str, joint: Joint, simulate: Callable[[Joint], FlatJoint]) -> FlatJoint:
+    """Return a joint from the user's cache, or simulate it and keep it there."""
+    record = cached(way, joint)
+    nearest: FlatJoint | None = None
+    if record is not None:
+        with suppress(LookupError, TypeError, ValueError):
+            nearest, why = _from_record(record["found"]), record.get("why")
+            if nearest is not None and why is None:
+                return nearest
+        if record.get("why"):
+            raise UnreachableJointError(joint, nearest, str(record["why"]))
+    try:
+        found = simulate(joint)
+    except UnreachableJointError as error:
+        last = None if error.nearest is None else asdict(error.nearest)
+        keep(way, joint, {"found": last, "why": error.why})
+        raise
+    keep(way, joint, {"found": asdict(found)})
+    return found
+
+
+def _from_record(found: dict[str, Any] | None) -> FlatJoint | None:
+    if found is None:
+        return None
+    lists = {key: tuple(value) for key, value in found.items() if isinstance(value, list)}
+    flat = found["flat"]
+    angles, widths, fillets = (tuple(flat[key]) for key in ("angles_deg", "widths", "fillets"))
+    joint = Joint(
+        angles_deg=angles, widths=widths, fillets=fillets, hoop_strain=flat["hoop_strain"]
+    )
+    return FlatJoint(**(found | lists | {"flat": joint}))
+
+
+def simulated_deployed_joint(flat: Joint) -> FlatJoint:
+    """Return what becomes of a flat joint, by one simulation; as `deployed_joint`."""
     try:
         return FlatJoint.of(inflated_joint(flat))
-    except (BadInputError, VinefabError) as error:
+    except VinefabError as error:
         raise UnreachableJointError(flat, None, str(error)) from error
 
 
-def _solved(wanted: Joint, simulate: Simulate) -> FlatJoint:
+def simulated_flat_joint(wanted: Joint) -> FlatJoint:
+    """Return the flat joint whose children deploy at given angles, by simulations; as `flat_joint`.
+
+    Newton's method. Small steps keep their triangles, so that it converges; what differs from mesh
+    to mesh is left.
+    """
     goal = np.array(wanted.angles_deg)
     even = is_even(wanted)
-    flat, best, best_off = _guess(goal), None, np.inf
-    step = np.zeros_like(goal)
+    best: InflatedJoint | None = None
+    flat, best_off, step = _guess(goal), np.inf, np.zeros_like(goal)
     for _ in range(MOST_SIMULATIONS):
         try:
-            found = simulate(wanted.with_angles(tuple(flat.tolist())))
+            found = _simulated(wanted.with_angles(tuple(flat.tolist())), best)
         except VinefabError as error:
             nearest = None if best is None else FlatJoint.of(best)
             raise UnreachableJointError(wanted, nearest, str(error)) from error
@@ -139,7 +233,13 @@ def _solved(wanted: Joint, simulate: Simulate) -> FlatJoint:
             return FlatJoint.of(found)
         if worst < best_off:
             best, best_off = found, worst
-            step = np.linalg.lstsq(found.sensitivity(), off, rcond=1e-3)[0]
+            slopes = found.sensitivity()
+            if even:  # turning as a whole, which may be very soft, takes no part
+                fans = (np.eye(len(goal)) - np.eye(len(goal))[::-1]) / 2.0
+                slopes = fans @ slopes @ fans
+            # Damped: where children crowd, weak slopes are as uncertain as they are small.
+            damped = slopes.T @ slopes + _WEAK_SLOPE**2 * np.eye(len(goal))
+            step = np.linalg.solve(damped, slopes.T @ off)
             step *= min(1.0, _FURTHEST_STEP_DEG / np.abs(step).max())
         else:  # the last step went too far, or meshes differ by more than is left
             step = step / 2.0
@@ -152,6 +252,16 @@ def _solved(wanted: Joint, simulate: Simulate) -> FlatJoint:
         return nearest
     angles = ", ".join(f"{angle:.1f}" for angle in nearest.deployed_deg)
     raise UnreachableJointError(wanted, nearest, f"the nearest are {angles} degrees")
+
+
+def _simulated(flat: Joint, near: InflatedJoint | None) -> InflatedJoint:
+    """Return a joint under pressure, on the triangles of one that is near."""
+    if near is not None:
+        turn = np.abs(np.subtract(flat.angles_deg, near.joint.angles_deg)).max()
+        if turn <= _FURTHEST_FOLLOWED_DEG:
+            with suppress(BadInputError, NotConvergedError):
+                return turned_joint(near, flat.angles_deg)
+    return inflated_joint(flat)
 
 
 def is_even(joint: Joint) -> bool:

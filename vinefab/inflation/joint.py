@@ -18,7 +18,7 @@ from vinefab.fabrication.outline.ends import round_tip
 from vinefab.fabrication.outline.gap import LEFT, RIGHT, Core, JointBranch, solve_gap
 from vinefab.fabrication.outline.stroke import LocalFrame, Pen, Point, placed, polar
 from vinefab.inflation.membrane import Bools, Membrane
-from vinefab.inflation.mesh import Mesh, Straight, followed
+from vinefab.inflation.mesh import LEAST_ANGLE_DEG, Mesh, Straight, followed
 from vinefab.inflation.sheet import Sheet, sheet_of, turned_deg
 from vinefab.inflation.solve import Equilibrium, Tell
 from vinefab.inflation.tube import tube_stretch
@@ -289,7 +289,46 @@ def inflated_joint(
         across=across,
         hoop_strain=joint.hoop_strain,
     )
-    found = sheet.inflated(tell=tell)
+    return _inflated(joint, sheet, sheet.inflated(tell=tell))
+
+
+def turned_joint(found: InflatedJoint, angles_deg: tuple[float, ...]) -> InflatedJoint:
+    """Return a joint under pressure whose children are turned a little on the sheet.
+
+    The triangles follow the outline, so that results change smoothly with the angles.
+
+    Raises
+    ------
+    BadInputError
+        If the outline changes too much to be followed.
+    NotConvergedError
+        If no equilibrium is found.
+    """
+    joint, sheet = found.joint.with_angles(angles_deg), found.sheet
+    here, there = _outline_like(found, found.joint), _outline_like(found, joint)
+    mesh = followed(sheet.mesh, here.contour, there.contour, there.straights)
+    if mesh.least_angle_deg < LEAST_ANGLE_DEG or not mesh.is_unfolded:
+        raise BadInputError("angles_deg", angles_deg, "angles near the last ones")
+    membrane = Membrane(
+        mesh.points, mesh.triangles, sheet.membrane.free, hoop_strain=joint.hoop_strain
+    )
+    turned = Sheet(mesh=mesh, membrane=membrane, is_seam=sheet.is_seam)
+    start = found.equilibrium.positions.copy()
+    start[:, :2] += mesh.points - sheet.mesh.points
+    return _inflated(joint, turned, turned.inflated(start=start))
+
+
+def _outline_like(found: InflatedJoint, joint: Joint) -> JointOutline:
+    """Return the outline of a joint with stubs as long as another one's."""
+    trunk, child = found.sheet.mesh.straights[:2]
+    return joint_outline(
+        joint,
+        trunk_stub=trunk.end - trunk.begin,
+        child_stub=(child.end - child.begin) / joint.widths[0],
+    )
+
+
+def _inflated(joint: Joint, sheet: Sheet, found: Equilibrium) -> InflatedJoint:
     angles, backs, offsets = _measured(sheet.mesh, found.positions, joint.hoop_strain)
     return InflatedJoint(
         joint=joint,
@@ -443,21 +482,23 @@ def _covered(triangles: Floats, axes: tuple[Floats, Floats]) -> Bools:
 
 def _sensitivity(found: InflatedJoint) -> Floats:
     joint, sheet = found.joint, found.sheet
-    trunk, child = sheet.mesh.straights[0], sheet.mesh.straights[1]
-    stubs = trunk.end - trunk.begin, (child.end - child.begin) / joint.widths[0]
 
-    def contour(angles_deg: tuple[float, ...]) -> Contour:
-        turned = joint.with_angles(angles_deg)
-        return joint_outline(turned, trunk_stub=stubs[0], child_stub=stubs[1]).contour
+    def outline(angles_deg: tuple[float, ...]) -> JointOutline:
+        return _outline_like(found, joint.with_angles(angles_deg))
 
-    here, columns = contour(joint.angles_deg), []
+    here, columns = outline(joint.angles_deg), []
     for child_number in range(len(joint.angles_deg)):
-        measured = []
+        turns, measured = [], []
         for way in (1.0, -1.0):
             angles = list(joint.angles_deg)
             angles[child_number] += way * math.degrees(_TURN_RAD)
+            try:
+                there = outline(tuple(angles))
+                followed_mesh = followed(sheet.mesh, here.contour, there.contour, there.straights)
+            except BadInputError:  # an arc begins or ends right here: the other way tells
+                continue
             turned = Membrane(
-                followed(sheet.mesh, here, contour(tuple(angles))),
+                followed_mesh.points,
                 sheet.mesh.triangles,
                 sheet.membrane.free,
                 hoop_strain=joint.hoop_strain,
@@ -465,6 +506,13 @@ def _sensitivity(found: InflatedJoint) -> Floats:
             positions = found.equilibrium.positions.copy()
             pull = turned.gradient(positions)
             positions[turned.free] -= found.equilibrium.stiffness.solve(pull)
+            turns.append(way * math.degrees(_TURN_RAD))
             measured.append(_measured(sheet.mesh, positions, joint.hoop_strain)[0])
-        columns.append((measured[0] - measured[1]) / (2.0 * math.degrees(_TURN_RAD)))
+        if not turns:
+            allowed = "angles at which the outline changes smoothly"
+            raise BadInputError("angles_deg", joint.angles_deg, allowed)
+        if len(turns) < 2:
+            turns.append(0.0)
+            measured.append(found.angles_deg)
+        columns.append((measured[0] - measured[1]) / (turns[0] - turns[1]))
     return np.column_stack(columns)

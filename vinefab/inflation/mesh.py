@@ -7,7 +7,7 @@ outline are dropped.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -84,6 +84,13 @@ class Mesh:
         """The sharpest angle of a triangle."""
         return float(np.degrees(_angles(self.points, self.triangles).min()))
 
+    @property
+    def is_unfolded(self) -> bool:
+        """Whether every triangle is counter-clockwise."""
+        a, b, c = self.points[self.triangles].transpose(1, 2, 0)
+        (ux, uy), (vx, vy) = b - a, c - a
+        return bool((ux * vy > uy * vx).all())
+
 
 def mesh_of(
     outline: Contour, straights: tuple[Straight, ...], spacing: Floats, *, across: int
@@ -156,10 +163,15 @@ def mesh_of(
     return mesh
 
 
-def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
-    """Return the points of a mesh that follows its outline to a slightly other one, shape (n, 2).
+def followed(mesh: Mesh, before: Contour, after: Contour, straights: tuple[Straight, ...]) -> Mesh:
+    """Return a mesh that follows its outline to a slightly other one: other points, same triangles.
 
     Points of the outline keep their share of their segment; those within move smoothly with them.
+
+    Parameters
+    ----------
+    straights
+        The straight stretches of the other outline.
 
     Raises
     ------
@@ -172,7 +184,8 @@ def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
         raise BadInputError("outline", counted(len(new.lengths), "segment"), allowed)
     number = old.segment(mesh.places)
     share = (mesh.places - old.starts[number]) / old.lengths[number]
-    moved = new.at(new.starts[number] + share * new.lengths[number]) - mesh.points[mesh.seam]
+    places = new.starts[number] + share * new.lengths[number]
+    moved = new.at(places) - mesh.points[mesh.seam]
     count = len(mesh.points)
     sides = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(count, count)).tocsr()
@@ -184,7 +197,7 @@ def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
     points = mesh.points.copy()
     points[mesh.seam] += moved
     points[inner] += splu(sparse.csc_array(rows[:, inner])).solve(pull)
-    return points
+    return replace(mesh, points=points, places=places, straights=straights)
 
 
 # --- The outline as one curve ---------------------------------------------------------------------

@@ -15,7 +15,7 @@ from distributed import Client, LocalCluster
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.validation import Floats
-from vinefab.pages.figure import png_bytes, svg_bytes
+from vinefab.pages.figure import svg_bytes
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Schedule, Search
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
@@ -68,8 +68,11 @@ def draw(picture: Path) -> None:
         print(f"{load.name}: {work_s:.3g} s of work and {load.loop_s:.2g} s between generations")
     results = [Scaling.of(load, latency_s) for load in loads for latency_s in LATENCIES_S]
     print("\n".join(scaling_rows(results)))
-    data = svg_bytes if picture.suffix == ".svg" else png_bytes
-    write_bytes(picture, data(scaling_figure(results)))
+    figure = scaling_figure(results)
+    if picture.suffix == ".svg":
+        write_bytes(picture, svg_bytes(figure))
+    else:
+        figure.savefig(picture, dpi=150)
 
 
 def compare_sleepers() -> None:

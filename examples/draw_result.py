@@ -18,7 +18,7 @@ from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
-from vinefab.pages.figure import house_style, png_bytes
+from vinefab.pages.figure import house_style
 from vinefab.pages.page_png import page_png
 from vinefab.pages.plan import deployment_plan
 from vinefab.rig.build import build_rig
@@ -63,7 +63,7 @@ def main(target: Path) -> None:
         for axes in (grown, sheet):
             axes.set_aspect("equal")
             axes.axis("off")
-    target.write_bytes(png_bytes(figure, dpi=110))
+        figure.savefig(target, dpi=110)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from .app.files import profile as profile
 from .app.files import profiles as profiles
 from .app.files import recipes as recipes
 from .app.files import rules as rules
+from .app.inflating import inflate as inflate
 from .app.making import calibrate as calibrate
 from .app.making import check as check
 from .app.making import coupon as coupon
@@ -59,6 +60,7 @@ from .prediction.aiming import AimResult as AimResult
 from .prediction.comparison import DesignComparison as DesignComparison
 from .prediction.deploy import DeployedDesign as DeployedDesign
 from .prediction.fix_proposal import ProposedFix as ProposedFix
+from .prediction.inflation_report import InflatedDesign as InflatedDesign
 from .prediction.map_info import MapInfo as MapInfo
 from .search.record.result import RunResult as RunResult
 from .search.run_pages import RunListing as RunListing

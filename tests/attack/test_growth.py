@@ -75,5 +75,5 @@ def test_a_start_beside_a_corner_is_a_tie(fuzz):
     design = fuzz.Design(name="d", trunk_length_mm=6.0, build=fuzz.Build.standard(1))
     for x_mm, tie in ((4.0, True), (3.0, False)):
         pose = fuzz.Pose(x_mm=x_mm, y_mm=1.0, heading_rad=fuzz.math.pi / 2.0)
-        grown = fuzz.grow(design, terrain, pose, options, "kernel")
+        grown = fuzz.grow_on(design, terrain, pose, options, "kernel")
         assert fuzz.is_tie(grown, design, terrain, options, 1) == tie

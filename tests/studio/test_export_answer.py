@@ -102,6 +102,7 @@ class FoundInNoTime:
 
     given: tuple
     origin: object = None
+    path: object = None
     summary = ("found",)
     numbers = MappingProxyType({"schema": "vinefab/prediction-1"})
 

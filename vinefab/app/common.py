@@ -33,11 +33,12 @@ if TYPE_CHECKING:
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
+    from vinefab.prediction.inflation_report import InflatedDesign
     from vinefab.prediction.predict import Predicted
     from vinefab.tasks.task import Task
 
     TaskLike = str | Task
-    Answer = TypeVar("Answer", AimResult, DesignComparison, Predicted)
+    Answer = TypeVar("Answer", AimResult, DesignComparison, InflatedDesign, Predicted)
 else:
     TaskLike = Annotated[
         object,

@@ -166,6 +166,13 @@ def parameter_names(part: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(part)) if is_dataclass(part) else ()
 
 
+def parameter_values(part: object) -> dict[str, Any]:
+    """Return the values of a part's parameters by their names."""
+    if isinstance(part, Table):
+        return part.model_dump()
+    return {name: getattr(part, name) for name in parameter_names(type(part))}
+
+
 def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, object]) -> T:
     """Return a part built from its defaults and the given parameters.
 

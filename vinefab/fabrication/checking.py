@@ -16,6 +16,7 @@ from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
+from vinefab.inflation.pattern import cut_design, pattern_of
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -110,7 +111,7 @@ def checked_design(
     A large design has no job where anything else forbids cutting it.
     """
     if design.branch_count > MANY_BRANCHES:
-        flat = replace(subject_of(design, None, deployed), profile=profile)
+        flat = replace(_flat_subject(design, profile, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
     subject = subject_of(design, profile, deployed, limits)
     subject = replace(subject, corridors=corridors, rig=rig)
@@ -155,19 +156,30 @@ def subject_of(
 
     Designs with more than `MANY_BRANCHES` branches are not looked at in pieces.
     """
-    map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    flat = Subject.of(design, deployments=deployments, map_names=map_names)
+    flat = _flat_subject(design, profile, deployed)
     if profile is None:
         return flat
+    design = flat.design
     many = design.branch_count > MANY_BRANCHES
     partition = None if many else partition_of(design, profile, limits)
     made = replace(flat, profile=profile, job=laser_job(design, profile, partition=partition))
     return in_pieces(made, partition) if partition else made
 
 
+def _flat_subject(design: Design, profile: LaserProfile | None, deployed: Deployed) -> Subject:
+    """Return the flat tree that a design is cut as, without paths; with a recipe compensated."""
+    pattern = None
+    if profile is not None and design.build.compensation != "none":
+        pattern = pattern_of(design, profile)
+    names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
+    cut = pattern.flat if pattern else design
+    made = Subject.of(cut, deployments=deployments, map_names=names)
+    return replace(made, pattern=pattern)
+
+
 def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:
     """Return a drawing of the outline on the sheet with a marker per finding; not to be cut."""
-    return annotated_job(laser_job(design, profile), report.findings)
+    return annotated_job(laser_job(cut_design(design, profile), profile), report.findings)
 
 
 def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
@@ -184,7 +196,7 @@ def findings_file(design: Design, profile: LaserProfile, report: CheckReport, pa
         if problems:
             raise ReadBackError(path, problems[0])
         return text.encode()
-    return page_bytes(findings_picture(design, profile, report), path.suffix)
+    return page_bytes(findings_picture(cut_design(design, profile), profile, report), path.suffix)
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:

@@ -10,12 +10,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay, cKDTree
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.outline import Contour
 
@@ -166,7 +168,8 @@ def followed(mesh: Mesh, before: Contour, after: Contour) -> Floats:
     """
     old, new = _Curve(before), _Curve(after)
     if len(old.lengths) != len(new.lengths):
-        raise BadInputError("outline", len(new.lengths), f"{len(old.lengths)} segments")
+        allowed = counted(len(old.lengths), "segment")
+        raise BadInputError("outline", counted(len(new.lengths), "segment"), allowed)
     number = old.segment(mesh.places)
     share = (mesh.places - old.starts[number]) / old.lengths[number]
     moved = new.at(new.starts[number] + share * new.lengths[number]) - mesh.points[mesh.seam]
@@ -430,16 +433,9 @@ def _hexagonal(boxes: list[Floats], size: float) -> Floats:
 
 def _within(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
     """Return whether points lie within a polygon."""
-    inside = np.zeros(len(points), dtype=bool)
-    ends = np.roll(polygon, -1, axis=0)
-    for block in range(0, len(points), 2048):
-        x, y = points[block : block + 2048].T
-        (ax, ay), (bx, by) = polygon.T, ends.T
-        crosses = (ay[None] > y[:, None]) != (by[None] > y[:, None])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = ax + (y[:, None] - ay) * (bx - ax) / (by - ay)
-        inside[block : block + 2048] = (crosses & (x[:, None] < at)).sum(axis=1) % 2 == 1
-    return inside
+    area = shapely.Polygon(polygon)
+    shapely.prepare(area)
+    return np.asarray(shapely.contains_xy(area, points))
 
 
 # --- Triangles ------------------------------------------------------------------------------------

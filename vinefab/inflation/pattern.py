@@ -19,7 +19,7 @@ from vinefab.inflation.compensation import (
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design, Trunk, UnevenLevel
-from vinefab.model.laser import Material
+from vinefab.model.laser import LaserProfile, Material
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
 
@@ -58,9 +58,59 @@ class Pattern:
     joints: tuple[LevelJoint, ...]  # of each level from the second on
 
     @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """For each level: its number, angles and lengths as designed, cut and expected."""
+        shown = []
+        for joint in self.joints:
+            place = joint.level - 2
+            levels = (
+                self.design.levels[place],
+                self.flat.levels[place],
+                self.deployed.levels[place],
+            )
+            angles = (np.degrees(fan_offsets_rad(level)) for level in levels)
+            lengths = (child_lengths_mm(level) for level in levels[:2])
+            cells = (
+                *(", ".join(f"{angle + 0.0:.1f}" for angle in one) for one in angles),
+                *(", ".join(f"{length:.1f}" for length in one) for one in lengths),
+            )
+            shown.append((str(joint.level), *cells))
+        return tuple(shown)
+
+    @property
+    def content(self) -> dict[str, object]:
+        """The figures of every level, as JSON has them (simulated)."""
+        return {
+            "standing": "simulated",
+            "trunk_mm": {"designed": self.design.trunk_length_mm, "cut": self.flat.trunk_length_mm},
+            "levels": [
+                {
+                    "level": joint.level,
+                    "hoop_strain": joint.found.flat.hoop_strain,
+                    "designed_deg": list(joint.wanted_deg),
+                    "cut_deg": list(joint.found.flat.angles_deg),
+                    "expected_deg": list(joint.found.deployed_deg),
+                    "designed_mm": child_lengths_mm(self.design.levels[joint.level - 2]).tolist(),
+                    "cut_mm": child_lengths_mm(self.flat.levels[joint.level - 2]).tolist(),
+                    "sensitivity": joint.found.sensitivity,
+                    "crotch_load": joint.found.crotch_load,
+                    "passage": joint.found.passage,
+                }
+                for joint in self.joints
+                if joint.found is not None
+            ],
+            "problems": list(self.problems),
+        }
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """Why levels do not deploy as designed, a sentence each."""
         return tuple(joint.problem for joint in self.joints if joint.problem)
+
+
+def cut_design(design: Design, profile: LaserProfile) -> Design:
+    """Return the flat tree that a design is cut as; the design itself without compensation."""
+    return design if design.build.compensation == "none" else pattern_of(design, profile).flat
 
 
 def strain_of(design: Design, material: Material, width_mm: float) -> float:
@@ -119,7 +169,7 @@ def _gained(found: FlatJoint, gain: float) -> FlatJoint:
     return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
 
 
-def pattern_of(design: Design, material: Material) -> Pattern:
+def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     """Return the flat tree that a design is cut as.
 
     Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
@@ -128,10 +178,11 @@ def pattern_of(design: Design, material: Material) -> Pattern:
 
     Parameters
     ----------
-    material
+    profile
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
     """
+    material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
     joints = []
     compensated = build.compensation == "inflation"
@@ -172,7 +223,11 @@ def pattern_of(design: Design, material: Material) -> Pattern:
     grown_trunk_mm = trunk_mm if compensated else trunk_mm * stretch
     return Pattern(
         design=design,
-        flat=design.changed(trunk=Trunk(length_mm=cut_trunk_mm), levels=tuple(flat)),
+        flat=design.changed(
+            trunk=Trunk(length_mm=cut_trunk_mm),
+            levels=tuple(flat),
+            build=build.changed(compensation="none"),
+        ),
         deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
         joints=tuple(joints),
     )
@@ -185,14 +240,18 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
     width_mm = build.end_widths_mm[place]
     wanted_deg = tuple(round(math.degrees(one), 3) for one in fan_offsets_rad(level).tolist())
     levels = list(design.levels)
-    fillets: tuple[float, ...] = ()
-    for _ in range(3):
+    # Children stand beside their designed axes: turned a little, their tips come nearer.
+    away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
+    turn_deg, fillets = 0.0, tuple[float, ...]()
+    for step in range(4):
         drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)
-        if before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01:
+        same = before and max(abs(a - b) for a, b in zip(before, fillets, strict=True)) <= 0.01
+        if same and step > 1:
             break
+        share = 1.0 - turn_deg / wanted_deg[-1] if wanted_deg[-1] else 1.0
         wanted = Joint(
-            angles_deg=wanted_deg,
+            angles_deg=tuple(round(share * angle, 3) for angle in wanted_deg),
             widths=(round(build.widths_mm[place + 1] / width_mm, 4),) * level.branches,
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
@@ -200,6 +259,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         found = _joint(wanted, compensated, gain)
         if not compensated:
             break
+        turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)
         levels[place] = UnevenLevel.of_children(
             found.flat.angles_deg, child_lengths_mm(level).tolist()
         )

@@ -10,10 +10,12 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.exactness import pattern_of
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.inflation.crossing import Crossing, crossings
 from vinefab.inflation.joint import Joint, axis_of
 from vinefab.inflation.mesh import Straight
 from vinefab.inflation.sheet import Sheet, sheet_of
@@ -95,13 +97,51 @@ def inflated_robot(
     NotConvergedError
         If no equilibrium is found.
     """
-    tail_mm = min(design.build.tail_mm, TAIL_WIDTHS * design.build.widths_mm[0])
-    cut = design.changed(build=design.build.changed(tail_mm=tail_mm, collar=None))
-    outline = body_outline(cut)
+    cut = with_short_tail(design)
+    layout, outline = flat_layout(cut), body_outline(cut)
     if outline.problems:
-        raise BadInputError("design", outline.problems[0].message, "a design with an exact outline")
+        words = f"a design with an exact outline. {outline.problems[0].message}"
+        raise BadInputError("design", design.name, words)
+    if crossing := crossings(outline.contour):
+        raise BadInputError("design", design.name, _apart_words(layout, crossing))
     return inflated_pattern(
-        outline.contour, flat_layout(cut), hoop_strain=hoop_strain, across=across, tell=tell
+        outline.contour, layout, hoop_strain=hoop_strain, across=across, tell=tell
+    )
+
+
+def with_short_tail(design: Design) -> Design:
+    """Return the part of a pattern that is simulated: without collar, with a tail of two widths."""
+    tail_mm = min(design.build.tail_mm, TAIL_WIDTHS * design.build.widths_mm[0])
+    return design.changed(build=design.build.changed(tail_mm=tail_mm, collar=None))
+
+
+def _apart_words(layout: FlatLayout, found: tuple[Crossing, ...]) -> str:
+    """Return which branches must not cross on the sheet, and what keeps them apart."""
+    tree = layout.tree
+    number = {name: branch for branch, name in enumerate(tree.ids)}
+
+    def ancestors(branch: int) -> list[int]:
+        chain = [branch]
+        while tree.parent[chain[-1]] >= 0:
+            chain.append(int(tree.parent[chain[-1]]))
+        return chain
+
+    # The pair that parts last is the one whose joint is easiest to change.
+    pairs = []
+    for crossing in found:
+        one, two = (ancestors(number[name]) for name in crossing.branches)
+        joint = next(branch for branch in one if branch in two)
+        if joint in (one[0], two[0]) and tree.parent[joint] >= 0:
+            joint = int(tree.parent[joint])
+        pairs.append((int(tree.level[joint]), joint, crossing))
+    level, joint, first = max(pairs, key=lambda pair: pair[0])
+    names = "{} and {}".format(*first.branches)
+    outer = max(int(tree.level[number[name]]) for name in first.branches)
+    more = f", as do {counted(len(found) - 1, 'other pair')}" if len(found) > 1 else ""
+    return (
+        f"a design whose flat pattern does not cross itself: on the sheet branches {names} do, "
+        f"which part at the end of branch {tree.ids[joint]}{more}; make level {outer} shorter or "
+        f"narrower, or change the angle of level {level + 1}"
     )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.pages.charts import curve, ends_of, series_colour
 from vinefab.pages.colours import ALERT, HEAT_COLOURS, INK, SOFT
@@ -244,7 +245,8 @@ def aim_sheet(found: AimResult) -> Page:
             f"worst tenth {best.worst_tenth:.3f} (simulated)"
         )
         second = best_deployments_panel(found, robot)
-        second.title = f"{len(robot.shown)} deployments from there, one in full (simulated)"
+        tried = counted(len(robot.shown), "deployment")
+        second.title = f"{tried} from there, one in full (simulated)"
         plans[0].append(first)
         plans[1].append(second)
     teams = [robot.team for robot in robots if robot.team is not None]

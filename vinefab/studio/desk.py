@@ -10,7 +10,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -25,6 +25,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.hashing import sha256_of
+from vinefab.core.registry import parameter_values
 from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_RECIPE, Design, design_of
@@ -122,7 +123,7 @@ class Desk:
             ]
             found[kind] += [*own, *shipped]
         environments = [
-            {"name": name, "about": made.description, "options": asdict(made.options())}
+            {"name": name, "about": made.description, "options": parameter_values(made.options())}
             for name, made in ((name, ENVIRONMENTS[name]) for name in ENVIRONMENTS)
         ]
         return {

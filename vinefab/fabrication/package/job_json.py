@@ -9,6 +9,7 @@ from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.fabrication.package.mounting import face_words
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
@@ -25,7 +26,13 @@ from vinefab.model.laser import (
 _SCHEMA = "vinefab/job-1"
 
 
-def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
+def job_text(
+    design: Design,
+    job: Job,
+    profile: LaserProfile,
+    colours: Colours,
+    pattern: Pattern | None = None,
+) -> str:
     """Return what is to be made, with which settings, in which order.
 
     Every number of the profile keeps its standing and source; line energy and fluence are computed.
@@ -65,6 +72,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                     },
                 },
             },
+            **({"pattern": pattern.content} if pattern else {}),
             "units": "mm",
             "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
             "offsets": "applied to the paths; the machine's own kerf stays at 0",

@@ -17,6 +17,7 @@ from vinefab.fabrication.package.piece_joining import (
     pieces_words,
 )
 from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.job import Job
@@ -104,6 +105,22 @@ def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ..
             wide=True,
         ),
     )
+
+
+def pattern_section(pattern: Pattern) -> Section:
+    """Return the flat angles and lengths that are cut for the designed ones, level by level."""
+    table = Rows(
+        caption="Angles of each child to its parent in degrees, lengths in mm (simulated, "
+        "unverified): under pressure the cut angles become the expected ones",
+        headings=("level", "designed", "cut", "expected", "designed mm", "cut mm"),
+        rows=pattern.rows,
+    )
+    words = (
+        "Two welded sheets do not keep their flat angles when they inflate, and soft film grows "
+        "longer. The flat pattern is cut so that it deploys as designed. The simulation knows no "
+        "contact of siblings, no stiffness of film and weld, and no gravity.",
+    )
+    return Section(title="Cut, and what it deploys as", paragraphs=words, tables=(table,))
 
 
 def pressure_section(design: Design, profile: LaserProfile) -> Section:

@@ -33,6 +33,7 @@ from vinefab.fabrication.package.package_page import (
     assumption_section,
     bom_section,
     check_section,
+    pattern_section,
     pieces_section,
     pressure_section,
     sheet_section,
@@ -45,6 +46,7 @@ from vinefab.fabrication.rules.as_built import READBACK
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
+from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
@@ -82,6 +84,12 @@ class Prepared:
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
+    pattern: Pattern | None = None  # how it deploys; None where it is cut as designed
+
+    @property
+    def cut(self) -> Design:
+        """The flat tree that is cut."""
+        return self.pattern.flat if self.pattern else self.design
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string."""
@@ -126,10 +134,14 @@ def prepare(
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     separate = sheet.process == "weld+cut"
-    partition = partition_of(design, profile, separate=separate)
-    job = laser_job(design, profile, sheet, partition)
-    flat = Subject.on_sheet(design, profile, job, separate=separate)
-    subject = in_pieces(replace(flat, deployments=deployments), partition)
+    pattern = None if design.build.compensation == "none" else pattern_of(design, profile)
+    cut = pattern.flat if pattern else design
+    flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
+    partition = partition_of(cut, profile, separate=separate)
+    job = laser_job(cut, profile, flat_sheet, partition)
+    flat = Subject.on_sheet(cut, profile, job, separate=separate)
+    flat = replace(flat, pattern=pattern, deployments=deployments)
+    subject = in_pieces(flat, partition)
     report = run_checks(subject)
     named = {other.name: other for other in sheet.beside}
     others = tuple(other for name, other in named.items() if name != design.name)
@@ -162,6 +174,7 @@ def prepare(
         others=others,
         beside=beside,
         partition=partition if len(partition.pieces) > 1 else None,
+        pattern=pattern,
     )
 
 
@@ -170,7 +183,7 @@ def _beside(design: Design, profile: LaserProfile, job: Job, *, separate: bool) 
 
     Rules about the sheet as a whole are applied with the first robot only.
     """
-    subject = Subject.on_sheet(design, profile, job, separate=separate)
+    subject = Subject.on_sheet(cut_design(design, profile), profile, job, separate=separate)
     report = run_checks(subject, only=RULES.keys() - SHEET_RULES)
     reason = f"checked once for the whole sheet, with {job.name}"
     rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, design)]
@@ -205,6 +218,7 @@ class PackageContent:
     laser: Mapping[str, bytes] | None = None
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
     others: tuple[Design, ...] = ()  # the other designs on the sheet
+    pattern: Pattern | None = None  # how it deploys; None where it is cut as designed
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -228,6 +242,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         laser=prepared.laser or None,
         partition=prepared.partition,
         others=prepared.others,
+        pattern=prepared.pattern,
     )
     return package_files(content)
 
@@ -235,25 +250,26 @@ def package(prepared: Prepared) -> dict[str, bytes]:
 def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
-    design, partition = content.design, content.partition
+    design, partition, pattern = content.design, content.partition, content.pattern
+    cut = pattern.flat if pattern else design
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
-        joints = joint_lines(design, partition, profile, robots=robot_count(job))
-        outlines = piece_lumens(design, partition)
+        joints = joint_lines(cut, partition, profile, robots=robot_count(job))
+        outlines = piece_lumens(cut, partition)
     more = {f"design_{number}.toml": one for number, one in enumerate(content.others, start=2)}
     files = {
-        "README.txt": readme_text(design, job, profile, colours, partition).encode(),
+        "README.txt": readme_text(design, job, profile, colours, partition, pattern).encode(),
         **{
             name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
         },
-        "job.json": job_text(design, job, profile, colours).encode(),
+        "job.json": job_text(design, job, profile, colours, pattern).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
         **({ANIMATION_NAME: content.animation} if content.animation else {}),
         "checks.json": content.checks.encode(),
         "report.html": content.report,
         "bom.csv": bom_text(job, profile, joints).encode(),
-        **assembly_files(design, partition, outlines, profile),
+        **assembly_files(cut, partition, outlines, profile),
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
@@ -318,7 +334,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     job, joints = prepared.job, tuple[BomLine, ...]()
     if prepared.partition is not None:
         joints = joint_lines(
-            prepared.design, prepared.partition, prepared.profile, robots=robot_count(job)
+            prepared.cut, prepared.partition, prepared.profile, robots=robot_count(job)
         )
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
@@ -326,12 +342,13 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         *(
             check_section(
                 report,
-                body_outline(design).contour.flattened_mm(),
+                body_outline(cut_design(design, prepared.profile)).contour.flattened_mm(),
                 title=f"Design rules: {design.name}" if prepared.others else "Design rules",
             )
             for design, report in zip(designs, reports, strict=True)
         ),
         sheet_section(job, [finding for report in reports for finding in report.findings]),
+        *([pattern_section(prepared.pattern)] if prepared.pattern else []),
         *_piece_sections(prepared),
         bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
     )
@@ -339,7 +356,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
 
 def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
     """Return the section on the pieces of a robot, if it is cut in any."""
-    design, partition, job = prepared.design, prepared.partition, prepared.job
+    design, partition, job = prepared.cut, prepared.partition, prepared.job
     if partition is None:
         return ()
     outlines = piece_lumens(design, partition)

@@ -26,6 +26,7 @@ from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
@@ -41,6 +42,7 @@ def readme_text(
     profile: LaserProfile,
     colours: Colours,
     partition: Partition | None = None,
+    pattern: Pattern | None = None,
 ) -> str:
     """Return the operator's steps for one job, plain text, every number with its standing.
 
@@ -48,6 +50,8 @@ def readme_text(
     ----------
     partition
         The pieces of the robots; None for robots in one piece.
+    pattern
+        How the robot deploys; None where it is cut as designed.
     """
     written = [op for op in Operation if op in colours.styles and job.along(op)]
     laid_out = [*_layers(job, profile, colours, written)]
@@ -112,6 +116,7 @@ def readme_text(
         "face_words": face_words(design.build),
         "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
+        "pattern": pattern,
     }
     if partition and partition.sleeves:
         widest_mm = max(sleeve.width_mm for sleeve in partition.sleeves)

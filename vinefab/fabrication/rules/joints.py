@@ -275,7 +275,7 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
     Without deployments a path's turn is that of its joints; with them, the largest turn at
     contacts and base hinges on the way is added.
     """
-    tree = subject.layout.tree
+    tree = subject.grown_tree
     turns_rad = np.abs(tree.offset_rad)
     violations = []
     for level in range(2, subject.design.depth + 1):

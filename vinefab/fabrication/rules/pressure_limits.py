@@ -301,7 +301,7 @@ def worst_growths(
 
     Deployments may be grown anew whenever they are asked for, so each is walked once for all.
     """
-    build, tree = subject.design.build, subject.layout.tree
+    build, tree = subject.design.build, subject.grown_tree
     riding, level = riding_mm(tree, build.widths_mm).tolist(), tree.level.tolist()
     # A tapered branch is narrowest, and needs most, at its tip.
     diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]

@@ -12,11 +12,13 @@ from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition, Piece
+from vinefab.model.tree import BranchTree, branch_tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +87,8 @@ class Subject:
     # The pieces as subjects of their own, each with its capsules and outline; none for a whole one.
     pieces: "tuple[Subject, ...]" = ()
     piece: Piece | None = None  # the piece that this is
+    # How the design deploys; None where it is cut as designed. ``design`` is what is cut.
+    pattern: Pattern | None = None
     separate: bool = False  # welded and cut in two passes, whatever else the recipe has
 
     @classmethod
@@ -121,6 +125,11 @@ class Subject:
     ) -> "Subject":
         """Return a design with the job of its sheet, which may hold other designs too."""
         return replace(cls.of(design), profile=profile, job=job, separate=separate)
+
+    @property
+    def grown_tree(self) -> BranchTree:
+        """The tree that deploys: as designed, where flat angles are compensated."""
+        return self.layout.tree if self.pattern is None else branch_tree(self.pattern.design)
 
     @property
     def taken_mm(self) -> float:

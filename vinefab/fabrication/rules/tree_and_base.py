@@ -179,7 +179,7 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
 
 def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-B03: the longest path from base to tip has a length that has been tested."""
-    tree = subject.layout.tree
+    tree = subject.grown_tree
     path_mm = np.array(tree.length_mm)
     for row in range(1, len(tree)):
         path_mm[row] += path_mm[tree.parent[row]]

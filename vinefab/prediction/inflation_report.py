@@ -1,0 +1,550 @@
+"""What a design's pattern becomes under pressure, held against the design."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError, VinefabError
+from vinefab.core.jsontext import rounded
+from vinefab.core.plain_text import counted
+from vinefab.core.validation import Floats, Ints
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Data,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Origin,
+    Picture,
+    Result,
+    Rows,
+    Section,
+    Value,
+)
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.inflation.pattern import (
+    ASSUMED_PRESSURE_KPA,
+    MOST_STRAIN,
+    LevelJoint,
+    Pattern,
+    pattern_of,
+    strain_of,
+    stretch_of,
+)
+from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
+from vinefab.inflation.surface import closed_surface
+from vinefab.inflation.tube import tube_stretch
+from vinefab.model.design import Design
+from vinefab.model.laser import LaserProfile, Material, Standing
+from vinefab.model.tree import child_lengths_mm
+from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE
+from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_panel
+from vinefab.pages.plan import page_bytes
+from vinefab.physics.seam import hoop_strain
+from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
+from vinefab.prediction.surface_files import SURFACE_FORMATS
+
+LEFT_OUT = (
+    "contact of branches with each other",
+    "bending stiffness of film and of the welded band (at most 3 degrees)",
+    "gravity",
+    "plasticity and creep of the film",
+    "folded film inside the tube",
+    "bowing out of the plane: free in space, joints of film that stretches by less than 3 % bow "
+    "by 12 to 31 degrees, softer ones do not",
+)
+"""What the simulation does not know."""
+
+_PLAN_PT = 340.0
+_OTHER = {"inflation": "none", "none": "inflation"}
+_HOW = {
+    "inflation": "compensated",
+    "none": "cut with its designed angles and lengths",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeployedPattern:
+    """A pattern under pressure, and the design that it should become.
+
+    Parameters
+    ----------
+    pattern
+        The flat tree that is cut.
+    robot
+        Its deployed shape (simulated).
+    designed
+        Where the design's branches lie.
+    tip_errors_mm
+        How far each leaf's end is from where it was designed, shape (leaves,).
+    seen
+        The deployed body seen from above.
+    overlap_mm2
+        Area where the body lies on itself: siblings pass through each other in the simulation.
+    """
+
+    pattern: Pattern
+    robot: InflatedRobot
+    designed: FlatLayout
+    tip_errors_mm: Floats
+    seen: BaseGeometry
+    overlap_mm2: float
+
+    @classmethod
+    def of(
+        cls, design: Design, profile: LaserProfile, across: int, tell: ProgressCallback
+    ) -> "DeployedPattern":
+        """Simulate the pattern that a design is cut as.
+
+        Raises
+        ------
+        BadInputError
+            If a joint cannot be solved, or the pattern crosses itself on the sheet.
+        NotConvergedError
+            If no equilibrium is found.
+        """
+        tell(0.0, "solving joints")
+        pattern = pattern_of(design, profile.material)
+        for joint in pattern.joints:
+            if joint.problem:
+                raise BadInputError("design", design.name, _solvable_words(joint))
+        strain, done = strain_of(design, profile.material, design.build.widths_mm[0]), 0.0
+
+        def told(share: float, words: str) -> None:
+            nonlocal done
+            done = max(done, share)
+            tell(0.2 + 0.8 * done, words)
+
+        told(0.0, "triangles")
+        robot = inflated_robot(pattern.flat, hoop_strain=strain, across=across, tell=told)
+        ring = shapely.Polygon(robot.positions_mm[robot.sheet.mesh.seam, :2])
+        seen: BaseGeometry = ring
+        overlap_mm2 = 0.0
+        if not ring.is_valid:
+            triangles = robot.positions_mm[robot.sheet.mesh.triangles][:, :, :2]
+            seen = shapely.union_all(shapely.polygons(triangles))
+            overlap_mm2 = max(0.0, _signed_area_mm2(ring) - seen.area)
+        designed = flat_layout(design)
+        return cls(
+            pattern=pattern,
+            robot=robot,
+            designed=designed,
+            tip_errors_mm=robot.tip_errors_mm(designed),
+            seen=seen,
+            overlap_mm2=overlap_mm2,
+        )
+
+    @property
+    def how(self) -> str:
+        """How it was cut, in words."""
+        return _HOW[self.pattern.design.build.compensation]
+
+    @property
+    def mean_mm(self) -> float:
+        """Mean distance of the tips from where they were designed."""
+        return float(self.tip_errors_mm.mean())
+
+    @property
+    def largest_mm(self) -> float:
+        """Largest distance of a tip from where it was designed."""
+        return float(self.tip_errors_mm.max())
+
+    def facts(self, key: str) -> tuple[Fact, ...]:
+        """Return how far off the tips are."""
+        leaves = counted(len(self.tip_errors_mm), "tip")
+        mean, largest = (
+            Number(value, "mm", ".1f", decimals=3) for value in (self.mean_mm, self.largest_mm)
+        )
+        return (
+            Fact(f"tips off, {self.how}", mean, f"{key}.mean_mm", f"mean of {leaves} (simulated)"),
+            Fact("the farthest", largest, f"{key}.largest_mm", "simulated"),
+        )
+
+
+def _signed_area_mm2(ring: shapely.Polygon) -> float:
+    """Return the area within a counter-clockwise ring; what it goes around twice counts twice."""
+    x, y = shapely.get_coordinates(ring.exterior).T
+    return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2.0)
+
+
+def _solvable_words(joint: LevelJoint) -> str:
+    """Return why the joint of a level cannot be cut so that it deploys, and what to change."""
+    # The triangles' own words say nothing to the designer.
+    why = joint.problem.partition(": outline is")[0]
+    return (
+        f"a design whose joints deploy as designed; {why}. Change the angle or the "
+        f"number of branches of level {joint.level}, make it narrower, give its fillet another "
+        "radius, or lower the pressure"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class InflatedDesign(Result):
+    """A design's pattern under pressure (simulated), held against the design.
+
+    Parameters
+    ----------
+    design, profile
+        What is inflated, and the recipe whose film it is made of.
+    deployed
+        The deployed shape of the pattern that is cut.
+    other
+        That of the other choice of ``[build] compensation``; None if it was left out.
+    notes
+        What a user should know, a sentence each.
+    origin
+        What it takes to get the result again.
+    """
+
+    design: Design
+    profile: LaserProfile
+    deployed: DeployedPattern
+    other: DeployedPattern | None = None
+    notes: tuple[str, ...] = ()
+    origin: Origin | None = None
+    schema = "vinefab/inflation-1"
+
+    @property
+    def title(self) -> str:
+        """What was asked."""
+        return f"{self.design.name} under pressure"
+
+    @property
+    def pattern(self) -> Pattern:
+        """The flat tree that is cut, and what every joint becomes."""
+        return self.deployed.pattern
+
+    @property
+    def robot(self) -> InflatedRobot:
+        """The deployed shape (simulated)."""
+        return self.deployed.robot
+
+    @property
+    def tip_errors_mm(self) -> Floats:
+        """How far each leaf's end is from where it was designed, shape (leaves,)."""
+        return self.deployed.tip_errors_mm
+
+    @property
+    def pressure_kpa(self) -> float:
+        """The working pressure."""
+        return self.design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+
+    @property
+    def surface(self) -> tuple[Floats, Ints]:
+        """Corners in mm and triangles of the deployed body, a closed surface."""
+        return closed_surface(self.robot)
+
+    def view(self) -> Iterator[Block]:
+        """Yield how far tips are off, a picture, and each level's angles, lengths and loads."""
+        found, other = self.deployed, self.other
+        held = "" if other is None else f"; {other.how} {_off_words(other)}"
+        yield Answer(
+            f"{self.design.name} at {self.pressure_kpa:g} kPa, {found.how}: tips end "
+            f"{_off_words(found)} from where they are designed{held} (simulated).",
+            tone="good" if other is None or found.mean_mm <= other.mean_mm else "caution",
+        )
+        yield Picture(
+            image=lambda: page_svg(inflation_sheet(self)),
+            caption="Seen from above: the flat pattern, its deployed shape, and the design. Lines "
+            "lead from designed to deployed tips (simulated).",
+            wide=True,
+        )
+        yield Notes(self.notes, "notes")
+        against = () if other is None else other.facts("other")
+        yield Facts((*found.facts("tips"), *against), lead=True)
+        yield self._children()
+        yield self._joints()
+        yield self._tubes()
+        yield Facts(self._conditions())
+        yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
+        yield Data(self._content)
+
+    def sections(self) -> Iterator[Block]:
+        """Yield every tip."""
+        rows = list[tuple[Value, ...]]()
+        for name, numbers in self._tips():
+            rows.append((name, *(Number(value, form="z.1f") for value in numbers)))
+        table = Rows(
+            caption="Where tips are designed and where they end, in mm from the base (simulated)",
+            headings=("branch", "designed x", "designed y", "deployed x", "deployed y", "off"),
+            rows=tuple(rows),
+        )
+        yield Section(title="Tips", tables=(table,))
+
+    def picture(self, suffix: str) -> bytes:
+        """Return the picture as ``.png`` or ``.svg``."""
+        return page_bytes(inflation_sheet(self), suffix)
+
+    def mesh(self, suffix: str) -> bytes:
+        """Return the deployed body as a closed surface in mm: .stl, .obj, .3mf or .ply."""
+        write = SURFACE_FORMATS.get(suffix.lower())
+        if write is None:
+            raise BadInputError("suffix", suffix, ", ".join(SURFACE_FORMATS))
+        return write(*self.surface, self.design.name)
+
+    def _children(self) -> Rows:
+        """Return designed, cut and deployed angles and lengths of each kind of child."""
+        pattern, robot = self.pattern, self.robot
+        tree = robot.layout.tree
+        turned_deg = np.degrees(robot.deployed_offsets_rad)
+        shown = partial(Number, form="z.1f", decimals=3)
+        flat_mm = pattern.flat.trunk_length_mm
+        rows: list[tuple[Value, ...]] = [
+            (1, 1, *(Number(None),) * 4, shown(self.design.trunk_length_mm), shown(flat_mm),
+             shown(pattern.deployed.trunk_length_mm), Number(None))
+        ]  # fmt: skip
+        for place, joint in enumerate(pattern.joints):
+            if (found := joint.found) is None:
+                continue
+            lengths_mm = zip(
+                *(child_lengths_mm(one.levels[place]).tolist()
+                  for one in (self.design, pattern.flat, pattern.deployed)),
+                strict=True,
+            )  # fmt: skip
+            members = np.flatnonzero(tree.level == joint.level)
+            children = len(joint.wanted_deg)
+            for child, (designed, cut, reached) in enumerate(lengths_mm):
+                here_deg = turned_deg[members[child::children]]
+                rows.append(
+                    (
+                        joint.level,
+                        child + 1,
+                        shown(joint.wanted_deg[child]),
+                        shown(found.flat.angles_deg[child]),
+                        shown(found.deployed_deg[child]),
+                        shown(float(here_deg.mean())),
+                        shown(designed),
+                        shown(cut),
+                        shown(reached),
+                        shown(joint.width_mm * found.side_offsets[child]),
+                    )
+                )
+        return Rows(
+            caption="Branches of each level: angles to the parent in deg (positive: left), lengths "
+            "in mm; as designed, as cut, as expected of the joint alone, and the mean within the "
+            "whole robot (simulated; triangles are good for 0.6 deg)",
+            headings=("level", "child", "angle designed", "cut", "expected", "in the robot",
+                      "length designed", "cut", "expected", "aside"),
+            rows=tuple(rows),
+            key="branches",
+            keys=("level", "child", "designed_deg", "cut_deg", "expected_deg", "in_robot_deg",
+                  "designed_mm", "cut_mm", "expected_mm", "aside_mm"),
+        )  # fmt: skip
+
+    def _joints(self) -> Rows:
+        """Return sensitivity, load and passage of each kind of joint."""
+        plain = partial(Number, form=".2f", decimals=4)
+        return Rows(
+            caption="Joints: change of the deployed angle over that of the flat one, load that "
+            "opens the weld in a crotch over that of the trunk's straight seam, largest ball that "
+            "passes into a child over the child's tube (simulated)",
+            headings=("children on level", "joints", "parent mm", "sensitivity", "crotch load",
+                      "passage"),
+            rows=tuple(
+                (joint.level, joint.count, Number(joint.width_mm, form=".1f"),
+                 plain(joint.found.sensitivity), plain(joint.found.crotch_load),
+                 plain(joint.found.passage))
+                for joint in self.pattern.joints
+                if joint.found is not None
+            ),
+            key="joints",
+            keys=("level", "count", "parent_mm", "sensitivity", "crotch_load", "passage"),
+        )  # fmt: skip
+
+    def _tubes(self) -> Rows:
+        """Return strain, diameter and growth in length of each level's straight tubes."""
+        design, film, rows = self.design, self.profile.material, []
+        for level, width_mm in enumerate(design.build.widths_mm, start=1):
+            around = tube_stretch(strain_of(design, film, width_mm))[0]
+            rows.append(
+                (
+                    level,
+                    Number(width_mm, form=".1f"),
+                    Number(_strain(design, film, width_mm), "%", ".1f", per=0.01, decimals=4),
+                    Number(2.0 * width_mm * around / np.pi, form=".1f", decimals=3),
+                    Number(stretch_of(design, film, width_mm) - 1.0, "%", ".1f", per=0.01,
+                           decimals=4),
+                )
+            )  # fmt: skip
+        modulus = film.modulus_mpa
+        return Rows(
+            caption=f"Straight tubes: hoop strain p W / (pi E t) with E {modulus.value:g} MPa "
+            f"({modulus.standing}), and what it makes of the film (computed)",
+            headings=("level", "flat mm", "hoop strain", "diameter mm", "longer by"),
+            rows=tuple(rows),
+            key="tubes",
+            keys=("level", "flat_mm", "hoop_strain", "diameter_mm", "longer_by"),
+        )
+
+    def _conditions(self) -> tuple[Fact, ...]:
+        """Return pressure, film and volume."""
+        film, robot = self.profile.material, self.robot
+        set_by = "of the design" if self.design.build.pressure_kpa else "assumed"
+        unit_mm = float(robot.layout.width_mm[0])
+        gas = 2.0 * robot.sheet.membrane.volume(robot.equilibrium.positions) * unit_mm**3
+        modulus = f"E {film.modulus_mpa.value:g} MPa, {film.modulus_mpa.standing}"
+        return (
+            Fact("pressure", Number(self.pressure_kpa, "kPa", "g"), "pressure_kpa", set_by),
+            Fact("film", f"{film.ply_mm.value * 1000:g} um {film.title}", "", modulus),
+            Fact("gas", Number(gas / 1000.0, "ml", ".0f", decimals=3), "volume_ml", "simulated"),
+        )
+
+    def _tips(self) -> list[tuple[str, tuple[float, ...]]]:
+        """Return each leaf with its designed and its deployed end, and how far it is off."""
+        designed = self.deployed.designed
+        leaves = np.flatnonzero(designed.is_leaf)
+        numbers = np.column_stack(
+            [designed.end_mm[leaves], self.robot.ends_mm[leaves], self.tip_errors_mm]
+        )
+        names = (designed.tree.ids[leaf] for leaf in leaves.tolist())
+        return [(name, tuple(row)) for name, row in zip(names, numbers.tolist(), strict=True)]
+
+    def _content(self) -> dict[str, object]:
+        """Return what stands in JSON alone."""
+        film = self.profile.material
+        content = {
+            "design": self.design.name,
+            "recipe": self.profile.recipe.name,
+            "compensation": self.design.build.compensation,
+            "standing": {"shape": "simulated", "modulus": str(film.modulus_mpa.standing)},
+            "modulus_mpa": film.modulus_mpa.value,
+            "film_mm": film.ply_mm.value,
+            "hoop_strain": round(_strain(self.design, film, self.design.build.widths_mm[0]), 5),
+            "overlap_mm2": round(self.deployed.overlap_mm2, 3),
+            "not_simulated": list(LEFT_OUT),
+            "tips.each": [
+                {"branch": name, **rounded(dict(zip(_TIP_KEYS, numbers, strict=True)), 3)}
+                for name, numbers in self._tips()
+            ],
+        }
+        if self.other is not None:
+            content["other.compensation"] = self.other.pattern.design.build.compensation
+        return content
+
+
+_TIP_KEYS = ("designed_x_mm", "designed_y_mm", "deployed_x_mm", "deployed_y_mm", "off_mm")
+
+
+def _strain(design: Design, film: Material, width_mm: float) -> float:
+    """Return the hoop strain of a straight tube as it is, not rounded or limited."""
+    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    return hoop_strain(pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value)
+
+
+def _off_words(found: DeployedPattern) -> str:
+    return f"{found.mean_mm:.1f} mm ({found.largest_mm:.1f} at most)"
+
+
+def inflate_design(
+    design: Design,
+    profile: LaserProfile,
+    *,
+    alone: bool = False,
+    across: int = ACROSS,
+    progress: ProgressCallback = no_progress,
+) -> InflatedDesign:
+    """Return a design's pattern under pressure.
+
+    Parameters
+    ----------
+    alone
+        Leave out the pattern of the other choice of compensation.
+    across
+        Triangles across a tube, even.
+
+    Raises
+    ------
+    BadInputError
+        If a joint cannot be solved, or the pattern crosses itself on the sheet.
+    NotConvergedError
+        If no equilibrium is found.
+    """
+    notes, other = [], None
+    deployed = DeployedPattern.of(
+        design, profile, across, part_of(progress, 0.0, 1.0 if alone else 0.5)
+    )
+    choice = _OTHER[design.build.compensation]
+    if not alone:
+        changed = design.changed(build=design.build.changed(compensation=choice))
+        try:
+            other = DeployedPattern.of(changed, profile, across, part_of(progress, 0.5, 1.0))
+        except VinefabError as error:
+            why = error.allowed if isinstance(error, BadInputError) else str(error)
+            notes.append(f"{_HOW[choice]} it cannot be inflated; wanted: {why}")
+    film = profile.material
+    strain = _strain(design, film, design.build.widths_mm[0])
+    if strain > MOST_STRAIN:
+        notes.append(
+            f"hoop strain {100 * strain:.0f} % is simulated as {100 * MOST_STRAIN:.0f} %: no film "
+            "stays elastic there"
+        )
+    if film.modulus_mpa.standing is Standing.ASSUMED:
+        notes.append("the film's modulus is assumed, and so is how far it stretches")
+    if design.build.pouch is not None:
+        notes.append("pouches pull their ends back farther than plain tips: not compensated")
+    if deployed.overlap_mm2 > 0.0:
+        notes.append(
+            f"the deployed body overlaps itself on {deployed.overlap_mm2:.0f} mm2: there branches "
+            "press against each other, which is not simulated"
+        )
+    return InflatedDesign(
+        design=design, profile=profile, deployed=deployed, other=other, notes=tuple(notes)
+    )
+
+
+# --- Pictures -----------------------------------------------------------------------------------
+
+_CUT = Ink(fill=ROCK, fill_alpha=0.45, line=ROCK_EDGE, width_pt=0.6)
+_BODY = Ink(fill=LEVEL_COLOURS[5], fill_alpha=0.55, line=LEVEL_COLOURS[0], width_pt=0.9)
+_DESIGNED = Ink(line=INK, width_pt=0.7)
+_OFF = Ink(line=ALERT, width_pt=1.2)
+
+
+def inflation_sheet(found: InflatedDesign) -> Page:
+    """Return the deployed shape over pattern and design, and that of the other choice beside."""
+    shapes = [found.deployed, *([] if found.other is None else [found.other])]
+    outlines = [
+        body_outline(with_short_tail(one.pattern.flat)).contour.flattened_mm() for one in shapes
+    ]
+    corners = np.concatenate(
+        [*outlines, *(np.array(one.seen.bounds).reshape(2, 2) for one in shapes)]
+    )
+    (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    panels = []
+    for shape, outline in zip(shapes, outlines, strict=True):
+        panel = plan_panel((x0, y0, x1, y1), _PLAN_PT)
+        panel.title = (
+            f"{found.design.name} at {found.pressure_kpa:g} kPa\n{shape.how}\n"
+            f"tips off {_off_words(shape)} (simulated)"
+        )
+        panel.legend_shown = False
+        _draw(panel, shape, outline)
+        panels.append(panel)
+    # A plan that is wider than high stands above the other one.
+    rows = [[panel] for panel in panels] if x1 - x0 > 1.3 * (y1 - y0) else [panels]
+    return page_of_rows(rows, legend=panels[0].legend)
+
+
+def _draw(panel: Panel, shape: DeployedPattern, outline: Floats) -> None:
+    panel.add(Shape([outline], _CUT, closed=True), 1.0, "flat, as cut")
+    panel.polygons([shape.seen], _BODY, rank=2.0, label="deployed")
+    designed = shape.designed
+    ends = np.stack([designed.start_mm, designed.end_mm], axis=1)
+    panel.lines(list(ends), _DESIGNED, rank=3.0, label="designed")
+    leaves = designed.is_leaf
+    tips = np.stack([designed.end_mm[leaves], shape.robot.ends_mm[leaves]], axis=1)
+    panel.lines(list(tips), _OFF, rank=4.0, label="tip: from designed to deployed")
+    panel.marks(tips[:, 1], "o", 3.0, Ink(fill=ALERT), rank=4.5)
+    worst = int(np.argmax(shape.tip_errors_mm))
+    panel.write_labels(
+        tips[worst : worst + 1, 1], [f"{shape.largest_mm:.1f} mm"], [ALERT], size_pt=7.5,
+        lines=[*ends, *tips, *map(shapely.get_coordinates, shapely.get_rings(shape.seen))],
+    )  # fmt: skip

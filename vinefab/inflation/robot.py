@@ -13,7 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.outline.exactness import pattern_of
+from vinefab.fabrication.outline.exactness import outline_parts
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.inflation.crossing import Crossing, crossings
 from vinefab.inflation.joint import Joint, axis_of
@@ -157,7 +157,7 @@ def joints_of(design: Design, *, hoop_strain: float = 0.01) -> tuple[Joint, ...]
         p W / (pi E t) of the trunk. That of a joint is smaller by its parent's width.
     """
     build, joints = design.build, []
-    for level, kinds in enumerate(pattern_of(design, 0.0).joints):
+    for level, kinds in enumerate(outline_parts(design, 0.0).joints):
         parent, children = build.end_widths_mm[level], design.levels[level].branches
         joints.append(
             Joint(

@@ -112,7 +112,7 @@ class DeployedPattern:
             If no equilibrium is found.
         """
         tell(0.0, "solving joints")
-        pattern = pattern_of(design, profile.material)
+        pattern = pattern_of(design, profile)
         for joint in pattern.joints:
             if joint.problem:
                 raise BadInputError("design", design.name, _solvable_words(joint))

@@ -13,14 +13,14 @@ from functools import lru_cache
 from vinefab.fabrication.outline.ends import BranchSide, OpenEnd
 from vinefab.fabrication.outline.exactness import (
     DrawnDesign,
+    OutlineParts,
     OutlineProblem,
-    Pattern,
     ProblemKind,
     design_drawn,
     drawing_problems,
     drawn_of,
-    pattern_of,
-    pattern_problems,
+    outline_parts,
+    parts_problems,
 )
 from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.joint import Joint
@@ -111,10 +111,10 @@ def _outline(
     design, (root, base, stubs) = design_drawn(drawn), piece
     ends = PieceEnds(root=root, base=base, stubs=dict(stubs))
     layout = flat_layout(design)
-    pattern = pattern_of(design, offset_mm, least_fillet_mm)
-    problems = pattern_problems(design, layout, pattern)
+    pattern = outline_parts(design, offset_mm, least_fillet_mm)
+    problems = parts_problems(design, layout, pattern)
     if any(problem.kind is ProblemKind.VANISHED for problem in problems):
-        pattern = pattern_of(design, 0.0)
+        pattern = outline_parts(design, 0.0)
     contour = _Walk(layout, pattern, ends).contour()
     return BodyOutline(
         contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
@@ -128,7 +128,7 @@ _kept_outline = lru_cache(maxsize=32)(_outline)
 class _Walk:
     """One walk around a tree, which draws one contour."""
 
-    def __init__(self, layout: FlatLayout, pattern: Pattern, piece: PieceEnds) -> None:
+    def __init__(self, layout: FlatLayout, pattern: OutlineParts, piece: PieceEnds) -> None:
         self.layout, self.pattern, self.piece = layout, pattern, piece
         self.ids = layout.tree.ids
         self.level = layout.tree.level.tolist()

@@ -74,7 +74,7 @@ class OutlineProblem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pattern:
+class OutlineParts:
     """The pieces that an outline repeats."""
 
     offset_mm: float  # how far outside the lumen's edge they run
@@ -94,9 +94,9 @@ class Pattern:
         return self.tips[sibling % len(self.tips)]
 
 
-def pattern_of(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> Pattern:
+def outline_parts(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> OutlineParts:
     """Return the pieces of a design's outline at an offset; smaller fillets there are corners."""
-    return _pattern(drawn_of(design), offset_mm, least_fillet_mm)
+    return _outline_parts(drawn_of(design), offset_mm, least_fillet_mm)
 
 
 DrawnDesign = tuple[float, tuple[Level, ...], Build]
@@ -115,10 +115,10 @@ def design_drawn(drawn: DrawnDesign) -> Design:
 
 
 @lru_cache(maxsize=16)
-def _pattern(drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float) -> Pattern:
+def _outline_parts(drawn: DrawnDesign, offset_mm: float, least_fillet_mm: float) -> OutlineParts:
     # Whatever looks at a robot asks for the same few patterns: of its lumen and of its paths.
     design = design_drawn(drawn)
-    return Pattern(
+    return OutlineParts(
         offset_mm=offset_mm,
         tail=tail_of(design, offset_mm),
         joints=tuple(
@@ -224,8 +224,8 @@ _MESSAGES = {
 }
 
 
-def pattern_problems(
-    design: Design, layout: FlatLayout, pattern: Pattern
+def parts_problems(
+    design: Design, layout: FlatLayout, pattern: OutlineParts
 ) -> tuple[OutlineProblem, ...]:
     """Return why the pieces of an outline do not fit together, in the order of the levels."""
     places = _Places(layout)
@@ -239,7 +239,7 @@ def pattern_problems(
 
 
 def drawing_problems(
-    layout: FlatLayout, pattern: Pattern, contour: Contour
+    layout: FlatLayout, pattern: OutlineParts, contour: Contour
 ) -> tuple[OutlineProblem, ...]:
     """Return a problem for the shortest segment of a contour, if it is too short to draw."""
     shortest = min(contour.segments, key=lambda segment: segment.length_mm)
@@ -291,7 +291,7 @@ def _gap_problems(
         yield places.problem(ProblemKind.SHORT_SEGMENT, joint.level, names, found)
 
 
-def _tail(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
+def _tail(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
     """Check that a collar leaves some straight tail, and that its arcs are not too small."""
     collar, tail = design.build.collar, pattern.tail
     if collar is None:
@@ -311,7 +311,7 @@ def _tail(design: Design, places: _Places, pattern: Pattern) -> Iterator[Outline
         yield places.problem(ProblemKind.VANISHED, 1, ("0",), found)
 
 
-def _rooms(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
+def _rooms(design: Design, places: _Places, pattern: OutlineParts) -> Iterator[OutlineProblem]:
     """Check the straight side that is left between the two ends of every kind of branch."""
     trunk = design.trunk_length_mm
     if level_tapers_rad(design, 1)[0]:
@@ -342,7 +342,10 @@ def _side_mm(design: Design, level: int, child: int) -> float:
 
 
 def _room(
-    places: _Places, pattern: Pattern, branch: tuple[int, int], base: tuple[float, float, float]
+    places: _Places,
+    pattern: OutlineParts,
+    branch: tuple[int, int],
+    base: tuple[float, float, float],
 ) -> Iterator[OutlineProblem]:
     """Check one branch: ``base`` holds its length and what its base takes, right and left."""
     level, child = branch

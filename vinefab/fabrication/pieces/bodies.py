@@ -18,7 +18,7 @@ from vinefab.fabrication.job.sleeve import (
     STRAIGHT_BEFORE_MM,
     SleeveSize,
 )
-from vinefab.fabrication.outline.exactness import Pattern, pattern_of
+from vinefab.fabrication.outline.exactness import OutlineParts, outline_parts
 from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
@@ -60,7 +60,7 @@ def straight_sides(
     half, far = layout.width_mm / 2.0, layout.end_width_mm / 2.0
     lean = np.array([taper_rad(*one) for one in zip(half, far, tree.length_mm, strict=True)])
     for offset in offsets_mm:
-        pattern = pattern_of(design, offset)
+        pattern = outline_parts(design, offset)
         for row in range(len(tree)):
             level, sibling = int(tree.level[row]), siblings[row]
             base = _base_used_mm(pattern, level, sibling)
@@ -74,7 +74,7 @@ def straight_sides(
     return StraightSides(start_mm=starts, end_mm=ends)
 
 
-def _base_used_mm(pattern: Pattern, level: int, sibling: int) -> float:
+def _base_used_mm(pattern: OutlineParts, level: int, sibling: int) -> float:
     """Return how much of a branch's sides the joint at its base takes."""
     if level == 1:
         return 0.0
@@ -85,7 +85,7 @@ def _base_used_mm(pattern: Pattern, level: int, sibling: int) -> float:
     )
 
 
-def _end_used_mm(pattern: Pattern, level: int, sibling: int) -> float:
+def _end_used_mm(pattern: OutlineParts, level: int, sibling: int) -> float:
     """Return how much of a branch's sides the joint, tip or pouch at its end takes."""
     if level > len(pattern.joints):
         return pattern.tip(sibling).used_mm

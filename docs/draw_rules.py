@@ -14,6 +14,7 @@ from rule_subjects import (
     CROSSING,
     corridor,
     design,
+    inflated,
     mark_speed,
     material,
     near,
@@ -155,6 +156,26 @@ SCENES = {
         wrong=of(pressure_kpa=70.0), right=of(pressure_kpa=20.0), draw=drawn.draw_strain
     ),
     "VF-P05": RuleScene(wrong=seamed(-0.25), right=seamed(0.0), draw=drawn.draw_seam),
+    "VF-I01": RuleScene(
+        wrong=of((2, 200.0, 50.0), compensation="none"),
+        right=inflated((2, 200.0, 50.0)),
+        draw=drawn.draw_deployed,
+    ),
+    "VF-I02": RuleScene(
+        wrong=inflated((4, 200.0, 44.0)),
+        right=inflated((2, 200.0, 44.0)),
+        draw=drawn.draw_sensitivity,
+    ),
+    "VF-I03": RuleScene(
+        wrong=inflated((3, 150.0, 130.0), fillet_mm=(4.0,)),
+        right=inflated((3, 150.0, 130.0), fillet_mm=(13.0,), pressure_kpa=14.0),
+        draw=drawn.draw_crotch_load,
+    ),
+    "VF-I04": RuleScene(
+        wrong=inflated((2, 100.0, 60.0), (2, 90.0, 130.0)),
+        right=inflated((2, 100.0, 60.0), (2, 90.0, 76.0)),
+        draw=drawn.draw_bodies,
+    ),
     "VF-B01": RuleScene(wrong=of(tail_mm=90.0), right=of(tail_mm=200.0), draw=drawn.draw_tail),
     "VF-B02": RuleScene(
         wrong=of(widths_mm=(110.0,)),

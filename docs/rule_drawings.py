@@ -11,15 +11,18 @@ from shapely.affinity import scale as scaled_shape
 
 from vinefab.fabrication.calibration.coupons import coupon_pieces
 from vinefab.fabrication.job.sleeve import STRAIGHT_BEFORE_MM, sleeve_size
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.inflation_rules import deployed_capsules
 from vinefab.fabrication.rules.joints import level_joints
 from vinefab.fabrication.rules.pressure_limits import pressure_gauge, safe_pressure_kpa, widest
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
+from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.job import Operation
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.outline import Part
-from vinefab.physics.seam import hoop_strain, lap_load_n_mm
+from vinefab.physics.seam import hoop_strain, lap_load_n_mm, line_load_n_mm, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.rig.part import Mesh
 
@@ -317,6 +320,79 @@ def draw_seam(subject: Subject, sketch: Sketch) -> None:
     sketch.write("beam", (1.5, beam), (0.0, -5.0))
     sketch.box_mm = (0.0, -0.5, 1.8, 0.85)
     sketch.says = f"recipe: seam {settings.seam_width_mm.value:g} mm"
+
+
+# --- Shape under pressure -----------------------------------------------------------------------
+
+
+def deployed(subject: Subject) -> tuple[Pattern, FlatLayout, list[shapely.Polygon]]:
+    """Return what a robot deploys as: its pattern, layout, and every inflated branch in plan."""
+    pattern = subject.pattern or pattern_of(subject.design, subject.profile)
+    capsules = deployed_capsules(pattern)
+    ends = np.stack([capsules.start_mm, capsules.end_mm], axis=1)
+    bodies = [
+        shapely.LineString(line).buffer(float(half), quad_segs=24)
+        for line, half in zip(ends, capsules.half_mm, strict=True)
+    ]
+    return pattern, flat_layout(pattern.deployed), bodies
+
+
+def draw_deployed(subject: Subject, sketch: Sketch) -> None:
+    """Draw a joint under pressure over its flat outline; dashed: where children are designed."""
+    pattern, layout, bodies = deployed(subject)
+    sketch.body(subject.outline.contour, "other")
+    sketch.draw(shapely.union_all(bodies), "zone")
+    joint = layout.end_mm[0]
+    for heading in layout.heading_rad[1:].tolist():
+        away = np.array([math.cos(heading), math.sin(heading)])
+        sketch.line([joint, joint + 150.0 * away], "m")
+    designed = flat_layout(pattern.design)
+    for heading in designed.heading_rad[1:].tolist():
+        away = np.array([math.cos(heading), math.sin(heading)])
+        sketch.line([joint, joint + 150.0 * away], "dash")
+    sketch.box_mm = (joint[0] - 60.0, -95.0, joint[0] + 165.0, 95.0)
+    (first, last) = np.degrees(layout.heading_rad[1:]).tolist()
+    (low, high) = np.degrees(designed.heading_rad[1:]).tolist()
+    sketch.write(f"deploys {last - first:.1f} deg apart", joint, (20.0, 96.0))
+    sketch.says = f"designed {high - low:.3g} deg apart"
+
+
+def draw_sensitivity(subject: Subject, sketch: Sketch) -> None:
+    joint = subject.layout.end_mm[0]
+    outlined(subject, sketch, (joint[0] - 40.0, -110.0, joint[0] + 190.0, 110.0))
+    first, last = (float(subject.layout.heading_rad[row]) for row in (1, 2))
+    sketch.angle(joint, (first, last), 105.0)
+    found = subject.pattern.joints[0].found
+    sketch.says = f"1 deg cut, {found.sensitivity:.2f} deployed"
+
+
+def draw_crotch_load(subject: Subject, sketch: Sketch) -> None:
+    (joint,), build = subject.pattern.joints, subject.design.build
+    load = joint.found.crotch_load * line_load_n_mm(build.pressure_kpa, joint.width_mm)
+    stands = seam_load_n_mm(subject.profile.material.seam)
+    stands /= RULES["VF-I03"].limits["safety_factor"]
+    bars(sketch, [("crotch pulls with", load), ("seam stands", stands)], "N/mm", 0.9)
+    sketch.says = f"fillet {build.fillet_mm[0]:g} mm, {build.pressure_kpa:g} kPa"
+
+
+def draw_bodies(subject: Subject, sketch: Sketch) -> None:
+    """Draw the inflated branches in plan, and where they lie on each other."""
+    _, layout, bodies = deployed(subject)
+    for body in bodies:
+        sketch.draw(body, "film")
+        sketch.draw(body, "rim")
+    one, two = (bodies[row] for row in rows(subject, "0.0.1", "0.1.0"))
+    both = shapely.intersection(one, two)
+    x, y = layout.end_mm[0].tolist()
+    sketch.box_mm = (x + 20.0, y - 75.0, x + 190.0, y + 75.0)
+    if both.is_empty:
+        ends = shapely.get_coordinates(shapely.shortest_line(one, two))
+        sketch.dimension(ends[0], ends[1])
+        sketch.says = "inflated, side by side"
+        return
+    sketch.draw(both, "zone")
+    sketch.draw(both, "m")
+    sketch.says = "inflated, on each other"
 
 
 # --- Base and reach -----------------------------------------------------------------------------

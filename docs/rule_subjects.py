@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import shapely
 
+from vinefab.fabrication.checking import subject_of
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
@@ -59,6 +60,11 @@ def of(*fans: Fan, **build: object) -> Callable[[], Subject]:
     """Return a maker of a robot on the shipped recipe."""
     sheet = build.pop("sheet", ONE)
     return lambda: Subject.of(design(*fans, **build), profile(), sheet=sheet)
+
+
+def inflated(*fans: Fan, **build: object) -> Callable[[], Subject]:
+    """Return a maker of a robot that is cut so that it deploys as designed (simulated)."""
+    return lambda: subject_of(design(*fans, compensation="inflation", **build), profile())
 
 
 def quantity(value: float) -> Quantity:

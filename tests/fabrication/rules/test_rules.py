@@ -22,6 +22,9 @@ from vinefab.fabrication.rules.subject import (
     Subject,
 )
 from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
+from vinefab.inflation.compensation import FlatJoint
+from vinefab.inflation.joint import Joint
+from vinefab.inflation.pattern import LevelJoint, Pattern
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, Design, PieceSettings, Pouch
 from vinefab.model.finding import Finding, Severity
@@ -30,7 +33,7 @@ from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour, Part
 from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
-from vinefab.model.tree import branch_tree
+from vinefab.model.tree import branch_tree, fan_offsets_rad
 
 Make = Callable[..., Design]
 Build = Callable[[Make, LaserProfile], Subject]
@@ -358,6 +361,54 @@ def cut(
     return built
 
 
+def inflated(*fans: tuple[int, float, float], off_deg: float = 0.0, **figures: object) -> Build:
+    """A robot whose joints have given figures, the outer children deployed off their angles."""
+    names = ("sensitivity", "crotch_load", "passage")
+    known = {name: figures.pop(name, 1.0) for name in names}
+
+    def joint(design: Design, place: int) -> LevelJoint:
+        level, build = design.levels[place], design.build
+        wanted = tuple(np.degrees(fan_offsets_rad(level)).tolist())
+        flat = Joint(
+            angles_deg=wanted,
+            widths=(build.widths_mm[place + 1] / build.widths_mm[place],) * level.branches,
+            fillets=(0.15,) * (level.branches + 1),
+        )
+        return LevelJoint(
+            level=place + 2,
+            width_mm=build.widths_mm[place],
+            count=1,
+            wanted_deg=wanted,
+            found=FlatJoint(
+                flat=flat,
+                deployed_deg=(*wanted[:-1], wanted[-1] + off_deg),
+                pull_backs=(0.0,) * level.branches,
+                side_offsets=(0.0,) * level.branches,
+                **known,
+            ),
+        )
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        design = make(*fans, **figures)
+        joints = tuple(joint(design, place) for place in range(len(design.levels)))
+        pattern = Pattern(design=design, flat=design, deployed=design, joints=joints)
+        return replace(Subject.of(design, profile), pattern=pattern)
+
+    return build
+
+
+PAIR = (2, 200.0, 90.0)
+
+
+def meeting(gap_mm: float) -> Build:
+    """Two grandchildren that run together: their tips are where they are nearest when inflated.
+
+    They begin 100 mm apart, head 30 degrees inwards, and are 28 / pi mm thick together.
+    """
+    length_mm = 100.0 - 28.0 / math.pi - gap_mm
+    return inflated((2, 100.0, 60.0), (2, length_mm, 120.0), widths_mm=(40.0, 24.0, 14.0))
+
+
 def pieced(*, most: int = 6, lap_mm: float = 15.0, unmarked: str = "") -> Build:
     """Two leaves that cross, in the fewest pieces; the labels named are missing on the film."""
 
@@ -446,6 +497,28 @@ CASES: Mapping[str, Case] = {
         quiet=of((2, 200.0, 60.0), widths_mm=(40.0, 23.8)),
     ),
     "VF-P05": Case(fires=seam(-0.0052), severity=W, branches=("0",), quiet=seam(-0.0048)),
+    "VF-I01": Case(
+        fires=inflated(PAIR, off_deg=0.61),
+        severity=E,
+        branches=("0.0",),
+        quiet=inflated(PAIR, off_deg=0.59),
+    ),
+    "VF-I02": Case(
+        fires=inflated(PAIR, sensitivity=2.51),
+        severity=W,
+        branches=("0.0",),
+        quiet=inflated(PAIR, sensitivity=2.49),
+    ),
+    # 70 kPa at 20 mm is 1.75 times the load of 20 kPa at 40 mm
+    "VF-I03": Case(
+        fires=inflated(PAIR, crotch_load=1.76, pressure_kpa=20.0),
+        severity=W,
+        branches=("0.0",),
+        quiet=inflated(PAIR, crotch_load=1.74, pressure_kpa=20.0),
+    ),
+    "VF-I04": Case(
+        fires=meeting(-0.1), severity=W, branches=("0.0.1", "0.1.0"), quiet=meeting(0.1)
+    ),
     "VF-B01": Case(fires=of(tail_mm=149.0), severity=E, branches=("0",), quiet=of(tail_mm=200.0)),
     "VF-B02": Case(
         fires=of(widths_mm=(101.0,)), severity=E, branches=("0",), quiet=of(widths_mm=(99.0,))
@@ -583,6 +656,12 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-W03", pouched(17.8, 6, 30.0), {E}),
     ("VF-W03", pouched(17.8, 6, 31.0), {W}),
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.6)), {W}),
+    # 24 / pi mm over the sine of half the gap, of 100 mm: half at 17.58 degrees
+    ("VF-I04", inflated((2, 100.0, 17.4)), {W}),
+    ("VF-I04", inflated((2, 100.0, 17.7)), set()),
+    # Five of 14 mm fill 28.6 % of the child, more where they pass into it
+    ("VF-W03", inflated(PAIR, (5, 90.0, 160.0), widths_mm=(40.0, 24.0, 14.0), passage=0.94), {W}),
+    ("VF-W03", inflated(PAIR, (5, 90.0, 160.0), widths_mm=(40.0, 24.0, 14.0), passage=0.96), set()),
     # Loosely stored film takes 3.85 kPa to grow there
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.7), {W}),
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=4.0), set()),

@@ -11,6 +11,7 @@ from vinefab.core.view import Block, Data, Remark, Result, Rows, Text
 from vinefab.fabrication.rules import (
     as_built,
     clearance,
+    inflation_rules,
     joints,
     laser_rules,
     piece_rules,
@@ -29,6 +30,7 @@ RULE_GROUPS: Mapping[str, str] = {
     "W": "widths",
     "C": "clearance and joints",
     "P": "pressure and seams",
+    "I": "shape under pressure",
     "B": "base and reach",
     "J": "pieces and laps",
     "S": "sheet",
@@ -40,7 +42,7 @@ RULE_GROUPS: Mapping[str, str] = {
 other packages stand last under their own names."""
 
 _MODULES = (
-    *(tree_and_base, widths, clearance, joints, pressure_limits),
+    *(tree_and_base, widths, clearance, joints, pressure_limits, inflation_rules),
     *(as_built, piece_rules, laser_rules, rig_rules),
 )
 _BUILTIN = sorted(

@@ -53,7 +53,7 @@ class NearBranches:
         )
 
 
-def _nearest_pairs(
+def nearest_pairs(
     subject: Subject, found: Spacing, chosen: NDArray[np.bool_]
 ) -> tuple[list[NearBranches], int]:
     """Return chosen pairs of branches by their smallest gap, tightest first, and their count."""
@@ -90,7 +90,7 @@ def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
 def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     """VF-T03: branches that share no joint do not overlap."""
     found = spacing(subject.capsules, 0.0)
-    nears, pairs = _nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
+    nears, pairs = nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
     message = "the branches overlap when flat: widen the fan, or shorten one of them"
     violations = [
         near.violation(
@@ -149,7 +149,7 @@ def _gap_violations(
 ) -> tuple[Violation, ...]:
     """Return a violation for each chosen pair of branches with too little film between them."""
     low = chosen & (found.gap_mm < max(limits["error"], limits["warning"]))
-    nears, pairs = _nearest_pairs(subject, found, low)
+    nears, pairs = nearest_pairs(subject, found, low)
     message = "too little film is left between the branches: move them apart"
     violations = [
         near.violation(message, broken) for near in nears if (broken := limits.least(near.gap_mm))

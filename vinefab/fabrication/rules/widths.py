@@ -145,11 +145,18 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-W03: folded descendants and pouches leave room in the lumen that they ride in."""
+    """VF-W03: folded descendants and pouches leave room in the lumen that they ride in.
+
+    What rides in a child comes through its joint. Where the joint was simulated, the cross-section
+    there counts: that of the child's tube times the joint's passage.
+    """
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.film_mm
-    found = occupancies(subject.design, film_mm, limits["packing"])
+    found = [*occupancies(subject.design, film_mm, limits["packing"])]
+    for joint in subject.pattern.joints if subject.pattern else ():
+        if joint.found is not None and joint.level <= len(found):
+            found[joint.level - 1] /= joint.found.passage
     violations = [
         _level_violation(
             subject,

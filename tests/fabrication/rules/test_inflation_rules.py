@@ -1,0 +1,195 @@
+"""Rules about robots under pressure, on simulated joints; limits: `test_rules.py`."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.checking import subject_of
+from vinefab.fabrication.rules.inflation_rules import deployed_capsules, fillet_gain
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.inflation.compensation import deployed_joint
+from vinefab.inflation.joint import Joint
+from vinefab.inflation.pattern import pattern_of
+from vinefab.model.design import Design, Pouch, UnevenLevel, Waiver
+from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.laser import LaserProfile
+
+Make = Callable[..., Design]
+PAIR = (2, 200.0, 50.0)
+OF_INFLATION = {"VF-I01", "VF-I02", "VF-I03", "VF-I04"}
+
+
+@pytest.fixture(scope="module")
+def simulated(make: Make, profile: LaserProfile) -> Subject:
+    """A pair 50 degrees apart, as the compensation cuts it."""
+    return subject_of(make(PAIR, compensation="inflation"), profile)
+
+
+@pytest.fixture(scope="module")
+def collapsed(make: Make, profile: LaserProfile) -> Subject:
+    """The pair cut as designed, with what it deploys as."""
+    design = make(PAIR, compensation="none")
+    return replace(subject_of(design, profile), pattern=pattern_of(design, profile))
+
+
+def checked(subject: Subject) -> CheckReport:
+    return run_checks(subject, only=OF_INFLATION)
+
+
+def found(subject: Subject, rule: str) -> tuple[Finding, ...]:
+    return tuple(one for one in checked(subject).findings if one.rule == rule)
+
+
+def with_joint(subject: Subject, problem: str = "", **figures: object) -> Subject:
+    """A subject whose first joint has other figures; None for the joint of one that has none."""
+    (joint, *others), pattern = subject.pattern.joints, subject.pattern
+    known = replace(joint.found, **figures) if figures else None
+    first = replace(joint, found=known, problem=problem)
+    return replace(subject, pattern=replace(pattern, joints=(first, *others)))
+
+
+def test_a_compensated_pair_deploys_as_designed_and_the_flat_one_does_not(
+    simulated: Subject, collapsed: Subject
+) -> None:
+    assert found(simulated, "VF-I01") == ()
+    (finding,) = found(collapsed, "VF-I01")
+    assert (finding.severity, finding.branches) == (Severity.ERROR, ("0.0",))
+    assert (finding.x_mm, finding.y_mm) == (300.0, 0.0)
+    # 25 degrees close by some: three_level_tree's second joint has the same
+    assert 3.0 < finding.measured < 10.0
+    assert "designed at -25.0, 25.0 degrees" in finding.message
+    assert "simulated" in finding.message
+
+
+def test_a_joint_that_no_simulation_solves_is_an_error_without_numbers(simulated: Subject) -> None:
+    lost = with_joint(simulated, "level 2: no equilibrium")
+    report = checked(lost)
+    (finding,) = report.findings
+    assert (finding.rule, finding.severity) == ("VF-I01", Severity.ERROR)
+    assert (finding.measured, finding.limit) == (None, None)
+    assert "level 2: no equilibrium" in finding.message
+    assert "fewer" in finding.message
+
+
+def test_angles_are_compared_around_the_circle(simulated: Subject) -> None:
+    wanted = simulated.pattern.joints[0].wanted_deg
+    around = (wanted[0], wanted[1] - 360.0)
+    assert found(with_joint(simulated, deployed_deg=around), "VF-I01") == ()
+
+
+def test_a_robot_cut_as_designed_is_told_so_and_its_verdict_stays(
+    make: Make, profile: LaserProfile
+) -> None:
+    design = make(PAIR, compensation="none")
+    report = checked(subject_of(design, profile))
+    (finding,) = report.findings
+    assert (finding.rule, finding.severity, finding.blocks) == ("VF-I01", Severity.INFO, False)
+    assert report.count(Severity.WARNING) == 0
+    reasons = {skip.rule: skip.reason for skip in report.skipped}
+    assert set(reasons) == OF_INFLATION - {"VF-I01"}
+    assert all('compensation = "inflation"' in reason for reason in reasons.values())
+    waived = design.changed(
+        waivers=(Waiver(fingerprint=finding.fingerprint, reason="coated fabric"),)
+    )
+    (again,) = checked(subject_of(waived, profile)).findings
+    assert again.waived
+
+
+def test_a_plain_vine_has_no_flat_angles(make: Make, profile: LaserProfile) -> None:
+    for design in (make(), make((1, 100.0, 40.0))):
+        assert checked(subject_of(design, profile)).findings == ()
+
+
+def test_compensation_needs_a_recipe(make: Make) -> None:
+    report = checked(Subject.of(make(PAIR, compensation="inflation")))
+    assert report.findings == ()
+    (reason,) = (skip.reason for skip in report.skipped if skip.rule == "VF-I01")
+    assert "recipe" in reason
+
+
+def test_a_sensitive_joint_says_what_a_degree_becomes(simulated: Subject) -> None:
+    assert 1.0 < simulated.pattern.joints[0].found.sensitivity < 2.5
+    (finding,) = found(with_joint(simulated, sensitivity=3.24), "VF-I02")
+    assert finding.measured == 3.24
+    assert "1 degree in the flat angles of level 2 becomes 3.2 degrees" in finding.message
+
+
+def test_the_load_of_a_crotch_is_that_of_its_trunk_times_the_simulated_ratio(
+    simulated: Subject,
+) -> None:
+    ratio = simulated.pattern.joints[0].found.crotch_load
+    (finding,) = found(simulated, "VF-I03")
+    assert finding.severity is Severity.WARNING
+    assert finding.measured == pytest.approx(ratio * 20.0 * 40.0 / 1000.0 / math.pi)
+    assert finding.limit == pytest.approx(70.0 * 20.0 / 1000.0 / math.pi)
+    fillet, pressure, fewer = (
+        finding.message.index(words) for words in ("a fillet of 13 mm", "kPa, then", "fewer")
+    )
+    assert fillet < pressure < fewer
+    safe_kpa = 20.0 * finding.limit / finding.measured
+    assert f"at most {safe_kpa:.1f} kPa" in finding.message
+
+
+def test_a_weak_seam_that_was_measured_only_warns_too(
+    simulated: Subject, burst_profile: LaserProfile
+) -> None:
+    (finding,) = found(replace(simulated, profile=burst_profile), "VF-I03")
+    assert finding.severity is Severity.WARNING
+
+
+def test_no_larger_fillet_is_named_where_none_helps(simulated: Subject) -> None:
+    flat = simulated.pattern.joints[0].found.flat
+    wide = replace(flat, fillets=(0.15, 0.6, 0.15))
+    (finding,) = found(with_joint(simulated, flat=wide, crotch_load=4.0), "VF-I03")
+    assert "a fillet" not in finding.message
+    assert ": at most" in finding.message
+
+
+def test_a_larger_fillet_takes_off_about_what_the_message_says() -> None:
+    loads = [
+        deployed_joint(Joint.fan(3, 160.0, width=0.6, fillet=one, hoop_strain=0.01)).crotch_load
+        for one in (0.125, 1.0 / 3.0)
+    ]
+    assert loads[1] / loads[0] == pytest.approx(fillet_gain(0.125, 1.0 / 3.0), abs=0.1)
+
+
+def test_bodies_are_as_thick_as_inflated_tubes(simulated: Subject) -> None:
+    capsules = deployed_capsules(simulated.pattern)
+    thick_mm = np.array([40.0, 24.0, 24.0]) / math.pi
+    assert capsules.half_mm == pytest.approx(thick_mm)
+    assert capsules.end_half_mm == pytest.approx(thick_mm)
+    assert not capsules.pouch.any()
+
+
+def test_branches_that_cross_when_inflated_are_one_finding(simulated: Subject, make: Make) -> None:
+    """Two of the grandchildren of each side cross: the deepest pair stands for all."""
+    crossing = make((2, 100.0, 60.0), (3, 150.0, 200.0), widths_mm=(40.0, 24.0, 14.0))
+    pattern = replace(simulated.pattern, design=crossing, flat=crossing, deployed=crossing)
+    subject = replace(Subject.of(crossing, simulated.profile), pattern=pattern)
+    report = checked(replace(subject, pattern=replace(pattern, joints=())))
+    (finding,) = (one for one in report.findings if one.rule == "VF-I04")
+    assert "more pairs" in finding.message
+    assert finding.measured < -8.0
+
+
+def test_siblings_that_close_lie_on_each_other_all_the_way(simulated: Subject) -> None:
+    assert found(simulated, "VF-I04") == ()
+    (finding,) = found(with_joint(simulated, deployed_deg=(0.0, 0.0)), "VF-I04")
+    deployed = simulated.pattern.deployed.levels[0]
+    assert isinstance(deployed, UnevenLevel)
+    assert finding.measured == pytest.approx(deployed.lengths_mm[0])
+    assert finding.limit == pytest.approx(deployed.lengths_mm[0] / 2.0)
+    assert "siblings of level 2" in finding.message
+
+
+def test_bodies_leave_pouches_out_and_say_so(simulated: Subject) -> None:
+    pouch = Pouch(shape="round", radius_mm=20.0)
+    build = simulated.design.build.changed(pouch=pouch)
+    pouched = replace(simulated, design=simulated.design.changed(build=build))
+    notes = {run.rule: run.note for run in checked(pouched).run}
+    assert notes["VF-I04"] == "without pouches"
+    assert {run.note for run in checked(simulated).run} == {""}

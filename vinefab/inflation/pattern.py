@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -129,6 +130,7 @@ def stretch_of(design: Design, material: Material, width_mm: float) -> float:
 
 
 _MOST_TARGETS = 8
+_MOST_TURN_DEG = 1.5  # by which children are turned so that their tips come near
 
 
 @lru_cache(maxsize=64)
@@ -199,6 +201,9 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
             found, problem = error.nearest, f"level {place + 2}: {error}"
         except VinefabError as error:
             found, problem = None, f"level {place + 2}: {error}"
+        if found and any(one >= two for one, two in pairwise(found.deployed_deg)):
+            # Siblings would pass through each other: nothing that could be drawn.
+            found = None
         joints.append(
             LevelJoint(
                 level=place + 2,
@@ -260,6 +265,8 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         if not compensated:
             break
         turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)
+        most_deg = min(_MOST_TURN_DEG, abs(wanted_deg[-1]) / 5.0)
+        turn_deg = min(max(turn_deg, -most_deg), most_deg)
         levels[place] = UnevenLevel.of_children(
             found.flat.angles_deg, child_lengths_mm(level).tolist()
         )

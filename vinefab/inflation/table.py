@@ -145,7 +145,7 @@ class Rows:
 
 def scaled(fan_deg: Floats, places: Floats) -> Floats:
     """Return coordinates in which joints change evenly: fan, ratio, fillet, strain."""
-    ratio, fillet, strain = places.T
+    ratio, fillet, strain = np.maximum(places, 1e-6).T
     return np.column_stack([fan_deg / 100.0, ratio, np.log(fillet) / 2.5, np.log(strain) / 5.0])
 
 

@@ -89,7 +89,7 @@ class FlatJoint:
 
 
 @lru_cache(maxsize=4096)
-def flat_joint(wanted: Joint) -> FlatJoint:
+def flat_joint(wanted: Joint, *, exact: bool = False) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles.
 
     From the table that ships where it can be trusted, else from the user's cache, else by Newton's
@@ -99,6 +99,8 @@ def flat_joint(wanted: Joint) -> FlatJoint:
     ----------
     wanted
         The joint with its deployed angles in place of flat ones.
+    exact
+        Whether the table is too coarse, as for what is cut.
 
     Raises
     ------
@@ -111,19 +113,26 @@ def flat_joint(wanted: Joint) -> FlatJoint:
     >>> [round(angle) for angle in flat_joint(pair).flat.angles_deg]
     [-40, 40]
     """
-    return _by_table("flat", wanted) or _by_cache("flat", wanted, simulated_flat_joint)
+    found = None if exact else _by_table("flat", wanted)
+    return found or _by_cache("flat", wanted, simulated_flat_joint)
 
 
 @lru_cache(maxsize=4096)
-def deployed_joint(flat: Joint) -> FlatJoint:
+def deployed_joint(flat: Joint, *, exact: bool = False) -> FlatJoint:
     """Return what becomes of a flat joint, from the table, the cache or a simulation.
+
+    Parameters
+    ----------
+    exact
+        As of `flat_joint`.
 
     Raises
     ------
     UnreachableJointError
         If it cannot be simulated.
     """
-    return _by_table("deployed", flat) or _by_cache("deployed", flat, simulated_deployed_joint)
+    found = None if exact else _by_table("deployed", flat)
+    return found or _by_cache("deployed", flat, simulated_deployed_joint)
 
 
 def _by_table(way: str, joint: Joint) -> FlatJoint | None:

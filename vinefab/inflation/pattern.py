@@ -140,14 +140,15 @@ def _joint(wanted: Joint, compensated: bool, gain: float) -> FlatJoint:  # noqa:
     The simulated angles aimed at are moved until those with the gain are the wanted ones.
     """
     if not compensated:
-        return _gained(deployed_joint(wanted), gain)
+        return _gained(deployed_joint(wanted, exact=True), gain)
     if gain == 1.0:
-        return flat_joint(wanted)
+        return flat_joint(wanted, exact=True)
     goal = np.array(wanted.angles_deg)
     target = goal
     for _ in range(_MOST_TARGETS):
         try:
-            simulated = flat_joint(wanted.with_angles(tuple(np.round(target, 3).tolist())))
+            aim = wanted.with_angles(tuple(np.round(target, 3).tolist()))
+            simulated = flat_joint(aim, exact=True)
         except UnreachableJointError as error:
             if error.nearest is None:
                 raise

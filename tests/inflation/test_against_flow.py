@@ -1,6 +1,6 @@
 import pytest
-from tests.oracles.inflation_flow import resting
 
+from tests.oracles.inflation_flow import resting
 from vinefab.inflation.joint import Joint, inflated_joint
 
 

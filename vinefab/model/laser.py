@@ -15,7 +15,7 @@ from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.limits import SMALLEST
-from vinefab.core.table import Table
+from vinefab.core.table import LATER, Table
 
 LARGEST_QUANTITY = 1e12
 """Limit of every number with a standing, in its unit."""
@@ -229,6 +229,7 @@ class Material(Table):
         Quantity | None,
         _CLOSING,
         Field(repr=False),
+        LATER,
         Doc(
             "by how much joints bend under pressure, over the simulated; 0: not at all; none: taken"
             " as 1 (assumed)"

@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
 from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
+from vinefab.core.registry import parameter_values
 from vinefab.core.rng import child
 from vinefab.core.statistics import mean_interval
 from vinefab.core.units import deg, rad
@@ -375,6 +376,8 @@ class AimResult(Result):
                 Fact("growth", growth_text(plan.options, [robot.design for robot in self.robots])),
             )
         )
+        task = self.task
+        task_values = {"name": task.name, "lowest": task.lowest, **parameter_values(task)}
         yield Data(
             {
                 "standing": {
@@ -384,9 +387,7 @@ class AimResult(Result):
                 },
                 "task": self.task.name,
                 "task_parameters": {
-                    name: value
-                    for name in getattr(self.task, "__dataclass_fields__", {})
-                    if isinstance(value := getattr(self.task, name), _PLAIN)
+                    name: value for name, value in task_values.items() if isinstance(value, _PLAIN)
                 },
                 "map": self.world.name,
                 "where": plan.where,

@@ -176,7 +176,7 @@ def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path)
     code, words, _ = vinefab("check", plain, "--dxf", picture)
     assert code == 1
     assert f"wrote {picture}" in words
-    drawing = read_dxf(picture)
+    drawing = read_dxf(picture.read_text(encoding="utf-8"))
     assert {path.layer for path in drawing.paths} == {"VF_90_REG", "VF_91_DOC"}
     assert drawing.oddities == ()
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.observation.centre_lines import TracedTree
 
@@ -26,7 +27,8 @@ def joint_angle_deg(traced: TracedTree) -> float:
     """
     count = len(traced.branches)
     if count not in (2, 3):
-        raise BadInputError("design", f"{count} branches", "a trunk with one or two children")
+        allowed = "a trunk with one or two children"
+        raise BadInputError("design", counted(count, "branch"), allowed)
     ends = [traced.branches[0], traced.branches[-1]] if count == 2 else traced.branches[1:]
     one, other = (
         _heading_rad(branch.points_mm, _TRUNK if branch is traced.branches[0] else _CHILD)

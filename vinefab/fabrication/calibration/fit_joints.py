@@ -224,7 +224,7 @@ def _opened_deg(name: str, strain: float) -> float:
         angles_deg=tuple(round(angle, 6) for angle in joint.angles_deg),
         hoop_strain=strain,
     )
-    return _between(deployed_joint(rounded).deployed_deg)
+    return _between(deployed_joint(rounded, exact=True).deployed_deg)
 
 
 def _between(angles_deg: Sequence[float]) -> float:

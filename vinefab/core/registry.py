@@ -17,7 +17,6 @@ from vinefab.core.errors import (
     nearest,
 )
 from vinefab.core.limits import plain_number
-from vinefab.core.table import Table, validated
 
 T = TypeVar("T")
 
@@ -159,17 +158,23 @@ def _text(error: BaseException) -> str:
     return format_exception_only(error)[-1].partition(": ")[2].strip()
 
 
+def _is_table(part: type) -> bool:
+    """Return whether a part is a declared table; pydantic is not loaded to know it."""
+    return hasattr(part, "model_fields")
+
+
 def parameter_names(part: type) -> tuple[str, ...]:
     """Return the names of a part's parameters: a declared table's or a dataclass's fields."""
-    if issubclass(part, Table):
-        return tuple(part.model_fields)
+    if _is_table(part):
+        return tuple(part.model_fields)  # type: ignore[attr-defined]
     return tuple(field.name for field in fields(part)) if is_dataclass(part) else ()
 
 
 def parameter_values(part: object) -> dict[str, Any]:
     """Return the values of a part's parameters by their names."""
-    if isinstance(part, Table):
-        return part.model_dump()
+    if _is_table(type(part)):
+        dumped: dict[str, Any] = part.model_dump()  # type: ignore[attr-defined]
+        return dumped
     return {name: getattr(part, name) for name in parameter_names(type(part))}
 
 
@@ -178,11 +183,12 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
 
     A part that is a declared table checks itself; plug-ins may have plain dataclasses.
     """
-    table = part if isinstance(part, type) and issubclass(part, Table) else None
-    if table is not None:
+    if isinstance(part, type) and _is_table(part):
+        from vinefab.core.table import validated  # noqa: PLC0415  it is loaded by now
+
         plain = {name: plain_number(value) for name, value in parameters.items()}
         try:
-            return cast("T", validated(table, plain))
+            return cast("T", validated(part, plain))
         except BadInputError as error:
             raise BadInputError(f"{key}.{error.key}", error.value, error.allowed) from error
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}

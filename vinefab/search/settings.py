@@ -346,6 +346,7 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
         declared = {n: f for n, f in type(settings).model_fields.items() if n != "schema_"}
         values = {name: getattr(settings, name) for name in declared}
         later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
+        later |= getattr(type(settings), "before", {})
         return {
             name: plain_settings(value)
             for name, value in values.items()
@@ -364,7 +365,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `plain_settings`, also of a record of an older vinefab."""
     known = {name: record[name] for name in RunSettings.model_fields if name in record}
     # Before pressure stopped growth, records did not speak of it.
-    growth = {"pressure_stop": False, **record["growth"]}
+    growth = {"pressure_stop": False, **GrowthOptions.before, **record["growth"]}
     return RunSettings(**{**known, "growth": growth})
 
 

@@ -148,7 +148,8 @@ class Deployment:
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason, by the reason's name."""
         counts = np.bincount(self.stop, minlength=len(Stop)).tolist()
-        return {stop.label: counts[stop] for stop in Stop}
+        # Reasons that files did not always have stand there where they occur.
+        return {stop.label: counts[stop] for stop in Stop if stop <= Stop.PRESSURE or counts[stop]}
 
     @property
     def summary(self) -> tuple[str, ...]:

@@ -276,7 +276,6 @@ class DeployedDesign(Result):
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
             **self.options.content,
-            "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
             "wedged": [
                 place.content() for place in wedged(self.design, self.deployment, self.options)
@@ -297,18 +296,11 @@ class DeployedDesign(Result):
         growth = growth_text(self.options, [self.design])
         yield Facts((Fact("grown", grown, detail=planned), Fact("growth", growth)))
         yield Notes(self.notes)
-        tight = np.flatnonzero(self.deployment.tight_exit).tolist()
-        names = ", ".join(tree.ids[branch] for branch in tight[:_MOST_NAMED])
-        bows = (
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
-            f"tip, where a real one may bow: {names}{', ...' * (len(tight) > _MOST_NAMED)}"
-        )
         yield Notes(
             (
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start for branch", self.without_room),
                 *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
-                *([bows] if tight else []),
             )
         )
 

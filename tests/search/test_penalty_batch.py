@@ -1,5 +1,6 @@
 """The compiled penalty of many designs against the readable one of each."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.fabrication.pieces.quick_cuts import MOST_PIECE_BRANCHES
 from vinefab.fabrication.rules.penalty import MOST_CHECKED_BRANCHES
-from vinefab.model.design import MOST_BRANCHES, PieceSettings, Pouch
+from vinefab.model.design import MOST_BRANCHES, Compensation, Mounting, PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import Quantity, Standing
 from vinefab.search.evaluator import SpacePenalty
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
@@ -35,13 +37,20 @@ def both(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return PENALTY.within(space)(space.batch(x)), np.array([PENALTY(space.design(p)) for p in x])
 
 
+CHOICES: tuple[Compensation, ...] = ("inflation", "none")
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize("ratio", [0.65, 1.0])
 @pytest.mark.parametrize("settings", [TABLE_1, BENCH], ids=["table 1", "bench"])
 def test_penalties_at_once_are_those_one_by_one(
-    settings: SpaceSettings, ratio: float, pouch: Pouch | None
+    settings: SpaceSettings, ratio: float, pouch: Pouch | None, compensation: Compensation
 ) -> None:
-    space = Space(settings, BuildSettings(width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0))
+    build = BuildSettings(
+        width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0, compensation=compensation
+    )
+    space = Space(settings, build)
     x = np.random.default_rng(3).random((120, len(space)))
     # Corners of the space, with branches that are parallel, coincide, or touch at their ends.
     x[:40] = np.round(x[:40])
@@ -59,8 +68,34 @@ def test_penalties_at_once_know_widths_by_level(widths_mm: tuple[float, ...]) ->
     assert np.abs(found - wanted).max() < 1e-9
 
 
-def test_both_agree_which_designs_have_none() -> None:
-    space = Space(BENCH, BuildSettings(trunk_width_mm=24.0))
+@pytest.mark.parametrize("gain", [0.7, 1.2])
+def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> None:
+    measured = Quantity(value=gain, standing=Standing.MEASURED, source="coupon")
+    material = PENALTY.profile.material.changed(closing_gain=measured)
+    penalty = replace(PENALTY, profile=replace(PENALTY.profile, material=material))
+    settings = BENCH.changed(branches=Bounds(low=4, high=9), levels=Bounds(low=2, high=3))
+    space = Space(settings, BuildSettings(compensation="inflation", width_ratio=0.5))
+    x = np.random.default_rng(9).random((40, len(space)))
+    found = penalty.within(space)(space.batch(x))
+    wanted = [penalty(space.design(point)) for point in x]
+    assert np.abs(found - wanted).max() < 1e-9
+    assert np.abs(found - PENALTY.within(space)(space.batch(x))).max() > 1e-3
+
+
+def test_the_pattern_decides_and_too_narrow_fans_add_to_it() -> None:
+    """Siblings 10 degrees apart are cut 34 apart; of those 1 apart none was simulated."""
+    spaces = [Space(FORK, BuildSettings(compensation=choice)) for choice in CHOICES]
+    angles_deg = np.array([1.0, 1.5, 2.0, 10.0, 14.0, 30.0])
+    x = (angles_deg[:, None] - 1.0) / 29.0
+    cut, designed = (PENALTY.within(space)(space.batch(x)) for space in spaces)
+    assert ((designed > 0.0) == (angles_deg < 15.0)).all()
+    assert (np.diff(cut[:3]) < 0.0).all()
+    assert cut[3:].max() == 0.0
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
+def test_both_agree_which_designs_have_none(compensation: Compensation) -> None:
+    space = Space(BENCH, BuildSettings(trunk_width_mm=24.0, compensation=compensation))
     found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((300, len(space))))
     assert 20 < (wanted == 0.0).sum() < 280
     assert np.array_equal(found == 0.0, wanted == 0.0)
@@ -99,6 +134,16 @@ CROSSING = SpaceSettings(
 )
 
 
+FORK = SpaceSettings(
+    levels=Bounds(low=2, high=2),
+    branches=Bounds(low=2, high=2),
+    length_mm=Bounds(low=150, high=150),
+    growth_percent=Bounds(low=100, high=100),
+    angle_deg=Bounds(low=1, high=30),
+)
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize(
     ("most", "mounting"), [(2, "tail_inverted"), (6, "tail_inverted"), (6, "turned")]
@@ -107,13 +152,22 @@ CROSSING = SpaceSettings(
     "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
 )
 def test_penalties_in_pieces_at_once_are_those_one_by_one(
-    settings: SpaceSettings, most: int, mounting: str, pouch: Pouch | None
+    settings: SpaceSettings,
+    most: int,
+    mounting: Mounting,
+    pouch: Pouch | None,
+    compensation: Compensation,
 ) -> None:
-    pieces = PieceSettings(most=most)
-    build = BuildSettings(pouch=pouch, trunk_width_mm=30.0, pieces=pieces, mounting=mounting)
+    build = BuildSettings(
+        pouch=pouch,
+        trunk_width_mm=30.0,
+        pieces=PieceSettings(most=most),
+        mounting=mounting,
+        compensation=compensation,
+    )
     space = Space(settings, build)
-    x = np.random.default_rng(6).random((40, len(space)))
-    x[:10] = np.round(x[:10])
+    x = np.random.default_rng(6).random((25, len(space)))
+    x[:6] = np.round(x[:6])
     found, wanted = both(space, x)
     assert np.array_equal(found == 0.0, wanted == 0.0)
     assert np.abs(found - wanted).max() < 1e-9

@@ -20,8 +20,9 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Build, Design
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Material
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
 
@@ -111,7 +112,7 @@ def fabrication_penalty(
     design: Design,
     limits: LimitChanges | None = None,
     *,
-    film_mm: float = DEFAULT_FILM_MM,
+    material: Material | None = None,
     taken_mm: float = DEFAULT_TAKEN_MM,
     sheet_mm: tuple[float, float] | None = None,
     pieces: PieceLimits | None = None,
@@ -125,6 +126,10 @@ def fabrication_penalty(
 
     Parameters
     ----------
+    material
+        The film. A compensated design counts as its pattern by `quick_pattern`, and fans narrower
+        than any that was simulated add to the penalty. Without it every design counts as it is, cut
+        of film of `DEFAULT_FILM_MM`.
     taken_mm
         How far outside its lumen the beams of each branch take film.
     sheet_mm
@@ -140,15 +145,30 @@ def fabrication_penalty(
         to its limit. It falls steadily as branches part, also while they still cross, so that a
         search can follow it; the logarithm keeps a hopeless tree below about 100.
     """
-    changed = limits or {}
+    changed, film_mm = limits or {}, DEFAULT_FILM_MM
+    passages, beyond = (1.0,) * len(design.levels), 0.0
+    if material is not None:
+        pattern, film_mm = quick_pattern(design, material), material.film_mm
+        design, passages, beyond = pattern.flat, pattern.passages, pattern.beyond
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
     narrow = _short_of(angles_deg, _limit(ANGLE, changed))
     webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
-    shares = occupancies(design, film_mm, _limit(PACKING, changed, "packing"))
+    # What rides in a child comes through the passage of its joint.
+    shares = [
+        share / passage
+        for share, passage in zip(
+            occupancies(design, film_mm, _limit(PACKING, changed, "packing")),
+            (1.0, *passages),
+            strict=False,
+        )
+    ]
     kinds = (
         width_violations(design.build, changed),
-        narrow + webbed + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
+        beyond
+        + narrow
+        + webbed
+        + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
         _over((100.0 * share for share in shares), _limit(PACKING, changed)),
         _on_sheet(design, changed, sheet_mm, taken_mm)
         if pieces is None

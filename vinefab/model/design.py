@@ -63,6 +63,11 @@ Compensation = Literal["inflation", "none"]
 
 DEFAULT_COMPENSATION: Compensation = "none"
 
+Compensation = Literal["inflation", "none"]
+"""Whether what is cut is the pattern that deploys as designed, or the design itself."""
+
+DEFAULT_COMPENSATION: Compensation = "inflation"
+
 
 @dataclass(frozen=True, slots=True)
 class PerLevel:
@@ -392,7 +397,7 @@ class Build(Table):
         LATER,
         Doc(
             "inflation: cut with the flat angles and lengths that deploy as designed (simulated); "
-            "none: cut as designed"
+            "none: cut as designed, and grown as that deploys"
         ),
     ] = DEFAULT_COMPENSATION
     mounting: Annotated[

@@ -58,10 +58,6 @@ Mounting = Literal["tail_inverted", "turned"]
 every face when it grows; or first turned inside out as a whole."""
 
 DEFAULT_MOUNTING: Mounting = "tail_inverted"
-Compensation = Literal["inflation", "none"]
-"""Whether what is cut is the pattern that deploys as designed, or the design itself."""
-
-DEFAULT_COMPENSATION: Compensation = "none"
 
 Compensation = Literal["inflation", "none"]
 """Whether what is cut is the pattern that deploys as designed, or the design itself."""

@@ -23,6 +23,7 @@ from vinefab.fabrication.pieces.quick_cuts import (
     MOST_STEPS,
 )
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
+from vinefab.fabrication.rules.inflation_rules import BODIES
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
@@ -95,6 +96,7 @@ class PenaltyLimits(NamedTuple):
 
     angle_deg: float  # least angle between neighbours
     crotch: float  # most of a branch that may lie in the crotch
+    sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
     clearance_mm: float  # least distance of lumens
@@ -202,6 +204,7 @@ class BatchPenalty:
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
+            sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),

@@ -28,7 +28,7 @@ def penalize(designs, tables, limits, scratch, penalty):
     """
     for d in range(len(designs.depth)):
         count = designs.first[d + 1] - designs.first[d]
-        beyond = _cut_fans(designs, d, tables, scratch)
+        beyond = _cut_fans(designs, d, tables, limits, scratch)
         penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
         if count > limits.most_branches:
             penalty[d] += math.log1p(float(count) ** 2)
@@ -51,7 +51,7 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
     """
     for d in range(len(designs.depth)):
         count, joints[d] = designs.first[d + 1] - designs.first[d], 0
-        beyond = _cut_fans(designs, d, tables, scratch)
+        beyond = _cut_fans(designs, d, tables, limits, scratch)
         penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
         if count > limits.most_branches:
             penalty[d] += math.log1p(float(count) ** 2)
@@ -71,7 +71,7 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
 def _of_levels(designs, d, beyond, tables, limits, scratch):
     """Return the penalty of the rules that need no flat layout.
 
-    ``beyond`` is by how much fans are narrower than any that was simulated.
+    ``beyond`` is how far fans are from any that was simulated, and inflated siblings from apart.
     """
     penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
     penalty += math.log1p(tables.widths[designs.depth[d] - 1])
@@ -83,12 +83,12 @@ def _of_levels(designs, d, beyond, tables, limits, scratch):
 
 
 @inlined
-def _cut_fans(designs, d, tables, scratch):
+def _cut_fans(designs, d, tables, limits, scratch):
     """Write the flat angles and lengths of each level's children, gaps and passages.
 
     They are the planned ones where nothing is compensated, else those of
     `vinefab.inflation.law.quick_pattern`. Returns by how much fans are narrower than any that was
-    simulated.
+    simulated, and by how much too far inflated siblings lie on each other.
     """
     row, beyond = designs.first[d], 0.0
     scratch.passage[0] = 1.0
@@ -99,6 +99,8 @@ def _cut_fans(designs, d, tables, scratch):
         children = designs.branches[d, below]
         fan = designs.fan[d, below] if children > 1 else 0.0
         compensated = tables.law.shape[0] > 0 and children < tables.law.shape[1]
+        if tables.law.shape[0] > 0 and children > 1:
+            beyond += _touching(designs, d, below, fan / (children - 1), tables, limits)
         if compensated:
             beyond += _compensate(designs, d, row, below, children, fan, tables, scratch)
         else:
@@ -106,6 +108,18 @@ def _cut_fans(designs, d, tables, scratch):
         count *= children
         row += count
     return beyond
+
+
+@inlined
+def _touching(designs, d, below, gap, tables, limits):
+    """Return by how much too far siblings of a deployed fan lie on each other, as VF-I04."""
+    if gap >= math.pi:
+        return 0.0
+    contact_mm = math.inf
+    if gap > 0.0:
+        contact_mm = 2.0 * tables.half[below + 1] / math.pi / math.sin(gap / 2.0)
+    shortest_mm = designs.size[d, below] * min(1.0, designs.growth[d, below])
+    return _excess(contact_mm / shortest_mm, limits.sibling_share, limits.most)
 
 
 @inlined

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -304,8 +304,3 @@ def _apart(flat_deg: Floats) -> Floats:
             if short > 0.0:
                 flat[one], flat[two] = flat[one] - short / 2.0, flat[two] + short / 2.0
     return flat
-
-
-def softer(joint: Joint, times: float) -> Joint:
-    """Return a joint of film that stretches so many times as far."""
-    return replace(joint, hoop_strain=joint.hoop_strain * times)

@@ -59,51 +59,6 @@ class Pattern:
     joints: tuple[LevelJoint, ...]  # of each level from the second on
 
     @property
-    def rows(self) -> tuple[tuple[str, ...], ...]:
-        """For each level: its number, angles and lengths as designed, cut and expected."""
-        shown = []
-        for joint in self.joints:
-            place = joint.level - 2
-            levels = (
-                self.design.levels[place],
-                self.flat.levels[place],
-                self.deployed.levels[place],
-            )
-            angles = (np.degrees(fan_offsets_rad(level)) for level in levels)
-            lengths = (child_lengths_mm(level) for level in levels[:2])
-            cells = (
-                *(", ".join(f"{angle + 0.0:.1f}" for angle in one) for one in angles),
-                *(", ".join(f"{length:.1f}" for length in one) for one in lengths),
-            )
-            shown.append((str(joint.level), *cells))
-        return tuple(shown)
-
-    @property
-    def content(self) -> dict[str, object]:
-        """The figures of every level, as JSON has them (simulated)."""
-        return {
-            "standing": "simulated",
-            "trunk_mm": {"designed": self.design.trunk_length_mm, "cut": self.flat.trunk_length_mm},
-            "levels": [
-                {
-                    "level": joint.level,
-                    "hoop_strain": joint.found.flat.hoop_strain,
-                    "designed_deg": list(joint.wanted_deg),
-                    "cut_deg": list(joint.found.flat.angles_deg),
-                    "expected_deg": list(joint.found.deployed_deg),
-                    "designed_mm": child_lengths_mm(self.design.levels[joint.level - 2]).tolist(),
-                    "cut_mm": child_lengths_mm(self.flat.levels[joint.level - 2]).tolist(),
-                    "sensitivity": joint.found.sensitivity,
-                    "crotch_load": joint.found.crotch_load,
-                    "passage": joint.found.passage,
-                }
-                for joint in self.joints
-                if joint.found is not None
-            ],
-            "problems": list(self.problems),
-        }
-
-    @property
     def problems(self) -> tuple[str, ...]:
         """Why levels do not deploy as designed, a sentence each."""
         return tuple(joint.problem for joint in self.joints if joint.problem)

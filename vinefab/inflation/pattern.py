@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,9 +13,11 @@ from vinefab.inflation.compensation import (
     MESH_DEG,
     WITHIN_DEG,
     FlatJoint,
+    UnknownJointError,
     UnreachableJointError,
     deployed_joint,
     flat_joint,
+    known_joint,
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
@@ -44,6 +46,7 @@ class LevelJoint:
     wanted_deg: tuple[float, ...]  # designed angle of each child
     found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
     problem: str = ""  # why it does not deploy as designed; empty where it does
+    is_known: bool = True  # False: nothing but a simulation would tell, and none was asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,21 +92,25 @@ _MOST_TURN_DEG = 1.5  # by which children are turned so that their tips come nea
 
 
 @lru_cache(maxsize=64)
-def _joint(wanted: Joint, compensated: bool, gain: float) -> FlatJoint:  # noqa: FBT001  a key of the cache
+def _joint(wanted: Joint, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
     """Return a joint whose children turn so many times as far as simulated, as measured.
 
     The simulated angles aimed at are moved until those with the gain are the wanted ones.
     """
+    if known_only:
+        flat_of, deployed_of = partial(known_joint, "flat"), partial(known_joint, "deployed")
+    else:
+        flat_of, deployed_of = partial(flat_joint, exact=True), partial(deployed_joint, exact=True)
     if not compensated:
-        return _gained(deployed_joint(wanted, exact=True), gain)
+        return _gained(deployed_of(wanted), gain)
     if gain == 1.0:
-        return flat_joint(wanted, exact=True)
+        return flat_of(wanted)
     goal = np.array(wanted.angles_deg)
     target = goal
     for _ in range(_MOST_TARGETS):
         try:
             aim = wanted.with_angles(tuple(np.round(target, 3).tolist()))
-            simulated = flat_joint(aim, exact=True)
+            simulated = flat_of(aim)
         except UnreachableJointError as error:
             if error.nearest is None:
                 raise
@@ -127,7 +134,7 @@ def _gained(found: FlatJoint, gain: float) -> FlatJoint:
     return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
 
 
-def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
+def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = False) -> Pattern:
     """Return the flat tree that a design is cut as.
 
     Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
@@ -139,6 +146,9 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     profile
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
+    known_only
+        Simulate nothing: look joints up in milliseconds, for what follows a pointer. What the table
+        says is good for a degree or two; nothing may be cut by it.
     """
     material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
@@ -150,10 +160,14 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
         lengths_mm = child_lengths_mm(level)
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
         found: FlatJoint | None
+        is_known = True
         try:
-            found = _level_joint(design, material, place, compensated=compensated)
+            found = _level_joint(
+                design, material, place, compensated=compensated, known_only=known_only
+            )
             problem = ""
         except UnreachableJointError as error:
+            is_known = not isinstance(error, UnknownJointError)
             found, problem = error.nearest, f"level {place + 2}: {error}"
         except VinefabError as error:
             found, problem = None, f"level {place + 2}: {error}"
@@ -168,6 +182,7 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
                 wanted_deg=wanted,
                 found=found,
                 problem=problem,
+                is_known=is_known,
             )
         )
         if found is not None:
@@ -194,7 +209,9 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     )
 
 
-def _level_joint(design: Design, material: Material, place: int, *, compensated: bool) -> FlatJoint:
+def _level_joint(
+    design: Design, material: Material, place: int, *, compensated: bool, known_only: bool
+) -> FlatJoint:
     """Return the joint of one level; fillets are those that its flat angles leave room for."""
     build, level = design.build, design.levels[place]
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
@@ -217,7 +234,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
         )
-        found = _joint(wanted, compensated, gain)
+        found = _joint(wanted, compensated, gain, known_only)
         if not compensated:
             break
         turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)

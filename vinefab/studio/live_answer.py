@@ -10,7 +10,7 @@ from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
@@ -70,7 +70,7 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     prepared = prepared_map(world)
     try:
         deployment = grow_on(
-            state.design, prepared.terrain, start, state.growth, engine=engine_now()
+            state.grown_now, prepared.terrain, start, state.growth, engine=engine_now()
         )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
@@ -149,7 +149,13 @@ def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
 def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
     lost = without_room(state.design, deployment, state.growth)
+    unknown = [
+        f"level {number}: grown at its designed angles; no table says what it deploys as"
+        for number, level in enumerate(state.grown_now.levels, start=2)
+        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+    ]
     return [
+        *unknown,
         *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
         *places_text("no room for the body of", lost),
         *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),

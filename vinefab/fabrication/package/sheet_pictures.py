@@ -207,14 +207,14 @@ def pattern_plan(pattern: Pattern) -> Page:
     """
     outline = body_outline(with_short_tail(pattern.flat)).contour.flattened_mm()
     bodies = deployed_capsules(replace(pattern, deployed=with_short_tail(pattern.deployed)))
-    rounds = [
-        shapely.buffer(shapely.points(ends), halves)
-        for ends, halves in (
+    begins, ends = (
+        shapely.buffer(shapely.points(at_mm), half_mm)
+        for at_mm, half_mm in (
             (bodies.start_mm, bodies.half_mm),
             (bodies.end_mm, bodies.end_half_mm),
         )
-    ]
-    tubes = shapely.convex_hull(shapely.union(*rounds))
+    )
+    tubes = np.asarray(shapely.convex_hull(shapely.union(begins, ends)))
     designed = flat_layout(pattern.design)
     axes = np.stack([designed.start_mm, designed.end_mm], axis=1)
     corners = np.concatenate([outline, axes.reshape(-1, 2), shapely.get_coordinates(tubes)])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vinefab.core.statistics import mean_interval
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose
@@ -84,12 +85,15 @@ def test_every_number_of_a_spread_is_what_its_name_says():
 
 
 def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
-    # Means of the maps are 2 and 10; drawn with replacement they give 2, 6 or 10.
+    # Means of the maps are 2 and 10.
     spread = Spread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
-    assert (spread.mean, spread.low, spread.high) == (6.0, 2.0, 10.0)
+    assert (spread.mean, spread.over) == (6.0, "2 maps")
+    assert (spread.low, spread.high) == mean_interval([2.0, 10.0])
     assert spread.median == 2.5
     alike = Spread.of(np.array([4.0, 4.0]), ["a", "b"])
-    assert (alike.low, alike.high, alike.deviation) == (4.0, 4.0, 0.0)
+    assert (alike.has_interval, alike.deviation) == (False, 0.0)
+    shares = Spread.of(np.array([2.0, 90.0]), ["a", "b"], SEEN)
+    assert (shares.low, shares.high) == (0.0, 100.0)  # no share lies outside
     assert Spread.of(np.array([np.nan]), ["a"]) is None
 
 

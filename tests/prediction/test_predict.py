@@ -254,7 +254,8 @@ CONTACTS = ContactRange(
     deployments=4,
     values={
         measure.key: tuple(
-            ContactValue(mean=mean, low=mean, high=mean) for mean in (40.0, 37.0, 36.0, 35.0)
+            ContactValue(mean=mean, low=mean, high=mean, over="2 maps")
+            for mean in (40.0, 37.0, 36.0, 35.0)
         )
         for measure in CONTACT_MEASURES
     },
@@ -286,7 +287,7 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     assert seen.value == "40.0 %"
     # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
     assert (
-        "95 % interval 20.0 to 60.0; 35.0 to 40.0 over head-on half-angles of 1 to 15 deg "
+        "95 % interval 0.0 to 100.0 over 2 maps; 35.0 to 40.0 over head-on half-angles of 1 to 15 deg "
         "(assumed); 90 % of the deployments 11.5 to 55.5"
     ) in seen.detail
     assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")

@@ -235,7 +235,9 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
             (
                 f"{row['knob']} {row['step']:+g} {row['unit']}",
                 signed(row["change"]),
-                "-" if row["low"] is None else f"{row['low']:+.3f} to {row['high']:+.3f}",
+                "-"
+                if row["low"] is None
+                else f"{row['low']:+.3f} to {row['high']:+.3f}; {row.get('over', '')}",
                 row["deployments"],
             )
             for row in found["placed_off"]

@@ -30,11 +30,11 @@ def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[fl
     return min(means), max(means)
 
 
-def mean_score(score: Mapping[str, float | None]) -> Number:
+def mean_score(score: Mapping[str, Any]) -> Number:
     """Return a mean score with its 95 % interval, where it has one."""
     low, high = score["low"], score["high"]
     interval = None if low is None or high is None else (low, high)
-    return Number(score["mean"], form=".3f", interval=interval)
+    return Number(score["mean"], form=".3f", interval=interval, over=score.get("over", ""))
 
 
 def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:

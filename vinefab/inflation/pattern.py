@@ -42,6 +42,8 @@ class LevelJoint:
     width_mm: float  # lay-flat width of the parent at the joint
     count: int  # joints of this kind in the robot
     wanted_deg: tuple[float, ...]  # designed angle of each child
+    # Angles that the joint is solved for: the designed ones, turned so that tips come near.
+    aimed_deg: tuple[float, ...]
     found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
     problem: str = ""  # why it does not deploy as designed; empty where it does
 
@@ -194,12 +196,13 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
         width_mm = build.end_widths_mm[place]
         lengths_mm = child_lengths_mm(level)
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
+        aimed, problem = wanted, ""
         found: FlatJoint | None
         try:
-            found = _level_joint(design, material, place, compensated=compensated)
-            problem = ""
+            aimed, found = _level_joint(design, material, place, compensated=compensated)
         except UnreachableJointError as error:
-            found, problem = error.nearest, f"level {place + 2}: {error}"
+            aimed, found = error.wanted.angles_deg, error.nearest
+            problem = f"level {place + 2}: {error}"
         except VinefabError as error:
             found, problem = None, f"level {place + 2}: {error}"
         if found and any(one >= two for one, two in pairwise(found.deployed_deg)):
@@ -211,6 +214,7 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
                 width_mm=width_mm,
                 count=parents,
                 wanted_deg=wanted,
+                aimed_deg=aimed,
                 found=found,
                 problem=problem,
             )
@@ -234,13 +238,22 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
             levels=tuple(flat),
             build=build.changed(compensation="none"),
         ),
-        deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
+        deployed=design.changed(
+            trunk=Trunk(length_mm=grown_trunk_mm),
+            levels=tuple(deployed),
+            build=build.changed(compensation="inflation"),
+        ),
         joints=tuple(joints),
     )
 
 
-def _level_joint(design: Design, material: Material, place: int, *, compensated: bool) -> FlatJoint:
-    """Return the joint of one level; fillets are those that its flat angles leave room for."""
+def _level_joint(
+    design: Design, material: Material, place: int, *, compensated: bool
+) -> tuple[tuple[float, ...], FlatJoint]:
+    """Return the angles that the joint of one level is solved for, and the joint.
+
+    Fillets are those that its flat angles leave room for.
+    """
     build, level = design.build, design.levels[place]
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
     width_mm = build.end_widths_mm[place]
@@ -271,4 +284,4 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         levels[place] = UnevenLevel.of_children(
             found.flat.angles_deg, child_lengths_mm(level).tolist()
         )
-    return found
+    return wanted.angles_deg, found

@@ -21,7 +21,7 @@ from vinefab.prediction.comparison import (
     side_by_side_table,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
-from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
+from vinefab.prediction.measures import ANCHORING, MEASURES, REACH, SEEN, STUCK, MeasureTable
 from vinefab.prediction.pictures import paired_difference_chart
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree
@@ -51,7 +51,7 @@ def test_a_design_against_itself_is_a_draw(found):
         for difference in comparison.differences
         if "short" not in (difference.first, difference.second)
     ]
-    assert len(twins) == len(MEASURES)
+    assert len(twins) == len(MEASURES) - 1  # without pouches: the ideal case alone
     for difference in twins:
         assert (difference.mean, difference.p, difference.won_percent) == (0.0, 1.0, 50.0)
         assert np.isnan(difference.low)  # six maps that are alike are too few for three pairs
@@ -118,7 +118,7 @@ def test_words_json_and_page_say_the_same(found):
     document, page, lines = comparison.numbers, comparison.page(), comparison.summary
     assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
-    assert len(document["duels"]) == 3 * len(MEASURES)
+    assert len(document["duels"]) == 3 * (len(MEASURES) - 1)
     assert document["designs"]["short"][REACH.key]["count"] == 12
     for difference in document["duels"]:
         if difference["measure"] == REACH.key:
@@ -131,6 +131,12 @@ def test_words_json_and_page_say_the_same(found):
     assert comparison.growth in page
     assert f"growth: {comparison.growth}" in lines
     assert "one thing to know" in page
+
+
+def test_a_measure_that_no_design_has_is_refused_by_name(found):
+    design, family = found[0].designs[0], found[1]
+    with pytest.raises(ValueError, match="ideal_anchoring_amplification"):
+        compare_designs([design] * 2, [family], PredictionPlan(poses=1), measure=ANCHORING)
 
 
 @pytest.mark.parametrize("count", [1, 13])

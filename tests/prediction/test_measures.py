@@ -14,6 +14,7 @@ from vinefab.prediction.measures import (
     ANCHORING,
     COVERAGE,
     GROWN,
+    IDEAL_ANCHORING,
     LOOSE,
     LOOSE_PRESSURE,
     MEASURES,
@@ -145,7 +146,8 @@ def test_measures_of_a_straight_vine_with_tight_film_and_one_leaf(straight):
     found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
     scale = 25.0 / (2.0 * 20.0 / np.pi)
     assert found[TIGHT_PRESSURE.key] == pytest.approx(scale * (1.92 + 8.32 + 0.771 * 0.1))
-    assert found[ANCHORING.key] == pytest.approx(1.0)
+    assert found[IDEAL_ANCHORING.key] == pytest.approx(1.0)
+    assert np.isnan(found[ANCHORING.key])  # without pouches
     assert found[UNDEPLOYED.key] == 0.0
     # One disc: nothing is seen twice, so only area and film count.
     film = 100.0 / (20.0 * np.hypot(400.0, 200.0))

@@ -333,6 +333,9 @@ def compare_designs(
     for index, design in enumerate(designs):
         ends = (0.9 * number / len(designs) for number in (index, index + 1))
         results.append(deploy_family(design, prepared, plan, part_of(progress, *ends)))
+    if not any(result.outcomes.spread(measure) for result in results):
+        known = [m.key for m in MEASURES if any(r.outcomes.spread(m) for r in results)]
+        raise BadInputError("--measure", measure.key, f"one that a design has: {', '.join(known)}")
     return DesignComparison(
         names=names,
         designs=tuple(designs),

@@ -128,7 +128,17 @@ ANCHORING = Measure(
     digits=2,
     better="more",
     meaning="holding force over that of one pouch, at the assumed friction; pouches in gaps "
-    "narrower than theirs count, or without any pouches every leaf that came out (ideal case)",
+    "narrower than theirs count",
+    least=0.0,
+)
+
+IDEAL_ANCHORING = Measure(
+    key="ideal_anchoring_amplification",
+    title="anchoring amplification, ideal case",
+    unit="x",
+    digits=2,
+    better="more",
+    meaning="the same by the formula, for a robot without pouches: every leaf that came out holds",
     least=0.0,
 )
 
@@ -188,7 +198,8 @@ TIGHT_PRESSURE = Measure(
 )
 
 MEASURES = (
-    COVERAGE, SEEN, REACH, ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE, TIGHT_PRESSURE,
+    COVERAGE, SEEN, REACH, ANCHORING, IDEAL_ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE,
+    TIGHT_PRESSURE,
 )  # fmt: skip
 
 
@@ -317,7 +328,10 @@ def measured_shapes(
     for index, terrain in enumerate(block.terrain.tolist()):
         grown = block.deployment(index)
         held = anchoring.anchored(grown, design.build, contexts[terrain])
-        rows.append((held.amplification(anchoring.friction)[0], *shares_percent(grown)))
+        amplified = held.amplification(anchoring.friction)[0]
+        # A robot has one of both, so that neither is taken for the other.
+        both = (amplified, math.nan) if held.has_pouches[0] else (math.nan, amplified)
+        rows.append((*both, *shares_percent(grown)))
     areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
     return np.column_stack([*areas, np.array(rows)])
 

@@ -193,6 +193,7 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     angles = {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
     content = {
         "task": settings.task.name,
+        "title": result.score.title_of_task,
         "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
         **angles,
         "trained_half_angle_deg": settings.growth.half_angle_deg,

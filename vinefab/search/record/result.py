@@ -158,7 +158,7 @@ class RunResult(Result):
         fresh = counted(len(self.score.evaluations), "fresh pose")
         scores = {
             kind: Fact(
-                f"{kind} {self.score.task} on the training maps",
+                f"{kind} {self.score.title_of_task} on the training maps",
                 Number(value, form=".4f"),
                 f"composite.{kind}",
                 detail=f"{made}; {fresh}; simulated"
@@ -247,7 +247,8 @@ class RunResult(Result):
         size = "; ".join(filter(None, (size_words(self.best), self.pieces_words)))
         made = self.made if self.checked else "not checked whether it is manufacturable"
         return Answer(
-            f"found {self.best.name}: {self.score.task} {mean} (simulated); {size}; {made}",
+            f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
+            f"{made}",
             "good" if self.checked and self.fabricable else "caution",
         )
 

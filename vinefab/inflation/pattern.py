@@ -21,7 +21,7 @@ from vinefab.inflation.compensation import (
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
-from vinefab.model.design import Design, Trunk, UnevenLevel
+from vinefab.model.design import Build, Design, Trunk, UnevenLevel
 from vinefab.model.laser import LaserProfile, Material
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
@@ -74,19 +74,29 @@ def cut_design(design: Design, profile: LaserProfile) -> Design:
     return design if design.build.compensation == "none" else pattern_of(design, profile).flat
 
 
-def strain_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_at(build: Build, material: Material, width_mm: float) -> float:
     """Return the hoop strain of film at a design's working pressure on a tube of some width.
 
     Two digits, so that joints that differ by no more are one.
     """
-    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    pressure_kpa = build.pressure_kpa or ASSUMED_PRESSURE_KPA
     strain = hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
     return float(f"{min(max(strain, LEAST_STRAIN), MOST_STRAIN):.2g}")
 
 
-def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return the hoop strain of a design's film, as `strain_at`."""
+    return strain_at(design.build, material, width_mm)
+
+
+def stretch_at(build: Build, material: Material, width_mm: float) -> float:
     """Return by how much a straight tube of some width grows longer under pressure, as a ratio."""
-    return tube_stretch(strain_of(design, material, width_mm))[1]
+    return tube_stretch(strain_at(build, material, width_mm))[1]
+
+
+def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return by how much a design's tubes of some width grow longer, as `stretch_at`."""
+    return stretch_at(design.build, material, width_mm)
 
 
 _MOST_TARGETS = 8

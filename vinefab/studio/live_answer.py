@@ -13,6 +13,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
+from vinefab.model.score import IDEAL_CASE
 from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
@@ -74,12 +75,13 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
-    scores, problems = _scores(deployment, prepared)
+    scores, titles, problems = _scores(deployment, prepared)
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return place | {
         "robot_svg": robot_svg(deployment, widths_mm),
         "front_full_mm": deployment.full_mm,
         "scores": scores,
+        "titles": titles,
         "facts": _facts(state.design, deployment),
         "problems": problems + _troubles(state, deployment),
     }
@@ -110,9 +112,12 @@ def _not_grown(design: Design, problem: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, Any], list[str]]:
-    """Return the score on each task (simulated), None where a map cannot be scored, and why."""
+def _scores(
+    deployment: Deployment, prepared: PreparedMap
+) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+    """Return score and title of each task (simulated), None where a map has none, and why."""
     scores: dict[str, Any] = {}
+    titles: dict[str, str] = {}
     problems = []
     for name in TASKS:
         if name in COMPILED_TASKS and engine_now() != "kernel":
@@ -122,11 +127,12 @@ def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, An
         task = _task(name)
         try:
             check_on_map(task, prepared.world, prepared.context)
-            scores[name] = task.evaluate(deployment, prepared.context)[0]
+            scores[name], terms = task.evaluate(deployment, prepared.context)
+            titles[name] = f"{name}, ideal case" if terms.get(IDEAL_CASE) else name
         except VinefabError as error:
             scores[name] = None
             problems.append(f"{name}: {error}")
-    return scores, problems
+    return scores, titles, problems
 
 
 def _planned(design: Design) -> dict[str, Any]:

@@ -58,8 +58,8 @@ LEFT_OUT = (
     "gravity",
     "plasticity and creep of the film",
     "folded film inside the tube",
-    "bowing out of the plane: free in space, joints of film that stretches by less than 3 % bow "
-    "by 12 to 31 degrees, softer ones do not",
+    "bowing out of the plane: free in space, joints of film that stretches by less than about 3 % "
+    "bow by 10 to 30 degrees, softer ones hardly (--free)",
 )
 """What the simulation does not know."""
 

@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from annotated_types import Ge, Gt, Interval, Le, Lt, Unit
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -45,8 +45,14 @@ class Slider:
 
 LATER = "later"
 """Marks a field that a table did not always have: records leave it out where it says nothing, so
-that the ids of runs stay as they were. Where that is not its default, the table's ``before`` has
-what held then."""
+that the ids of runs stay as they were."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaterThan:
+    """Marks such a field too; records without it mean this value, whatever the default is now."""
+
+    value: object
 
 
 class _TableType(ModelMetaclass):
@@ -70,8 +76,6 @@ class Table(BaseModel, metaclass=_TableType):
     that is kept as a tuple has ``Field(strict=False)``, and so has an enumeration.
     A field ``schema_`` has the kind of the file as its default: only files must give it.
     """
-
-    before: ClassVar[Mapping[str, object]] = {}
 
     model_config = ConfigDict(
         extra="forbid",

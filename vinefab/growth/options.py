@@ -3,19 +3,19 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Le, Unit
+from annotated_types import Ge, Gt, Le, Unit
 from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
-from vinefab.core.table import LATER, Table, declared_keys
+from vinefab.core.table import LATER, LaterThan, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
-from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
 from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
@@ -31,7 +31,9 @@ HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
 BranchContact = Literal["stop", "pass"]
 
-DEFAULT_BRANCH_CONTACT: BranchContact = "pass"
+_BEFORE: BranchContact = "pass"
+
+DEFAULT_BRANCH_CONTACT: BranchContact = _BEFORE
 """What a tip does at the body of another branch, where nobody says it [assumed]."""
 
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
@@ -70,8 +72,6 @@ class GrowthOptions(Table):
     their inflated radii; bodies that are lines, where they cross.
     """
 
-    before: ClassVar[Mapping[str, object]] = {"branch_contact": "pass"}
-
     head_on_half_angle_rad: Annotated[
         float | Annotated[tuple[float, float], Field(strict=False)],
         Field(alias=HALF_ANGLE_DEG),
@@ -105,11 +105,11 @@ class GrowthOptions(Table):
     branch_contact: Annotated[
         BranchContact,
         Doc("of a tip that meets the body of another branch: it stops there, or passes through"),
-        LATER,
+        LaterThan(_BEFORE),
     ] = DEFAULT_BRANCH_CONTACT
     emergence: Annotated[
         float,
-        Ge(0),
+        Gt(0),
         Le(1),
         Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
         LATER,
@@ -185,7 +185,7 @@ class GrowthOptions(Table):
     def content(self) -> dict[str, object]:
         """All options as files, records and pages have them; later ones where they say more."""
         plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:] if name not in _LATER}
-        if self.branch_contact != self.before["branch_contact"]:
+        if self.branch_contact != _BEFORE:
             plain["branch_contact"] = self.branch_contact
         if self.emergence != 1.0:
             plain["emergence"] = self.emergence
@@ -387,7 +387,7 @@ def trained_growth(design: Design) -> GrowthOptions:
     if not isinstance(table, Mapping):
         raise BadInputError(_origin_key(), table, "a table of growth options")
     try:
-        return GrowthOptions.of({**GrowthOptions.before, **table} if table else table)
+        return GrowthOptions.of({"branch_contact": _BEFORE, **table} if table else table)
     except BadInputError as error:
         raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
     except UnknownNameError as error:
@@ -414,6 +414,10 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
         parts.append(f"a child comes out with probability {share}")
     if options.deploys_stuck:
         parts.append("children of a stuck branch grow all the same")
+    cut = [d.name for d in designs if any(isinstance(one, UnevenLevel) for one in d.levels)]
+    if cut:
+        names = " and ".join(dict.fromkeys(cut))
+        parts.append(f"{names} with the angles at which its flat ones deploy (simulated)")
     return ", ".join(parts)
 
 

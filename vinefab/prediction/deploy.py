@@ -23,13 +23,8 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
-<<<<<<< HEAD
 from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
-from vinefab.model.design import Design
-=======
-from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design, UnevenLevel
->>>>>>> main
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose

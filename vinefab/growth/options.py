@@ -39,6 +39,10 @@ DEFAULT_BRANCH_CONTACT: BranchContact = _BEFORE
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
 """Both are shown beside each other: real tubes climb over or jam, and nobody measured which."""
 
+EMERGENCES = (1.0, 0.95, 0.9)
+"""Probabilities that a child comes out, which predictions are shown for [assumed]: growth was seen
+to be prevented at branching points, and nobody counted how often."""
+
 _CONTACT_WORDS = {
     "pass": "bodies pass through each other (assumed)",
     "stop": "a tip stops at another branch (assumed)",
@@ -230,6 +234,11 @@ class GrowthOptions(Table):
     def emergence_standing(self) -> str:
         """Where the probability comes from."""
         return "assumed"
+
+    @property
+    def emergences(self) -> tuple[float, ...]:
+        """Probabilities of emergence that predictions are shown for."""
+        return EMERGENCES
 
     def half_angles_rad(self, count: int) -> Floats:
         """Return one head-on half-angle for each of some launches, shape (count,).

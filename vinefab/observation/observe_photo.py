@@ -76,6 +76,7 @@ _ENDINGS = {
     Stop.NOT_DEPLOYED.label: "not deployed",
     Stop.PRESSURE.label: "out of pressure",
     Stop.BRANCH.label: "stopped at another branch",
+    Stop.NOT_EVERTED.label: "did not come out",
 }
 """How a branch ended, for the user."""
 

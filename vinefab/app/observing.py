@@ -105,7 +105,7 @@ def observe(
     if page is not None:
         ensure_apart("out", page, picture, "the photo")
     world, robot = as_map(map), as_design(design)
-    _, given = growth_choice([design], [robot], growth)
+    [robot], _, given = growth_choice([design], [robot], growth)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",

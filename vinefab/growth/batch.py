@@ -87,7 +87,6 @@ class Workspace:
             turn=held.turn[:branches],
             heading=held.heading[:branches],
             events=held.events[:branches],
-            steep=held.steep[:branches],
             gain=held.gain[:branches],
             drawn=held.drawn[:branches],
             chain_length=held.chain_length[:room],
@@ -102,7 +101,6 @@ class Workspace:
             part.turn,
             part.heading,
             part.events,
-            part.steep,
         ):
             array.fill(0)
         return part
@@ -235,7 +233,6 @@ class Block:
             stop=self.growth.stop[one:two].copy(),
             grown_mm=self.growth.grown[one:two].copy(),
             contact_turn_rad=self.growth.turn[one:two].copy(),
-            tight_exit=self.growth.steep[one:two] > plan.long_mm,
         )
 
 

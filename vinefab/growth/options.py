@@ -15,7 +15,7 @@ from vinefab.core.table import LATER, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
-from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
 from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
@@ -357,6 +357,10 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     ]
     if options.deploys_stuck:
         parts.append("children of a stuck branch grow all the same")
+    cut = [d.name for d in designs if any(isinstance(one, UnevenLevel) for one in d.levels)]
+    if cut:
+        names = " and ".join(dict.fromkeys(cut))
+        parts.append(f"{names} with the angles at which its flat ones deploy (simulated)")
     return ", ".join(parts)
 
 

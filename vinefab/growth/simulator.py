@@ -132,7 +132,6 @@ def grow_on(
         stop=growth.stop,
         grown_mm=growth.grown,
         contact_turn_rad=growth.turn,
-        tight_exit=growth.steep > plan.long_mm,
     )
 
 

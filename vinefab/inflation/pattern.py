@@ -238,7 +238,11 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
             levels=tuple(flat),
             build=build.changed(compensation="none"),
         ),
-        deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
+        deployed=design.changed(
+            trunk=Trunk(length_mm=grown_trunk_mm),
+            levels=tuple(deployed),
+            build=build.changed(compensation="inflation"),
+        ),
         joints=tuple(joints),
     )
 

@@ -54,9 +54,6 @@ class Deployment:
         Grown length of each branch, the length of its chain, shape (n,).
     contact_turn_rad
         Sum of absolute turns at contacts and at the base hinge, shape (n,).
-    tight_exit
-        Whether each branch slid steeply with a long straight body behind its tip, shape (n,): a
-        real body may bow there, which the growth model cannot show. All False if not given.
     design, world, growth
         What `Design.grow` grew, where, and the growth model's choices by name (plain values, angles
         in degrees); None and empty in a deployment that is one of a batch.
@@ -69,7 +66,6 @@ class Deployment:
     stop: Ints
     grown_mm: Floats
     contact_turn_rad: Floats
-    tight_exit: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     design: Design | None = None
     world: Map | None = None
     growth: Mapping[str, object] = field(default_factory=dict)
@@ -78,14 +74,9 @@ class Deployment:
         count = len(self.tree)
         if self.first_point.shape != (count + 1,) or self.first_point[-1] != len(self.points_mm):
             raise BadInputError("first_point", self.first_point.shape, f"({count + 1},), rising")
-        if len(self.tight_exit) not in (0, count):
-            raise BadInputError("tight_exit", self.tight_exit.shape, f"({count},)")
         for array in (self.points_mm, self.first_point, self.stop, self.grown_mm):
             array.setflags(write=False)
-        if len(self.tight_exit) == 0:
-            object.__setattr__(self, "tight_exit", np.zeros(count, dtype=np.bool_))
         self.contact_turn_rad.setflags(write=False)
-        self.tight_exit.setflags(write=False)
 
     def __repr__(self) -> str:
         counts = [(int(np.count_nonzero(self.stop == stop)), stop.label) for stop in Stop]

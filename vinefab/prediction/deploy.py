@@ -17,14 +17,16 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
+from vinefab.core.verbs import note
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
+from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.plan import deployment_plan, page_bytes
@@ -274,7 +276,6 @@ class DeployedDesign(Result):
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
             **self.options.content,
-            "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
             "wedged": [
                 place.content() for place in wedged(self.design, self.deployment, self.options)
@@ -295,18 +296,11 @@ class DeployedDesign(Result):
         growth = growth_text(self.options, [self.design])
         yield Facts((Fact("grown", grown, detail=planned), Fact("growth", growth)))
         yield Notes(self.notes)
-        tight = np.flatnonzero(self.deployment.tight_exit).tolist()
-        names = ", ".join(tree.ids[branch] for branch in tight[:_MOST_NAMED])
-        bows = (
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
-            f"tip, where a real one may bow: {names}{', ...' * (len(tight) > _MOST_NAMED)}"
-        )
         yield Notes(
             (
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start for branch", self.without_room),
                 *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
-                *([bows] if tight else []),
             )
         )
 
@@ -353,6 +347,28 @@ class DeployedDesign(Result):
         from vinefab.pages.animation_gif import gif_animation  # noqa: PLC0415
 
         return gif_animation(self.world, shapes, widths_mm)
+
+
+def as_grown(design: Design, profile: LaserProfile | None = None) -> Design:
+    """Return a design as it deploys: itself, or without compensation what its flat angles become.
+
+    Parameters
+    ----------
+    profile
+        Of its film; that of the design's run, or the default, if None.
+    """
+    if design.build.compensation != "none":
+        return design
+    # Designs that deploy as drawn need not wait for the simulation of joints.
+    from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
+    from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
+
+    found = pattern_of(design, profile or ChosenRecipe.of(design).profile)
+    for level, joint in zip(found.deployed.levels, found.joints, strict=True):
+        if not isinstance(level, UnevenLevel):
+            why = joint.problem or f"level {joint.level}: siblings deploy through each other"
+            note(f"{why}: grown at its designed angles (compensation none)")
+    return found.deployed
 
 
 def deploy(
@@ -414,7 +430,7 @@ def deploy_from_starts(
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
-    options = growth_on_maps(design, given).options
+    design, options = as_grown(design), growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (_start_name(world, number), grow_on(design, terrain, start.pose, options))

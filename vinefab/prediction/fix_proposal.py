@@ -243,13 +243,14 @@ def score_change_lines(
         return ["  what it costs in score: give maps with --map (vinefab map grid makes one)"]
     # The simulator and the tasks are loaded only when a map is given.
     from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
+    from vinefab.prediction.deploy import as_grown  # noqa: PLC0415
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task  # noqa: PLC0415
 
     options = GrowthChoice.of([before], growth).options
     lines = [f"  scores of {growth_text(options, [before])}:"]
     for task in FIX_TASKS:
         old, new = (
-            score_design_on_task(design, maps, ScorePlan(task=task), options)
+            score_design_on_task(as_grown(design), maps, ScorePlan(task=task), options)
             for design in (before, after)
         )
         # The difference of two scores from the same poses.

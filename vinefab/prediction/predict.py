@@ -44,6 +44,7 @@ from vinefab.prediction.anchoring_prediction import (
     anchoring_on,
     predict_anchoring,
 )
+from vinefab.prediction.deploy import as_grown
 from vinefab.prediction.deployment_sections import (
     deployment_picture,
     deployment_section,
@@ -241,6 +242,7 @@ def predict(
     progress: ProgressCallback = no_progress,
 ) -> Predicted:
     """Deploy a design on families of maps, measure it and check it with its deployments."""
+    grown = as_grown(design, profile)
     plan = replace(plan or PredictionPlan(), anchoring=anchoring_on(profile.material))
     progress(0.0, "preparing maps")
     prepared_families = [PreparedFamily.of(family, plan) for family in families]
@@ -249,17 +251,17 @@ def predict(
     )
     ends = 0.05 + 0.45 * np.cumsum(sizes)
     results = tuple(
-        deploy_family(design, prepared, plan, part_of(progress, end - 0.45 * size, end))
+        deploy_family(grown, prepared, plan, part_of(progress, end - 0.45 * size, end))
         for prepared, size, end in zip(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
     main = max(results, key=lambda result: len(result.deployments))
-    evaluator = VariantEvaluator(design, main.prepared, plan)
+    evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
     progress(0.92, "where it goes on one map")
-    heat = heat_map_of(design, prepared_families[0].maps[0], plan)
+    heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
@@ -269,13 +271,13 @@ def predict(
         prepared=prepared,
         results=results,
         plan=plan,
-        window=window_of(design, profile, [result.outcomes for result in results]),
+        window=window_of(grown, profile, [result.outcomes for result in results]),
         anchoring=tuple(
-            predict_anchoring(design, result, plan.anchoring, mass_g) for result in results
+            predict_anchoring(grown, result, plan.anchoring, mass_g) for result in results
         ),
         heat=heat,
-        contacts=contact_range(design, main.prepared, plan.options),
-        pressure=pressure_range(design, main.prepared, plan.options, main.outcomes),
+        contacts=contact_range(grown, main.prepared, plan.options),
+        pressure=pressure_range(grown, main.prepared, plan.options, main.outcomes),
         effects=effects,
         tolerance=scatter,
     )

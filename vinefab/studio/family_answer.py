@@ -288,7 +288,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     if not compiled:
         most = MOST_FAMILY_INTERPRETED // (count * state.design.branch_count)
         places = places[: max(LEAST_MAPS, most)]
-    options, plans = state.growth, Plans.of([state.design], state.growth)
+    options, plans = state.growth, Plans.of([state.grown], state.growth)
     radii_mm = plans.spans.radii_mm
     most_s = math.inf if compiled else FIRST_S
     most_s = QUICK_S if asked.quick else most_s

@@ -84,7 +84,7 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     prepared = prepared_map(world)
     try:
         deployment = grow_on(
-            state.design, prepared.terrain, start, state.growth, engine=engine_now()
+            state.grown, prepared.terrain, start, state.growth, engine=engine_now()
         )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))

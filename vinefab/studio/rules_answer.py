@@ -67,7 +67,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
         grown = grow_on(
-            state.design, terrain_of(state.world), state.start, options, engine="interpreted"
+            state.grown, terrain_of(state.world), state.start, options, engine="interpreted"
         )
     except BadInputError as error:
         return (), f"not grown on map {state.world.name}: {error}"

@@ -20,7 +20,7 @@ from vinefab.inflation.compensation import (
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design, Trunk, UnevenLevel
-from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
 
@@ -59,6 +59,7 @@ class Pattern:
     flat: Design
     deployed: Design
     joints: tuple[LevelJoint, ...]  # of each level from the second on
+    standing: str = "simulated, unverified"
 
     @property
     def rows(self) -> tuple[tuple[str, ...], ...]:
@@ -84,7 +85,7 @@ class Pattern:
     def content(self) -> dict[str, object]:
         """The figures of every level, as JSON has them (simulated)."""
         return {
-            "standing": "simulated",
+            "standing": self.standing,
             "trunk_mm": {"designed": self.design.trunk_length_mm, "cut": self.flat.trunk_length_mm},
             "levels": [
                 {
@@ -244,7 +245,21 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
             build=build.changed(compensation="inflation"),
         ),
         joints=tuple(joints),
+        standing=standing_of(material),
     )
+
+
+def standing_of(material: Material) -> str:
+    """Return how far a simulated pattern of some film may be trusted.
+
+    It is simulated in any case; joint coupons measure what the simulation takes from the film.
+    """
+    known = [f"modulus {material.modulus_mpa.standing}"]
+    if material.closing_gain is not None:
+        known.append(f"closing gain {material.closing_gain.standing}")
+    if not any(words.endswith(Standing.MEASURED) for words in known):
+        return "simulated, unverified"
+    return f"simulated; {', '.join(known)}"
 
 
 def _level_joint(

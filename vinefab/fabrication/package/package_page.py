@@ -110,8 +110,8 @@ def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ..
 def pattern_section(pattern: Pattern) -> Section:
     """Return the flat angles and lengths that are cut for the designed ones, level by level."""
     table = Rows(
-        caption="Angles of each child to its parent in degrees, lengths in mm (simulated, "
-        "unverified): under pressure the cut angles become the expected ones",
+        caption="Angles of each child to its parent in degrees, lengths in mm "
+        f"({pattern.standing}): under pressure the cut angles become the expected ones",
         headings=("level", "designed", "cut", "expected", "designed mm", "cut mm"),
         rows=pattern.rows,
     )

@@ -254,7 +254,8 @@ CONTACTS = ContactRange(
     deployments=4,
     values={
         measure.key: tuple(
-            ContactValue(mean=mean, low=mean, high=mean) for mean in (40.0, 37.0, 36.0, 35.0)
+            ContactValue(mean=mean, low=mean, high=mean, over="2 maps")
+            for mean in (40.0, 37.0, 36.0, 35.0)
         )
         for measure in CONTACT_MEASURES
     },
@@ -286,8 +287,8 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     assert seen.value == "40.0 %"
     # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
     assert (
-        "95 % interval 20.0 to 60.0; 35.0 to 40.0 over head-on half-angles of 1 to 15 deg "
-        "(assumed); 90 % of the deployments 11.5 to 55.5"
+        "95 % interval 0.0 to 100.0 over 2 maps; 35.0 to 40.0 over head-on half-angles of 1 to "
+        "15 deg (assumed); 90 % of the deployments 11.5 to 55.5"
     ) in seen.detail
     assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
     assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
@@ -295,15 +296,15 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     anchored = shown["anchoring amplification"]
     assert (anchored.value, anchored.tone) == ("3.0 x", "good")
     for words in (
-        "median over two maps, 90 % of the maps 2.7 to 3.3",
-        "2.0 to 8.0 at 0.2 to 0.8 (assumed)",
-        "12.00 N (10.80 to 13.20) at 15 kPa",
+        "median over two maps at friction 0.3; 90 % of the maps 1.8 to 8.8 x, 7.20 to 35.20 N",
+        "N over friction 0.2 to 0.8 (assumed)",
+        "12.00 N at 15 kPa",
         "40 % of the leaves jam, 20 % of the deployments hold nothing",
         "Ideal case, every leaf that came out jams: 6.0 x",
     ):
         assert words in anchored.detail
     bare = anchoring_headline(replace(anchoring, has_pouches=False))
-    assert (bare.name, bare.value) == ("anchoring, ideal case only", "6.0 x")
+    assert (bare.name, bare.value) == ("anchoring amplification, ideal case", "6.0 x")
     assert " N " not in bare.detail
     assert shown["pressure window"].value == "10.0 to 30.0 kPa"
     assert "working pressure 15 kPa" in shown["pressure window"].detail

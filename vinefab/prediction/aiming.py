@@ -204,6 +204,11 @@ class PoseEstimate:
         return mean_interval(self.scores)
 
     @property
+    def over(self) -> str:
+        """How many independent samples the interval is over."""
+        return counted(len(self.scores), "draw")
+
+    @property
     def worst_tenth(self) -> float:
         """Mean of the worst tenth of the scores."""
         count = max(1, math.ceil(WORST_SHARE * len(self.scores)))
@@ -251,7 +256,7 @@ class AimedRobot:
         return (
             self.name,
             best.pose.text,
-            score(best.mean, interval=best.interval),
+            score(best.mean, interval=best.interval, over=best.over),
             score(best.worst_tenth),
             score(self.search.estimate),
             from_start,
@@ -312,7 +317,9 @@ class AimResult(Result):
                  for other in self.robots[1:]]  # fmt: skip
         if first.gain is not None:
             gains.insert(0, ("over the map's start", first.gain))
-        score = Number(best.mean, form=".3f", interval=best.interval, standing="simulated")
+        score = Number(
+            best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
+        )
         yield Answer(
             f"Put the base of {first.name} at {best.pose.text}: expected {self.task.name} score "
             f"{score}."
@@ -329,7 +336,7 @@ class AimResult(Result):
             (
                 Fact(
                     "expected score",
-                    Number(best.mean, form=".4f", interval=best.interval),
+                    Number(best.mean, form=".4f", interval=best.interval, over=best.over),
                     detail=f"mean of {FRESH_DRAWS} fresh deployments (simulated)",
                 ),
                 Fact(
@@ -340,7 +347,7 @@ class AimResult(Result):
                 *(
                     Fact(
                         name,
-                        Number(gain[0], form="+.4f", interval=gain[1:]),
+                        Number(gain[0], form="+.4f", interval=gain[1:], over=best.over),
                         detail="paired draw by draw (simulated)",
                         tone="good" if gain[1] > 0.0 else "caution",
                     )
@@ -489,13 +496,14 @@ class AimResult(Result):
 
 def _team_table(name: str, team: RobotSet) -> Rows:
     percent = partial(Number, unit="%", form=".1f", per=0.01)
+    over = counted(team.fresh.shape[1], "draw")
     return Rows(
         caption=f"{len(team.poses)} robots {name} that together cover most of: {team.cover.words} "
         f"(mean of fresh deployments, simulated; chosen among {team.candidates:,} poses)",
         headings=("robots", "the last at X,Y,DEG", "together", "in the search", "no set beats"),
         rows=tuple(
-            (count, pose_of(row).text, percent(mean, interval=(low, high)), percent(share),
-             percent(bound))
+            (count, pose_of(row).text, percent(mean, interval=(low, high), over=over),
+             percent(share), percent(bound))
             for row, share, (count, mean, low, high, bound) in zip(
                 team.poses, team.choice.covered, union_curve(team), strict=True
             )

@@ -82,9 +82,9 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
     ]  # fmt: skip
     words = (
         "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
-        "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
-        "poses where there is one map); the table has it. With fewer than ten maps it is too "
-        "narrow."
+        "95 % interval is Student's over maps, because deployments on one map are alike (over "
+        "poses where there is one map), with the degrees of freedom of scores, whose tails are "
+        "long; the table has it."
     )
     counts = "; ".join(
         f"{outcomes.label}: {counted(len(outcomes), 'deployment')}" for outcomes in families

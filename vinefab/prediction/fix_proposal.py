@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
-from vinefab.core.view import Block, Notes, Picture, Result
+from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.fix import (
@@ -258,9 +258,9 @@ def score_change_lines(
         several = len(set(names)) > 1
         means = group_means(new.scores - old.scores, names if several else range(len(names)))
         low, high = mean_interval(means)
-        pairs = f"{len(means)} {'maps' if several else 'poses'}"
+        pairs = counted(len(means), "map" if several else "pose")
         interval = f"95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
-        interval = "one pose: no interval" if math.isnan(low) else interval
+        interval = f"{pairs}: {NO_INTERVAL}" if math.isnan(low) else interval
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
         where = f"mean over {counted(len(maps), 'map')}"
         lines.append(f"  {task}, {where}: {scores} (simulated; {means.mean():+.4f}, {interval})")

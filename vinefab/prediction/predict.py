@@ -126,7 +126,7 @@ class Predicted(WrittenResult):
     origin: Origin | None = None  # what it takes to get it again
     path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
-    section_count = 13
+    section_count = 14
 
     @property
     def main(self) -> FamilyDeployments:
@@ -303,7 +303,7 @@ MANY_PERCENT = 10.0
 """From so many stuck or missing branches on, the summary says so."""
 
 FEW_MAPS = 10
-"""With fewer maps, bootstrap intervals are too narrow to be trusted."""
+"""With fewer maps, intervals are wide."""
 
 
 def verdict_on(
@@ -363,7 +363,7 @@ def cautions(
             sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
     if outcomes.map_count < FEW_MAPS:
         sentences.append(
-            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are too narrow; "
+            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are wide; "
             "--environment deploys it on many more."
         )
     if warnings or skipped:
@@ -411,6 +411,7 @@ def _measured(
         measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
     )
     interval = f"95 % interval {low} to {high}" if spread.has_interval else NO_INTERVAL
+    interval += f" over {spread.over}"
     over = "" if spread.count < 2 else f"; 90 % of the deployments {p05} to {p95}"
     width = ""
     if contacts is not None:

@@ -127,8 +127,8 @@ def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
     name, design = NAMES[home], found.kept_design(home)
     native = found.kept_unseen(home, home)
     test = unseen_test(store.size, design, home, ANCHORING_TASK)
-    low, high, engaged = (
-        float(store.terms([test], t)[0].mean()) for t in ("low", "high", "engaged")
+    low, high, deployed = (
+        float(store.terms([test], t)[0].mean()) for t in ("low", "high", "leaves")
     )
     return [
         PaperNumber(
@@ -142,17 +142,17 @@ def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
         PaperNumber(
             what=f"{name}: from mu 0.2, a third idle, to mu 0.8, all engaged",
             ours=f"{low:.2f} to {high:.2f}",
-            paper=f"{MEASURED} measured",
+            paper=f"{MEASURED} measured, deployed by hand",
         ),
         PaperNumber(
             what=f"{name}: force at {POUCH_N} N for one pouch",
             ours=f"{POUCH_N * float(native.mean()):.2f} N "
             f"({POUCH_N * low:.2f} to {POUCH_N * high:.2f})",
-            paper=f"{HELD_N} N measured",
+            paper=f"{HELD_N} N measured, deployed by hand",
         ),
         PaperNumber(
             what=f"{name}: branches that deployed",
-            ours=f"{engaged:.2f} of {design['levels'][0]['branches']}",
+            ours=f"{deployed:.2f} of {design['levels'][0]['branches']}",
             paper="6 (1 without contact, 1 slack)",
         ),
     ]

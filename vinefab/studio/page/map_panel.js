@@ -163,7 +163,7 @@ export function mount(root, app) {
     const { facts: found } = answer;
     scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
       el("div", { class: "score", "data-task": task },
-        el("span", { class: "name" }, task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
+        el("span", { class: "name" }, answer.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
         el("span", { class: "standing" }, "simulated"))));
     const stops = Object.entries(found.stops ?? {}).filter(([, count]) => count)
       .map(([stop, count]) => `${STOPS[stop]?.[0] ?? ""} ${count} ${STOPS[stop]?.[1] ?? stop}`);

@@ -64,7 +64,7 @@ EVERTED_SHARE = Quantity(
 def collapse_moment_n_mm(
     pressure_kpa: float, width_mm: float, share: float = EVERTED_SHARE.value
 ) -> float:
-    """Return the moment s pi P R^3 that an inflated tube cannot exceed: a fold bears it (published).
+    """Return the moment s pi P R^3 that folds an inflated tube (published).
 
     A transverse load at the tip of a free span of length L folds it at this moment over L.
 

@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
-from vinefab.core.view import Number, interval_text
+from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -78,7 +78,7 @@ class Measure:
         """Return a mean with its interval and the samples behind it, without unit."""
         known = np.isfinite(low) and np.isfinite(high)
         ends = (self.number(low), self.number(high)) if known else None
-        return f"{self.number(mean)} {interval_text(ends, over)}"
+        return f"{self.number(mean)} {bracketed(ends, over)}"
 
     def within(self, low: float, high: float) -> tuple[float, float]:
         """Return the ends of an interval without what no value of this measure can be."""

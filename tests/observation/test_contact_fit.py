@@ -215,6 +215,29 @@ def test_few_photos_and_what_was_left_out_are_said(written):
     assert "(assumed)" in next(line for line in fit.notes if "standard error" in line)
 
 
+def test_three_photos_say_too_few_in_the_file_and_wherever_it_is_read(written):
+    seen = [contact(3.0, stopped=True), contact(30.0, stopped=False)]
+    names = ["a.jpg", "b.jpg", "c.jpg", "d.jpg", "e.jpg"]
+    many = [observation(name, seen) for name in names]
+    three, five = fit_files(written(*many[:3])), fit_files(written(*many))
+    assert "too few photos (3, from 5 on)" in three.text()
+    assert "too few photos" in three.contacts.head_on_half_angle_deg.text("deg")
+    assert "too few" not in five.text()
+    assert "too few" not in five.contacts.head_on_half_angle_deg.text("deg")
+
+
+def test_nothing_counts_of_a_photo_without_a_verdict_or_of_a_branch_in_doubt(written):
+    seen = [contact(3.0, stopped=True), contact(30.0, stopped=False)]
+    clear, vague, doubtful = (observation(name, seen) for name in ("a.jpg", "b.jpg", "c.jpg"))
+    vague["summary"] = {"fits": False}
+    doubtful["branches"][0]["doubts"] = ["its tip is not seen"]
+    alone = fit_files(written(clear))
+    fit = fit_files(written(clear, vague, doubtful))
+    assert fit.threshold == alone.threshold
+    assert fit.left_out["unclear"] == 4
+    assert any("b.jpg: no verdict" in note for note in fit.notes)
+
+
 # --- the second way
 
 

@@ -48,6 +48,13 @@ LATER = "later"
 that the ids of runs stay as they were."""
 
 
+@dataclass(frozen=True, slots=True)
+class LaterThan:
+    """Marks such a field too; records without it mean this value, whatever the default is now."""
+
+    value: object
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 

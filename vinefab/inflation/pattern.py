@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,13 +13,15 @@ from vinefab.inflation.compensation import (
     MESH_DEG,
     WITHIN_DEG,
     FlatJoint,
+    UnknownJointError,
     UnreachableJointError,
     deployed_joint,
     flat_joint,
+    known_joint,
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
-from vinefab.model.design import Design, Trunk, UnevenLevel
+from vinefab.model.design import Build, Design, Trunk, UnevenLevel
 from vinefab.model.laser import LaserProfile, Material
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
@@ -46,6 +48,7 @@ class LevelJoint:
     aimed_deg: tuple[float, ...]
     found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
     problem: str = ""  # why it does not deploy as designed; empty where it does
+    is_known: bool = True  # False: nothing but a simulation would tell, and none was asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,51 +64,6 @@ class Pattern:
     joints: tuple[LevelJoint, ...]  # of each level from the second on
 
     @property
-    def rows(self) -> tuple[tuple[str, ...], ...]:
-        """For each level: its number, angles and lengths as designed, cut and expected."""
-        shown = []
-        for joint in self.joints:
-            place = joint.level - 2
-            levels = (
-                self.design.levels[place],
-                self.flat.levels[place],
-                self.deployed.levels[place],
-            )
-            angles = (np.degrees(fan_offsets_rad(level)) for level in levels)
-            lengths = (child_lengths_mm(level) for level in levels[:2])
-            cells = (
-                *(", ".join(f"{angle + 0.0:.1f}" for angle in one) for one in angles),
-                *(", ".join(f"{length:.1f}" for length in one) for one in lengths),
-            )
-            shown.append((str(joint.level), *cells))
-        return tuple(shown)
-
-    @property
-    def content(self) -> dict[str, object]:
-        """The figures of every level, as JSON has them (simulated)."""
-        return {
-            "standing": "simulated",
-            "trunk_mm": {"designed": self.design.trunk_length_mm, "cut": self.flat.trunk_length_mm},
-            "levels": [
-                {
-                    "level": joint.level,
-                    "hoop_strain": joint.found.flat.hoop_strain,
-                    "designed_deg": list(joint.wanted_deg),
-                    "cut_deg": list(joint.found.flat.angles_deg),
-                    "expected_deg": list(joint.found.deployed_deg),
-                    "designed_mm": child_lengths_mm(self.design.levels[joint.level - 2]).tolist(),
-                    "cut_mm": child_lengths_mm(self.flat.levels[joint.level - 2]).tolist(),
-                    "sensitivity": joint.found.sensitivity,
-                    "crotch_load": joint.found.crotch_load,
-                    "passage": joint.found.passage,
-                }
-                for joint in self.joints
-                if joint.found is not None
-            ],
-            "problems": list(self.problems),
-        }
-
-    @property
     def problems(self) -> tuple[str, ...]:
         """Why levels do not deploy as designed, a sentence each."""
         return tuple(joint.problem for joint in self.joints if joint.problem)
@@ -116,19 +74,29 @@ def cut_design(design: Design, profile: LaserProfile) -> Design:
     return design if design.build.compensation == "none" else pattern_of(design, profile).flat
 
 
-def strain_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_at(build: Build, material: Material, width_mm: float) -> float:
     """Return the hoop strain of film at a design's working pressure on a tube of some width.
 
     Two digits, so that joints that differ by no more are one.
     """
-    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    pressure_kpa = build.pressure_kpa or ASSUMED_PRESSURE_KPA
     strain = hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
     return float(f"{min(max(strain, LEAST_STRAIN), MOST_STRAIN):.2g}")
 
 
-def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return the hoop strain of a design's film, as `strain_at`."""
+    return strain_at(design.build, material, width_mm)
+
+
+def stretch_at(build: Build, material: Material, width_mm: float) -> float:
     """Return by how much a straight tube of some width grows longer under pressure, as a ratio."""
-    return tube_stretch(strain_of(design, material, width_mm))[1]
+    return tube_stretch(strain_at(build, material, width_mm))[1]
+
+
+def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return by how much a design's tubes of some width grow longer, as `stretch_at`."""
+    return stretch_at(design.build, material, width_mm)
 
 
 _MOST_TARGETS = 8
@@ -136,21 +104,25 @@ _MOST_TURN_DEG = 1.5  # by which children are turned so that their tips come nea
 
 
 @lru_cache(maxsize=64)
-def _joint(wanted: Joint, compensated: bool, gain: float) -> FlatJoint:  # noqa: FBT001  a key of the cache
+def _joint(wanted: Joint, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
     """Return a joint whose children turn so many times as far as simulated, as measured.
 
     The simulated angles aimed at are moved until those with the gain are the wanted ones.
     """
+    if known_only:
+        flat_of, deployed_of = partial(known_joint, "flat"), partial(known_joint, "deployed")
+    else:
+        flat_of, deployed_of = partial(flat_joint, exact=True), partial(deployed_joint, exact=True)
     if not compensated:
-        return _gained(deployed_joint(wanted, exact=True), gain)
+        return _gained(deployed_of(wanted), gain)
     if gain == 1.0:
-        return flat_joint(wanted, exact=True)
+        return flat_of(wanted)
     goal = np.array(wanted.angles_deg)
     target = goal
     for _ in range(_MOST_TARGETS):
         try:
             aim = wanted.with_angles(tuple(np.round(target, 3).tolist()))
-            simulated = flat_joint(aim, exact=True)
+            simulated = flat_of(aim)
         except UnreachableJointError as error:
             if error.nearest is None:
                 raise
@@ -174,7 +146,7 @@ def _gained(found: FlatJoint, gain: float) -> FlatJoint:
     return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
 
 
-def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
+def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = False) -> Pattern:
     """Return the flat tree that a design is cut as.
 
     Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
@@ -186,6 +158,9 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     profile
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
+    known_only
+        Simulate nothing: look joints up in milliseconds, for what follows a pointer. What the table
+        says is good for a degree or two; nothing may be cut by it.
     """
     material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
@@ -198,9 +173,13 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
         aimed, problem = wanted, ""
         found: FlatJoint | None
+        is_known = True
         try:
-            aimed, found = _level_joint(design, material, place, compensated=compensated)
+            aimed, found = _level_joint(
+                design, material, place, compensated=compensated, known_only=known_only
+            )
         except UnreachableJointError as error:
+            is_known = not isinstance(error, UnknownJointError)
             aimed, found = error.wanted.angles_deg, error.nearest
             problem = f"level {place + 2}: {error}"
         except VinefabError as error:
@@ -217,6 +196,7 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
                 aimed_deg=aimed,
                 found=found,
                 problem=problem,
+                is_known=is_known,
             )
         )
         if found is not None:
@@ -248,7 +228,7 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
 
 
 def _level_joint(
-    design: Design, material: Material, place: int, *, compensated: bool
+    design: Design, material: Material, place: int, *, compensated: bool, known_only: bool
 ) -> tuple[tuple[float, ...], FlatJoint]:
     """Return the angles that the joint of one level is solved for, and the joint.
 
@@ -275,7 +255,7 @@ def _level_joint(
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
         )
-        found = _joint(wanted, compensated, gain)
+        found = _joint(wanted, compensated, gain, known_only)
         if not compensated:
             break
         turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)

@@ -14,6 +14,9 @@ from vinefab.core.validation import number
 Side = Literal["both", "upper", "lower"]
 """Whether an interval has both ends, or the photos gave only an upper or only a lower bound."""
 
+FEW_PHOTOS = 5
+"""With fewer, photos that differ from each other cannot be told from photos that are alike."""
+
 _MOST = 1e6
 _ANY = Interval(ge=-_MOST, le=_MOST)
 _COUNT = Interval(ge=1, le=10**6)
@@ -58,7 +61,8 @@ class MeasuredNumber(Table):
             "upper": f"at most {self.high:g}",
             "lower": f"at least {self.low:g}",
         }[self.side]
-        return f"{self.counted}, {ends}{f' {unit}' if unit else ''}"
+        few = f"; too few photos, from {FEW_PHOTOS} on" if self.photos < FEW_PHOTOS else ""
+        return f"{self.counted}, {ends}{f' {unit}' if unit else ''}{few}"
 
     @property
     def counted(self) -> str:

@@ -1,7 +1,7 @@
 """What was seen beside what was predicted: shapes, contacts, stops, and which half-angle fits."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -16,8 +16,10 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.centre_lines import TracedTree
+from vinefab.observation.doubts import NO_WALL, BranchSight
 from vinefab.observation.meetings import (
     HEADING_ERROR_DEG,
+    JOINT_ERROR_DEG,
     Replays,
     SeenBranch,
     WallMeeting,
@@ -42,6 +44,15 @@ another way, or did not deploy, does not decide alone."""
 POINTS = 60
 """Points at equal arc lengths at which two lines are compared."""
 
+UNCLEAR = "unclear"
+"""A stop of which it is not known how it came about."""
+
+LEAST_EXPLAINED = 0.8
+"""With less of the film in the lines, or of the lines on film, design and photo do not fit."""
+
+MOST_DOUBTFUL = 0.5
+"""With more of the branches in doubt, they do not either."""
+
 TOLD_APART_SHARE = 0.5
 """A branch of which less than this share lies alone could not be told from others."""
 
@@ -59,6 +70,10 @@ class ComparedBranch:
         are there.
     hausdorff_mm
         The largest distance from a point of one line to the other.
+    tip_and_base_seen
+        Whether both of its ends are on film.
+    doubts
+        What the photo leaves open of it. With any, nothing is claimed of its stop and contacts.
     """
 
     id: str
@@ -80,6 +95,8 @@ class ComparedBranch:
     contacts: tuple[WallMeeting, ...]
     order_observed: tuple[str, ...]
     order_predicted: tuple[str, ...]
+    tip_and_base_seen: bool
+    doubts: tuple[str, ...] = ()
 
     @property
     def deployed_observed(self) -> bool:
@@ -128,6 +145,7 @@ class HalfAngleFit:
 class Compared:
     """A photo's robot beside its prediction."""
 
+    is_read: bool  # whether this design from this pose can be what the photo shows
     prediction: Deployment
     options: GrowthOptions
     branches: tuple[ComparedBranch, ...]
@@ -146,6 +164,8 @@ def compare_with_prediction(
     world: Map,
     pose: Pose,
     given: Mapping[str, object] | None = None,
+    *,
+    sights: Sequence[BranchSight] = (),
 ) -> Compared:
     """Return a traced robot beside what the growth model says.
 
@@ -153,6 +173,8 @@ def compare_with_prediction(
     ----------
     given
         Growth options by name that replace those of the design.
+    sights
+        How well each branch was seen; all well if none are given.
     """
     choice = GrowthChoice.of([design], given).single
     terrain, replays = Terrain.of(world), Replays(world)
@@ -161,13 +183,46 @@ def compare_with_prediction(
         _compared(index, traced, design, prediction, choice.options, replays)
         for index in range(len(traced.tree))
     )
+    if sights:
+        branches = tuple(map(_as_seen, branches, sights))
+    is_read = _is_read(traced, branches)
+    if not is_read:
+        branches = tuple(map(_unclaimed, branches))
     return Compared(
+        is_read=is_read,
         prediction=prediction,
         options=choice.options,
         branches=branches,
         fits=_half_angle_fits(traced, branches, design, terrain, pose, choice.options),
         notes=choice.notes,
     )
+
+
+def _as_seen(branch: ComparedBranch, sight: BranchSight) -> ComparedBranch:
+    """Return a branch of which no more is claimed than was seen."""
+    doubts = sight.doubts
+    if branch.stop_observed == UNCLEAR:
+        doubts = (*doubts, NO_WALL)
+    known = replace(branch, tip_and_base_seen=sight.tip_and_base, doubts=doubts)
+    return _unclaimed(known) if doubts else known
+
+
+def _unclaimed(branch: ComparedBranch) -> ComparedBranch:
+    """Return a branch without claims of what walls did to it."""
+    contacts = tuple(contact.changed(outcome="unclear") for contact in branch.contacts)
+    at_wall = branch.stop_observed in (Stop.HEAD_ON.label, Stop.CORNER.label)
+    stop = UNCLEAR if at_wall else branch.stop_observed
+    return replace(branch, contacts=contacts, stop_observed=stop)
+
+
+def _is_read(traced: TracedTree, branches: Sequence[ComparedBranch]) -> bool:
+    """Tell whether a design from a pose can be what a photo shows.
+
+    Lines explain the film, film supports the lines, and joints explain the branches.
+    """
+    explained = min(traced.film_explained, traced.lines_supported) >= LEAST_EXPLAINED
+    doubtful = sum(bool(branch.doubts) for branch in branches)
+    return explained and doubtful <= MOST_DOUBTFUL * len(branches)
 
 
 def _compared(
@@ -210,6 +265,7 @@ def _compared(
             wall_order([c for c in contacts if c.front_mm <= seen.length_mm + radius])
         ),
         order_predicted=_predicted_order(index, prediction, options, replays, radius),
+        tip_and_base_seen=seen.deployed,
     )
 
 
@@ -226,7 +282,8 @@ def _seen_branch(
         last = corners[-1] - corners[-2]
         heading = float(np.arctan2(last[1], last[0])) + float(tree.offset_rad[index])
         # The shorter the last straight stretch, the less its heading is known.
-        error = HEADING_ERROR_DEG * max(1.0, 40.0 / max(1.0, float(np.hypot(*last))))
+        line_error = HEADING_ERROR_DEG * max(1.0, 40.0 / max(1.0, float(np.hypot(*last))))
+        error = float(np.hypot(line_error, JOINT_ERROR_DEG))
     return SeenBranch(
         points_mm=seen.points_mm,
         length_mm=seen.length_mm,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely import LineString
 
-from vinefab.core.units import rad
+from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.simulator import grow_on
@@ -48,9 +48,9 @@ LEAST_LENGTH_MM = 2.0
 _GAP_MM = 3.0
 """Shorter stretches without film do not end a branch."""
 
-_KINK_MM = 1.5
-"""Each bend of a course counts as so many millimetres of its film less, so that bends need a
-reason."""
+_KINK_MM, _BEND_MM, _KINK_DEG = 1.5, 0.2, 12.0
+"""Each kink of a course counts as so many millimetres of its film less, so that kinks need a
+reason; corners of a smooth bend, of fewer degrees, cost hardly anything: real branches bend."""
 
 _REASON_MM = 3.0
 """An end that the model explains, at full length or at a wall, counts as so much film more."""
@@ -61,6 +61,9 @@ are seen farther on speak for a parent that is not, and they come later."""
 
 _COVERED = 0.03
 """Area of a course that others cover counts as this share of it being floor."""
+
+_MOST_TURN_MM = 40.0
+"""A run of film in another direction than planned counts as at most so much film less."""
 
 _STEEP_STOP_MM = 15.0
 """A stop at a wall met outside of the contact range counts as so much film less."""
@@ -295,14 +298,14 @@ class _Tracing:
                         cost += 2.0 * radius * _STEEP_STOP_MM
                     self._propose(found, branch, chain, cost)
                 known.add(chain.tobytes())
-        best = 0.0  # share of a course's tube, where it can be seen, that is film
-        for course in found:
-            value = self.coarse.value[course.cells]
-            weight = np.abs(value).sum()
-            best = max(best, float(np.maximum(value, 0.0).sum() / weight) if weight else 1.0)
-        if best < 0.92 or all(course.ends_early for course in found):
-            for chain in _runs(self.film, base, heading, radius, length):
-                self._propose(found, branch, chain, 4.0 * radius)
+        for chain in _runs(self.film, base, heading, radius, length):
+            begin = _cut(chain, 4.0 * radius)
+            way = begin[-1] - begin[0]
+            turn = deg(float(np.arctan2(way[1], way[0]))) - deg(heading)
+            turn = abs((turn + 180.0) % 360.0 - 180.0)
+            # Joints are some degrees off; more than that is another branch, or a wall's work.
+            cost = 2.0 + min(_MOST_TURN_MM * 2.0, 0.15 * turn + 0.03 * turn**2)
+            self._propose(found, branch, chain, cost * radius)
         return found
 
     def _propose(self, found: list[_Course], branch: int, chain: Floats, cost: float) -> None:
@@ -321,9 +324,8 @@ class _Tracing:
                 continue
             part = _cut(chain, length)
             cells = self.coarse.tube(self.film, part, radius)
-            kinks = max(0, len(part) - 2)
             # Film under other film is neither for nor against; deploying is the rule.
-            worth = -cost - 2.0 * radius * kinks * _KINK_MM
+            worth = -cost - 2.0 * radius * _bends_mm(part)
             worth += 0.02 * 2.0 * radius * length
             unseen = float((self.coarse.value[cells] == 0.0).sum()) * self.coarse.cell_mm**2
             worth -= (_UNSEEN_LEAF if is_leaf else _UNSEEN) * unseen
@@ -357,6 +359,11 @@ class _Tracing:
 
     def _result(self) -> TracedTree:
         lines = _fine_lines(self)
+        for branch, (points, width, _) in enumerate(lines):
+            # Seams lie beside a tube: its film is as wide as it is seen.
+            if len(points) and width > 2.0 * self.radius_mm[branch]:
+                chain = self.chains[branch]
+                self.patches[branch] = self.coarse.tube(self.film, chain, 0.5 * width)
         cover = self.coarse.cover(self.patches)
         value = self.coarse.value
         is_film = value > 0.0
@@ -518,34 +525,94 @@ def _film_along(film: SeenFilm, chain: Floats, radius: float) -> float:
     return _length(chain)
 
 
+def _bends_mm(chain: Floats) -> float:
+    """Return what the corners of a line cost, in millimetres of film."""
+    way = np.diff(chain, axis=0)
+    turn = np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))
+    is_kink = np.abs(turn) > rad(_KINK_DEG)
+    return float(np.where(is_kink, _KINK_MM, _BEND_MM).sum())
+
+
 def _runs(
     film: SeenFilm, base: Floats, heading: float, radius: float, length: float
 ) -> list[Floats]:
-    """Return chains of straight runs of film from a base on, the longest first."""
+    """Return chains of runs of film from a base on, the longest first; kinks lie between runs."""
     open_chains: list[tuple[Floats, float]] = [(base[None, :], heading)]
     done: list[Floats] = []
     for depth in range(5):
         grown: list[tuple[Floats, float, float]] = []
+        begun: list[tuple[Floats, float]] = []
         for chain, way in open_chains:
             left = length - _length(chain)
             spread = np.arange(-100.0, 100.5, 2.0)
-            for angle, run in _straight(film, chain[-1], way, spread, radius, left):
-                direction = np.array([np.cos(angle), np.sin(angle)])
-                if run >= left - 1.0:
-                    done.append(np.vstack([chain, chain[-1] + left * direction]))
-                    continue
-                done.append(np.vstack([chain, chain[-1] + run * direction]))
-                for back in (0.3, 1.2):
-                    at = run - back * radius
-                    if at > max(4.0, radius):
-                        corner = np.vstack([chain, chain[-1] + at * direction])
-                        grown.append((corner, angle, _length(corner)))
+            straight = _straight(film, chain[-1], way, spread, radius, left)
+            begun += [(chain, angle) for angle, _ in straight]
+        for (chain, _), run in zip(begun, _followed(film, begun, radius, length), strict=True):
+            whole = np.vstack([chain, run[1:]])
+            done.append(whole)
+            if _length(whole) >= length - 1.0 or len(run) < 3:
+                continue
+            for back in (0.3, 1.2):
+                at = _length(run) - back * radius
+                if at > max(4.0, radius):
+                    corner = np.vstack([chain, _cut(run, at)[1:]])
+                    last = corner[-1] - corner[-2]
+                    angle = float(np.arctan2(last[1], last[0]))
+                    grown.append((corner, angle, _length(corner)))
         grown.sort(key=lambda item: -item[2])
         open_chains = [(chain, angle) for chain, angle, _ in grown[:4]]
         if not open_chains or depth == 4:
             break
     done.sort(key=lambda chain: -_length(chain))
     return done[:24]
+
+
+_STRIDE_MM = 2.0
+_TURN_BY_OFF, _MOST_TURN = 0.06, 0.06
+"""In radians for each millimetre off the film's middle, and at most, in each stride."""
+
+
+def _followed(
+    film: SeenFilm, begun: Sequence[tuple[Floats, float]], radius: float, length: float
+) -> list[Floats]:
+    """Return runs of film that bend, each from the end of a chain and a direction on.
+
+    A run keeps to the middle between both edges; where other film lies beside it, it goes straight.
+    """
+    if not begun:
+        return []
+    place = np.array([chain[-1] for chain, _ in begun])
+    angle = np.array([way for _, way in begun])
+    left = np.array([length - _length(chain) for chain, _ in begun])
+    runs = [[point] for point in place]
+    gap, alive = np.zeros(len(begun)), left > _STRIDE_MM
+    out = np.arange(-1.9 * radius, 1.9 * radius + 0.25, 0.5)
+    middle = len(out) // 2
+    for stride in range(int(left.max() / _STRIDE_MM) + 1):
+        if not alive.any():
+            break
+        way = np.column_stack([np.cos(angle), np.sin(angle)])
+        side = np.column_stack([-way[:, 1], way[:, 0]])
+        step = np.minimum(_STRIDE_MM, left - stride * _STRIDE_MM).clip(0.0)
+        ahead = place + step[:, None] * way
+        across = (ahead[:, None, :] + out[None, :, None] * side[:, None, :]).reshape(-1, 2)
+        seen = film.at(across, radius).reshape(len(begun), -1) > 0.5
+        gone = ~(seen[:, middle] | film.hidden(ahead, radius))
+        high = np.where(seen[:, middle:].all(axis=1), 99, (~seen[:, middle:]).argmax(axis=1))
+        low = np.where(seen[:, middle::-1].all(axis=1), 99, (~seen[:, middle::-1]).argmax(axis=1))
+        width = 0.5 * (high + low)
+        is_tube = (width > 1.1 * radius) & (width < 2.7 * radius) & seen[:, middle]
+        off = np.where(is_tube, 0.25 * (high - low), 0.0)
+        first = stride * _STRIDE_MM < radius  # the base lies within the parent's film
+        off = np.where(first, 0.0, off)
+        place = ahead + np.clip(0.5 * off, -1.0, 1.0)[:, None] * side
+        angle = angle + np.clip(_TURN_BY_OFF * off, -_MOST_TURN, _MOST_TURN)
+        gap = np.where(gone & ~first, gap + _STRIDE_MM, 0.0)
+        alive &= (step > 0.0) & (gap <= _GAP_MM)
+        for run, point, going in zip(runs, place, alive.tolist(), strict=True):
+            if going:
+                run.append(point)
+    return [np.array(run) for run in runs]
 
 
 def _straight(

@@ -21,11 +21,16 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice
 from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
-from vinefab.model.contacts import CONTACTS_SCHEMA, MeasuredContacts, MeasuredNumber, Side
+from vinefab.model.contacts import (
+    CONTACTS_SCHEMA,
+    FEW_PHOTOS,
+    MeasuredContacts,
+    MeasuredNumber,
+    Side,
+)
 from vinefab.model.files.contacts_toml import contacts_text
 from vinefab.observation.observed_contacts import ObservedPhoto, read_observations
 from vinefab.observation.threshold_fit import (
-    FEW_PHOTOS,
     ThresholdFit,
     fit_threshold,
 )
@@ -168,6 +173,11 @@ def fit_files(paths: Sequence[Path], error_deg: float = ANGLE_ERROR_DEG) -> Cont
 def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_DEG) -> ContactFit:
     """Return what photos measured together."""
     notes = [note for photo in photos for note in photo.notes]
+    notes += [
+        f"{photo.photo}: no verdict, so that none of its contacts counts"
+        for photo in photos
+        if not photo.has_verdict
+    ]
     seen = [(contact, place) for place, photo in enumerate(photos) for contact in photo.contacts]
     threshold = None
     if seen:
@@ -195,7 +205,8 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
             side=fit.side,
             count=fit.stopped + fit.slid,
             photos=fit.photos,
-            source=f"{counted(fit.stopped, 'tip')} stopped, {fit.slid} slid; photos: {names}",
+            source=f"{_few(fit.photos)}{counted(fit.stopped, 'tip')} stopped, {fit.slid} slid; "
+            f"photos: {names}",
         )
         low, high = (_tangent(angle_deg) for angle_deg in (fit.low_deg, fit.high_deg))
         friction = half_angle.changed(
@@ -220,6 +231,11 @@ def fit_photos(photos: Sequence[ObservedPhoto], error_deg: float = ANGLE_ERROR_D
         },
         notes=(*notes, *_threshold_notes(threshold, photos, error_deg), *ratio_notes),
     )
+
+
+def _few(photos: int) -> str:
+    """Return how a source begins that rests on too few photos: the words go with the number."""
+    return f"too few photos ({photos}, from {FEW_PHOTOS} on); " if photos < FEW_PHOTOS else ""
 
 
 # --- The half-angle from contacts -----------------------------------------------------------------
@@ -367,7 +383,8 @@ def _over_photos(
             high=round(min(2.0, max(high, value)), 4),
             count=count,
             photos=len(each),
-            source=f"distance of centre lines from walls at contacts; photos: {names}",
+            source=f"{_few(len(each))}distance of centre lines from walls at contacts; "
+            f"photos: {names}",
         ),
         notes,
     )
@@ -387,7 +404,7 @@ def _breadth(photos: Sequence[ObservedPhoto]) -> MeasuredNumber | None:
         high=round(max(high, value + own_mm), 4),
         count=len(found),
         photos=len(found),
-        source="breadth of the film from above; photos: "
+        source=f"{_few(len(found))}breadth of the film from above; photos: "
         + ", ".join(photo.photo for photo in photos if photo.breadth_ratio is not None),
     )
 

@@ -37,10 +37,36 @@ AGREES_SHARE = 0.02
 SAME_PLACE_MM = 1.0
 """Places nearer to each other along a branch are one on a photo."""
 
-_TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0)
+_TURNS_DEG = (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -5.0, 5.0, -8.0, 8.0, -12.0, 12.0)
 
 HEADING_ERROR_DEG = 0.7
 """Standard error of a line's heading over 40 mm [assumed, above what rendered photos show]."""
+
+TIP_ERROR_DEG = 2.5
+"""Standard error of the heading of a tip by its film [assumed, above what rendered photos show]."""
+
+JOINT_ERROR_DEG = 5.5
+"""Standard error of a joint's angle [assumed: real joints are 4 to 7 degrees off]."""
+
+BEND_PER_MM, BEND_OVER_MM = 1.0 / 600.0, 60.0
+"""Standard deviation of the curvature of real branches, and the length over which it lasts
+[assumed]: so far a tip's heading strays from that of its joint."""
+
+TIP_LENGTH_MM = 40.0
+"""Of the line by whose bend the heading of a tip is found."""
+
+TIP_AT_WALL_MM = 2.5
+"""A tip that stopped at a wall lies so near to it [assumed]."""
+
+STEEPEST_STOP_DEG = 45.0
+"""Whatever ends a body that lies flatter at its wall, it is not the contact's angle [assumed]."""
+
+CORNER_DEG = 30.0
+"""Walls whose normals differ by more make a corner for a tip that touches both."""
+
+SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE = 6.0, 0.05
+"""A stop is told from a full length by so much at least: where a joint lies is known by its
+parent's planned length alone."""
 
 
 _Degrees = Annotated[float, Ge(0), Le(180), Unit("deg")]
@@ -244,40 +270,102 @@ def seen_meetings(replays: Replays, seen: SeenBranch) -> tuple[tuple[WallMeeting
     """Return where a branch's tip met walls and what it did there, and why it stopped.
 
     The stop is ``full_length``, ``head_on``, ``corner``, or ``unclear`` where it is short of its
-    length without a wall at its end.
+    length without a wall at its end. A tip that stopped has the heading that it came with, so that
+    its angle is seen; where it slid, the angle is that of the replay.
     """
+    stop = _stop_at_wall(replays, seen) if seen.ends_early else None
     best = _best_replay(replays, seen)
-    if best is None:
-        return (), "unclear" if seen.ends_early else "full_length"
-    replay, end, turn, away = best
-    fits = away <= AGREES_MM + AGREES_SHARE * seen.length_mm
-    error = float(np.hypot(seen.heading_error_deg, 0.5 * abs(turn)))
-    meetings = []
-    line, touching_mm = LineString(seen.points_mm), max(1.5, 0.3 * seen.radius_mm)
-    for place, meeting in enumerate(replay.meetings):
-        away = float(shapely.distance(replays.wall_shape(meeting.wall), line))
-        outcome: MeetingOutcome = "slid" if fits else "unclear"
-        # What is met within the error of the length may not have been met at all.
-        if place != end and meeting.front_mm > seen.length_mm - SAME_PLACE_MM:
-            outcome = "unclear"
-        if place == end and fits:
-            outcome = "stopped"
-        meetings.append(
-            meeting.changed(
-                outcome=outcome,
-                angle_error_deg=error,
-                # None where the body does not touch the wall.
-                distance_mm=away if abs(away - seen.radius_mm) <= touching_mm else None,
-            )
-        )
-        if place == end:
-            break
+    meetings = list[WallMeeting]()
+    if best is not None:
+        replay, end, turn, away = best
+        passed = replay.meetings if end is None else replay.meetings[:end]
+        fits = away <= AGREES_MM + AGREES_SHARE * seen.length_mm
+        meetings = [_passed(replays, seen, meeting, turn, fits=fits) for meeting in passed]
     if not seen.ends_early:
         return tuple(meetings), "full_length"
-    if end is None or not fits:
+    if stop is None:
         return tuple(meetings), "unclear"
-    is_corner = replay.stop is Stop.CORNER and end == len(replay.meetings) - 1
-    return tuple(meetings), "corner" if is_corner else "head_on"
+    meeting, is_corner = stop
+    before = [m for m in meetings if m.front_mm < seen.length_mm - seen.radius_mm]
+    return (*before, meeting), "corner" if is_corner else "head_on"
+
+
+def _passed(
+    replays: Replays, seen: SeenBranch, meeting: WallMeeting, turn_deg: float, *, fits: bool
+) -> WallMeeting:
+    """Return a meeting of a replay, with what the photo says that the tip did there."""
+    line, touching_mm = LineString(seen.points_mm), max(1.5, 0.3 * seen.radius_mm)
+    away = float(shapely.distance(replays.wall_shape(meeting.wall), line))
+    touches = abs(away - seen.radius_mm) <= touching_mm
+    # What is met within the error of the length may not have been met at all.
+    is_met = meeting.front_mm <= seen.length_mm - SAME_PLACE_MM
+    bend_rad = BEND_PER_MM * math.sqrt(BEND_OVER_MM * min(meeting.front_mm, seen.length_mm))
+    error = math.hypot(seen.heading_error_deg, 0.5 * turn_deg, deg(bend_rad))
+    return meeting.changed(
+        outcome="slid" if fits and touches and is_met else "unclear",
+        angle_error_deg=min(error, 30.0),
+        # None where the body does not touch the wall.
+        distance_mm=away if touches else None,
+    )
+
+
+def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool] | None:
+    """Return the wall at which a tip lies, head-on or in a corner; None where none is."""
+    short_mm = seen.planned_mm - seen.length_mm
+    if short_mm <= max(SHORT_OF_LENGTH_MM, SHORT_OF_LENGTH_SHARE * seen.planned_mm):
+        return None
+    tip = seen.points_mm[-1]
+    heading, error = _tip_heading(seen.points_mm)
+    near = list[tuple[float, float, float, str]]()  # angle, distance, direction, wall
+    names = ["bounds", *(f"obstacle {index}" for index in range(len(replays.shapes)))]
+    for name in names:
+        line = shapely.shortest_line(shapely.Point(tip), _outline(replays.wall_shape(name)))
+        if line.length > seen.radius_mm + TIP_AT_WALL_MM or line.length < 0.3 * seen.radius_mm:
+            continue
+        way = shapely.get_coordinates(line)[1] - tip
+        normal = math.atan2(way[1], way[0])
+        angle = abs(deg(math.remainder(heading - normal, math.tau)))
+        if angle < 90.0:
+            near.append((angle, float(line.length), normal, name))
+    if not near:
+        return None
+    angle, away, normal, name = min(near)
+    others = [abs(deg(math.remainder(one[2] - normal, math.tau))) for one in near]
+    is_corner = max(others) > CORNER_DEG
+    if angle > STEEPEST_STOP_DEG and not is_corner:
+        return None
+    place = tip + away * np.array([math.cos(normal), math.sin(normal)])
+    meeting = WallMeeting(
+        x_mm=float(tip[0]),
+        y_mm=float(tip[1]),
+        wall=name if shapely.Point(place).distance(replays.wall_shape(name)) < 1.0 else "bounds",
+        angle_from_normal_deg=angle,
+        angle_error_deg=error,
+        front_mm=seen.length_mm,
+        outcome="stopped",
+        distance_mm=away,
+    )
+    return meeting, is_corner
+
+
+def _outline(shape: shapely.Geometry) -> shapely.Geometry:
+    return shape.boundary if isinstance(shape, Polygon) else shape
+
+
+def _tip_heading(line_mm: Floats) -> tuple[float, float]:
+    """Return the heading of a tip by the bend of its line's end, and its error in degrees."""
+    line = LineString(line_mm)
+    headings = []
+    for length in (TIP_LENGTH_MM, TIP_LENGTH_MM / 2.0):
+        over = min(length, line.length)
+        along = np.linspace(0.0, over, 25)
+        points = shapely.get_coordinates(shapely.line_interpolate_point(line, line.length - along))
+        slopes = [np.polyfit(along, points[:, axis], 2)[1] for axis in (0, 1)]
+        headings.append(math.atan2(-slopes[1], -slopes[0]))
+    # A kink near the end bends the longer stretch otherwise than the shorter one.
+    apart = deg(math.remainder(headings[0] - headings[1], math.tau))
+    short = max(1.0, TIP_LENGTH_MM / max(1.0, line.length))
+    return headings[0], min(30.0, math.hypot(TIP_ERROR_DEG * short, 0.5 * apart))
 
 
 def _best_replay(

@@ -40,6 +40,7 @@ from vinefab.observation.beside_prediction import (
     compare_with_prediction,
 )
 from vinefab.observation.centre_lines import TracedTree, trace
+from vinefab.observation.doubts import branch_sights
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.pages.colours import ALERT, level_colour
@@ -66,9 +67,6 @@ to which a photo is read: a lens that bends straight lines by 5 % makes half of 
 
 LEAST_PARALLAX_MM = 0.5
 """Less is not worth a caution."""
-
-LEAST_EXPLAINED = 0.8
-"""With less of the film in the lines, or of the lines on film, design and photo do not fit."""
 
 
 _ENDINGS = {
@@ -199,11 +197,19 @@ class Observation(WrittenResult):
                 ),
                 Fact(
                     "branches seen",
-                    f"{sum(b.deployed_observed for b in branches)} of {count}",
+                    f"{sum(b.tip_and_base_seen for b in branches)} of {count}",
                     "summary.deployed_observed",
-                    "measured",
+                    "measured: tip and base on film",
                     "good" if good else "caution",
-                    sum(b.deployed_observed for b in branches),
+                    sum(b.tip_and_base_seen for b in branches),
+                ),
+                Fact(
+                    "branches in doubt",
+                    f"{sum(bool(b.doubts) for b in branches)} of {count}",
+                    "summary.in_doubt",
+                    "nothing is claimed of their stops and contacts; cautions say why",
+                    "caution" if any(b.doubts for b in branches) else "good",
+                    [b.id for b in branches if b.doubts],
                 ),
                 Fact(
                     "branches predicted",
@@ -314,7 +320,7 @@ class Observation(WrittenResult):
     @property
     def fits(self) -> bool:
         """Whether this design from this pose can be what the photo shows."""
-        return min(self.traced.film_explained, self.traced.lines_supported) >= LEAST_EXPLAINED
+        return self.compared.is_read
 
     @property
     def error_text(self) -> str:
@@ -328,13 +334,20 @@ class Observation(WrittenResult):
         """Whether the robot did what was predicted; if not, the first branch that did not."""
         if not self.fits:
             return "no verdict: the photo hardly shows this design from this pose"
-        for branch in self.compared.branches:  # parents come before their children
+        clear = [branch for branch in self.compared.branches if not branch.doubts]
+        for branch in clear:  # parents come before their children
             if branch.stop_observed != branch.stop_predicted:
                 return (
                     f"not as predicted: branch {branch.id} "
                     f"{_ending(branch.stop_observed, branch.observed_mm)} (measured), predicted "
                     f"{_ending(branch.stop_predicted, branch.predicted_mm)} (simulated)"
                 )
+        doubtful = [branch.id for branch in self.compared.branches if branch.doubts]
+        if doubtful:
+            return (
+                f"as predicted where it is clear: {len(clear)} branches ended as simulated, "
+                f"{len(doubtful)} are in doubt: {', '.join(doubtful)}"
+            )
         return (
             "as predicted: every branch ended as simulated, "
             f"{self.mean_error_mm:.1f} mm beside its predicted line in the mean (measured)"
@@ -359,6 +372,8 @@ def _branch_data(branch: ComparedBranch) -> dict[str, object]:
         "width_mm": {"measured": branch.width_mm, "nominal": branch.nominal_width_mm},
         "share_seen": branch.seen,
         "share_told_apart": branch.told_apart,
+        "tip_and_base_seen": branch.tip_and_base_seen,
+        "doubts": branch.doubts,
         "points_mm": branch.points_mm.tolist(),
         "contacts": [
             {**contact.model_dump(), "width_mm": branch.width_mm} for contact in branch.contacts
@@ -548,7 +563,8 @@ def observe_photo(  # noqa: PLR0913
     if not traced.branches[0].deployed:
         where = f"none at the base ({pose.x_mm:g}, {pose.y_mm:g}) mm"
         raise BadInputError("film", where, "a pose where the trunk leaves its base", photo.name)
-    compared = compare_with_prediction(traced, design, world, pose, growth)
+    sights = branch_sights(film, traced, widths)
+    compared = compare_with_prediction(traced, design, world, pose, growth, sights=sights)
     seen = Observation(
         photo=photo.name,
         map_file=map_file or world.name,
@@ -616,9 +632,10 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
     branches = seen.compared.branches
     if not seen.fits:
         found.append(
-            f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines and "
-            f"{100 * seen.traced.lines_supported:.0f} % of the lines on film: this design from "
-            "this pose hardly is what the photo shows"
+            f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines, "
+            f"{100 * seen.traced.lines_supported:.0f} % of the lines on film, and "
+            f"{sum(bool(b.doubts) for b in branches)} of {len(branches)} branches are in doubt: "
+            "this design from this pose hardly is what the photo shows"
         )
     if setup.obstacle_mm is None and seen.world.obstacles:
         found.append(
@@ -634,12 +651,11 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         )
     if camera.focal_px is not None and away > LEAST_PARALLAX_MM:
         found.append(f"the camera's place leaves {away:.1f} mm of parallax (95 %)")
-    mixed = [branch.id for branch in branches if branch.is_ambiguous]
-    if mixed:
-        found.append(f"lie on or beside others and could not be told apart: {', '.join(mixed)}")
-    unclear = [branch.id for branch in branches if branch.stop_observed == "unclear"]
-    if unclear:
-        found.append(f"ended early without a wall at their end: {', '.join(unclear)}")
+    why: dict[str, list[str]] = {}
+    for branch in branches:
+        for doubt in branch.doubts:
+            why.setdefault(doubt, []).append(branch.id)
+    found += [f"{doubt}: {', '.join(ids)}" for doubt, ids in why.items()]
     hardly = [b.id for b in branches if b.deployed_observed and b.seen < 0.3]
     if hardly:
         found.append(f"hidden for most of their length: {', '.join(hardly)}")

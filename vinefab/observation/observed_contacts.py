@@ -49,6 +49,7 @@ class TracedBranchForm(TablePart):
     contacts: Annotated[list[WallContact], Field(max_length=MOST_CONTACTS)] = Field(
         default_factory=list
     )
+    doubts: list[str] = Field(default_factory=list)
 
 
 class BreadthForm(TablePart):
@@ -73,6 +74,12 @@ class PoseForm(TablePart):
     heading_deg: float
 
 
+class SummaryForm(TablePart):
+    """What an observation says of the whole photo."""
+
+    fits: bool = True
+
+
 class ObservationForm(TablePart):
     """One observation."""
 
@@ -82,6 +89,7 @@ class ObservationForm(TablePart):
     design: str
     pose: PoseForm
     film: FilmForm | None = None
+    summary: SummaryForm = Field(default_factory=SummaryForm)
     branches: list[TracedBranchForm]
 
 
@@ -102,6 +110,7 @@ class ObservedPhoto:
     photo: str
     contacts: tuple[SeenContact, ...]
     unclear: int  # contacts left out because it could not be seen what the tip did there
+    has_verdict: bool  # whether the photo shows its design; without, no contact counts
     elsewise: int  # contacts left out because the tip stopped for another reason than the angle
     chains_mm: dict[str, Floats]  # traced centre lines by branch, shape (k, 2) each
     pose: Pose
@@ -154,15 +163,18 @@ def _observation(text: str, path: Path) -> ObservedPhoto:
         photo=form.photo,
         contacts=contacts,
         unclear=unclear,
+        has_verdict=form.summary.fits,
         elsewise=elsewise,
         chains_mm={
-            branch.id: frozen_floats("points_mm", branch.points_mm, 2) for branch in form.branches
+            branch.id: frozen_floats("points_mm", branch.points_mm, 2)
+            for branch in form.branches
+            if form.summary.fits and not branch.doubts
         },
         pose=Pose(x_mm=form.pose.x_mm, y_mm=form.pose.y_mm, heading_rad=rad(form.pose.heading_deg)),
         design=design,
         world=world,
         width_ratios=_width_ratios(form, design),
-        breadth_ratio=_breadth_ratio(form, design),
+        breadth_ratio=_breadth_ratio(form, design) if form.summary.fits else None,
         notes=notes,
     )
 
@@ -170,13 +182,15 @@ def _observation(text: str, path: Path) -> ObservedPhoto:
 def _contacts(form: ObservationForm) -> tuple[tuple[SeenContact, ...], int, int]:
     """Return contacts that a threshold can be fitted to, and how many are not among them and why.
 
-    A branch ends once: of its contacts at most the last is the one that it stopped at.
+    A branch ends once: of its contacts at most the last is the one that it stopped at. Nothing is
+    known of contacts on a photo without a verdict, nor of those of a branch in doubt.
     """
     kept, unclear, elsewise = list[SeenContact](), 0, 0
     for branch in form.branches:
         for contact in branch.contacts:
             stopped, angle_deg = contact.outcome == "stopped", contact.angle_from_normal_deg
-            if contact.outcome == "unclear" or angle_deg is None:
+            is_seen = form.summary.fits and not branch.doubts
+            if not is_seen or contact.outcome == "unclear" or angle_deg is None:
                 unclear += 1
             elif angle_deg > 90.0 or (stopped and branch.stop_observed in OTHER_STOPS):
                 elsewise += 1
@@ -220,8 +234,10 @@ def _beside(name: str, path: Path) -> str:
 def _width_ratios(form: ObservationForm, design: Design | None) -> tuple[float, ...]:
     """Return distances from walls against nominal radii, one for each branch and wall."""
     ratios: dict[tuple[str, object], float] = {}
-    for branch in form.branches:
+    for branch in form.branches if form.summary.fits else ():
         nominal_mm = _nominal_mm(branch, design)
+        if branch.doubts:
+            continue
         for contact in branch.contacts:
             if nominal_mm and contact.distance_mm is not None and contact.outcome != "unclear":
                 ratios[branch.id, contact.wall] = 2.0 * contact.distance_mm / nominal_mm

@@ -29,9 +29,6 @@ TIP_SPREADS_DEG = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 PHOTO_SPREADS_DEG = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 """Standard deviations of thresholds that are tried [assumed: at most 10 degrees]."""
 
-FEW_PHOTOS = 5
-"""With fewer, photos that differ from each other cannot be told from photos that are alike."""
-
 TWO_SIDED, ONE_SIDED = 3.841, 2.706
 """Falls of twice the log likelihood at the ends of a 95 % interval, and at a 95 % bound."""
 

@@ -162,6 +162,18 @@ def contour_path(contour: Contour) -> str:
     return "".join(steps) + ("Z" if contour.closed else "")
 
 
+def area_svg(area: BaseGeometry, name: str) -> str:
+    """Return polygons as one path of a class."""
+    parts = [part for part in shapely.get_parts(area).tolist() if isinstance(part, Polygon)]
+    return f'<path class="{name}" d="{"".join(_rings_paths(parts))}"/>'
+
+
+def lines_svg(lines_mm: Sequence[Floats], name: str) -> str:
+    """Return chains of points as one path of a class."""
+    course = "".join(_chain_path(_placed(line)) for line in lines_mm)
+    return f'<path class="{name}" d="{course}"/>'
+
+
 def pose_svg(pose: Pose, size_mm: float) -> str:
     """Return a start as ``<g class="pose">``: a dot and an arrow of a size, both to be grabbed.
 

@@ -349,13 +349,17 @@ class DeployedDesign(Result):
         return gif_animation(self.world, shapes, widths_mm)
 
 
-def as_grown(design: Design, profile: LaserProfile | None = None) -> Design:
+def as_grown(
+    design: Design, profile: LaserProfile | None = None, *, known_only: bool = False
+) -> Design:
     """Return a design as it deploys: itself, or without compensation what its flat angles become.
 
     Parameters
     ----------
     profile
         Of its film; that of the design's run, or the default, if None.
+    known_only
+        Simulate nothing, as `pattern_of`: levels that are not known keep their designed angles.
     """
     if design.build.compensation != "none":
         return design
@@ -363,9 +367,10 @@ def as_grown(design: Design, profile: LaserProfile | None = None) -> Design:
     from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
     from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
 
-    found = pattern_of(design, profile or ChosenRecipe.of(design).profile)
+    profile = profile or ChosenRecipe.of(design).profile
+    found = pattern_of(design, profile, known_only=known_only)
     for level, joint in zip(found.deployed.levels, found.joints, strict=True):
-        if not isinstance(level, UnevenLevel):
+        if not known_only and not isinstance(level, UnevenLevel):
             why = joint.problem or f"level {joint.level}: siblings deploy through each other"
             note(f"{why}: grown at its designed angles (compensation none)")
     return found.deployed

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import shapely
@@ -38,12 +37,12 @@ from vinefab.inflation.pattern import (
     strain_of,
     stretch_of,
 )
+from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
 from vinefab.inflation.surface import closed_surface
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
-from vinefab.model.tree import child_lengths_mm
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_panel
@@ -263,8 +262,7 @@ class InflatedDesign(Result):
         yield Notes(self.notes, "notes")
         against = () if other is None else other.facts("other")
         yield Facts((*found.facts("tips"), *against), lead=True)
-        yield self._children()
-        yield self._joints()
+        yield from pattern_blocks(self.pattern, self._in_robot_deg())
         yield self._tubes()
         yield Facts(self._conditions())
         yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
@@ -293,74 +291,15 @@ class InflatedDesign(Result):
             raise BadInputError("suffix", suffix, ", ".join(SURFACE_FORMATS))
         return write(*self.surface, self.design.name)
 
-    def _children(self) -> Rows:
-        """Return designed, cut and deployed angles and lengths of each kind of child."""
-        pattern, robot = self.pattern, self.robot
-        tree = robot.layout.tree
-        turned_deg = np.degrees(robot.deployed_offsets_rad)
-        shown = partial(Number, form="z.1f", decimals=3)
-        flat_mm = pattern.flat.trunk_length_mm
-        rows: list[tuple[Value, ...]] = [
-            (1, 1, *(Number(None),) * 4, shown(self.design.trunk_length_mm), shown(flat_mm),
-             shown(pattern.deployed.trunk_length_mm), Number(None))
-        ]  # fmt: skip
-        for place, joint in enumerate(pattern.joints):
-            if (found := joint.found) is None:
-                continue
-            lengths_mm = zip(
-                *(child_lengths_mm(one.levels[place]).tolist()
-                  for one in (self.design, pattern.flat, pattern.deployed)),
-                strict=True,
-            )  # fmt: skip
-            members = np.flatnonzero(tree.level == joint.level)
-            children = len(joint.wanted_deg)
-            for child, (designed, cut, reached) in enumerate(lengths_mm):
-                here_deg = turned_deg[members[child::children]]
-                rows.append(
-                    (
-                        joint.level,
-                        child + 1,
-                        shown(joint.wanted_deg[child]),
-                        shown(found.flat.angles_deg[child]),
-                        shown(found.deployed_deg[child]),
-                        shown(float(here_deg.mean())),
-                        shown(designed),
-                        shown(cut),
-                        shown(reached),
-                        shown(joint.width_mm * found.side_offsets[child]),
-                    )
-                )
-        return Rows(
-            caption="Branches of each level: angles to the parent in deg (positive: left), lengths "
-            "in mm; as designed, as cut, as expected of the joint alone, and the mean within the "
-            "whole robot (simulated; triangles are good for 0.6 deg)",
-            headings=("level", "child", "angle designed", "cut", "expected", "in the robot",
-                      "length designed", "cut", "expected", "aside"),
-            rows=tuple(rows),
-            key="branches",
-            keys=("level", "child", "designed_deg", "cut_deg", "expected_deg", "in_robot_deg",
-                  "designed_mm", "cut_mm", "expected_mm", "aside_mm"),
-        )  # fmt: skip
-
-    def _joints(self) -> Rows:
-        """Return sensitivity, load and passage of each kind of joint."""
-        plain = partial(Number, form=".2f", decimals=4)
-        return Rows(
-            caption="Joints: change of the deployed angle over that of the flat one, load that "
-            "opens the weld in a crotch over that of the trunk's straight seam, largest ball that "
-            "passes into a child over the child's tube (simulated)",
-            headings=("children on level", "joints", "parent mm", "sensitivity", "crotch load",
-                      "passage"),
-            rows=tuple(
-                (joint.level, joint.count, Number(joint.width_mm, form=".1f"),
-                 plain(joint.found.sensitivity), plain(joint.found.crotch_load),
-                 plain(joint.found.passage))
-                for joint in self.pattern.joints
-                if joint.found is not None
-            ),
-            key="joints",
-            keys=("level", "count", "parent_mm", "sensitivity", "crotch_load", "passage"),
-        )  # fmt: skip
+    def _in_robot_deg(self) -> dict[int, Floats]:
+        """Return the mean angle of each child within the whole robot, by level."""
+        tree, turned_deg = self.robot.layout.tree, np.degrees(self.robot.deployed_offsets_rad)
+        return {
+            joint.level: turned_deg[tree.level == joint.level]
+            .reshape(-1, len(joint.wanted_deg))
+            .mean(axis=0)
+            for joint in self.pattern.joints
+        }
 
     def _tubes(self) -> Rows:
         """Return strain, diameter and growth in length of each level's straight tubes."""

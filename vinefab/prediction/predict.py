@@ -128,7 +128,7 @@ class Predicted(WrittenResult):
     origin: Origin | None = None  # what it takes to get it again
     path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
-    section_count = 13
+    section_count = 14
 
     @property
     def main(self) -> FamilyDeployments:

@@ -1,4 +1,4 @@
-"""What follows the pointer: the robot grown on the open map, its scores, its flat outline."""
+"""What follows the pointer: the robot grown on the open map, and its scores."""
 
 import math
 from collections.abc import Mapping
@@ -8,14 +8,13 @@ from typing import Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 from vinefab.model.score import IDEAL_CASE
-from vinefab.pages.plan_svg import ground_svg, outline_svg, pose_svg, robot_svg, view_box
+from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
@@ -25,9 +24,6 @@ from vinefab.studio.warming import engine_now
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task, check_on_map
-
-MOST_FLAT = 1500
-"""Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
 MOST_LIVE_INTERPRETED = 1500
 """More branches than this grow once the simulator is compiled: interpreted they take a second."""
@@ -40,7 +36,7 @@ COMPILED_TASKS = ("anchoring",)
 
 
 def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:
-    """Return growth, scores and outline of what is open.
+    """Return growth and scores of what is open.
 
     Parameters
     ----------
@@ -48,7 +44,7 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
         dragged, whose element the page moves itself.
     """
-    answer = {"engine": engine_now(), **_outline(state.design)}
+    answer: dict[str, Any] = {"engine": engine_now()}
     if state.world is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
     key = _ground_key(state.world)
@@ -60,16 +56,6 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         "map_size_mm": list(state.world.size_mm),
     }
     return answer | _grown(state, state.world)
-
-
-def _outline(design: Design) -> dict[str, Any]:
-    if design.branch_count > MOST_FLAT:
-        return {"outline_svg": "", "outline_box": None}
-    try:
-        contour = body_outline(design).contour
-    except BadInputError as error:  # a tree that no sheet could hold
-        return {"outline_svg": "", "outline_box": None, "outline_problem": str(error)}
-    return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
 
 
 def _grown(state: StudioState, world: Map) -> dict[str, Any]:
@@ -85,7 +71,7 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     prepared = prepared_map(world)
     try:
         deployment = grow_on(
-            state.grown, prepared.terrain, start, state.growth, engine=engine_now()
+            state.grown_now, prepared.terrain, start, state.growth, engine=engine_now()
         )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
@@ -169,7 +155,13 @@ def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
 def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
     lost = without_room(state.design, deployment, state.growth)
+    unknown = [
+        f"level {number}: grown at its designed angles; no table says what it deploys as"
+        for number, level in enumerate(state.grown_now.levels, start=2)
+        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+    ]
     return [
+        *unknown,
         *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
         *places_text("no room for the body of", lost),
         *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),

@@ -113,6 +113,11 @@ class StudioState:
         return as_grown(self.design, self.profile)
 
     @property
+    def grown_now(self) -> Design:
+        """The design as it deploys, by what is known without simulating joints."""
+        return as_grown(self.design, self.profile, known_only=True)
+
+    @property
     def start(self) -> Pose | None:
         """Where the robot starts: the page's pose, or the map's first start."""
         if self.pose is not None or self.world is None or not self.world.starts:

@@ -19,6 +19,9 @@ LONG_TAILS = 4.0
 """Excess kurtosis that scores of maps are taken to have: on bench Grids and Caves it was -2 to 16
 (simulated), and with 4 the intervals over 5 to 50 maps hold the truth often enough."""
 
+PAIRED_TAILS = 1.0
+"""The same of differences of two designs on the same maps: what stops both cancels."""
+
 _ALIKE = 1e-12
 """Values that differ by no more, over the largest of them, are equal up to rounding."""
 

@@ -15,7 +15,7 @@ from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_values
 from vinefab.core.rng import child
-from vinefab.core.statistics import mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.core.view import (
@@ -271,7 +271,7 @@ class AimedRobot:
 def paired_gain(one: PoseEstimate, other: PoseEstimate) -> tuple[float, float, float]:
     """Return the mean of one estimate minus another's, and its 95 % interval."""
     differences = one.scores - other.scores
-    return float(differences.mean()), *mean_interval(differences)
+    return float(differences.mean()), *mean_interval(differences, tails=PAIRED_TAILS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

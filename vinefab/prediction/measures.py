@@ -217,7 +217,7 @@ def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class MeasureSpread:
     """How a measure is spread over deployments."""
 
     count: int  # deployments that have a value
@@ -250,7 +250,7 @@ class Spread:
     @classmethod
     def of(
         cls, values: Floats, groups: Sequence[str], measure: Measure | None = None
-    ) -> "Spread | None":
+    ) -> "MeasureSpread | None":
         """Return the spread of some values, or None if there is not one number among them."""
         known = values[np.isfinite(values)]
         if len(known) == 0:
@@ -299,9 +299,9 @@ class MeasureTable:
         """Number of different maps."""
         return len(set(self.maps))
 
-    def spread(self, measure: Measure) -> Spread | None:
+    def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
-        return Spread.of(self.values[measure.key], self.maps, measure)
+        return MeasureSpread.of(self.values[measure.key], self.maps, measure)
 
 
 def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
@@ -310,7 +310,9 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     for measure in MEASURES:
         spread = outcomes.spread(measure)
         if spread is not None:
-            numbers = {name: measure.content(getattr(spread, name)) for name in Spread.NUMBERS}
+            numbers = {
+                name: measure.content(getattr(spread, name)) for name in MeasureSpread.NUMBERS
+            }
             spreads[measure.key] = {"count": spread.count, "over": spread.over, **numbers}
     return spreads
 

@@ -75,8 +75,9 @@ class Number:
             return "-"
         words = self._shown(self.value)
         if self.interval is not None:
-            known = all(map(self._is_known, self.interval))
-            ends = tuple(map(self._shown, self.interval)) if known else None
+            low, high = self.interval
+            known = self._is_known(low) and self._is_known(high)
+            ends = (self._shown(low), self._shown(high)) if known else None
             words += f" {interval_text(ends, self.over)}"
         return f"{words} {self.unit}".rstrip()
 

@@ -18,6 +18,7 @@ from vinefab.growth.simulator import (
     POINTS_PER_BRANCH,
     SPARE_POINTS,
     Engine,
+    Settling,
     grow_jobs_of,
     quickest_engine,
     rules_of,
@@ -58,6 +59,11 @@ class TerrainSet:
                     self._kept.pop(next(iter(self._kept)))
                 self._kept[radii_mm] = TerrainSetArrays.of(pages, tolerances.tolist())
             return self._kept[radii_mm]
+
+    @property
+    def tolerances_mm(self) -> Floats:
+        """Distances up to this count as touching, on each terrain, shape (terrains,)."""
+        return np.array([terrain.tolerance_mm for terrain in self.terrains])
 
     def pages(self, radii_mm: tuple[float, ...]) -> Ints:
         """Return the page of each terrain and radius, shape (terrains, radii)."""
@@ -306,6 +312,8 @@ class Batch:
             launches = replace(launches, half_angle_rad=half_angle_rad)
         self.launches = launches
         self._rules, self._half_angle = rules_of(options, 0.0), half_angle_rad
+        self._settling = Settling.of(options)
+        self._radius_mm = plans.radius_mm if self._settling.is_needed else np.zeros(0)
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
@@ -386,6 +394,9 @@ class Batch:
             grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
+        if self._settling.is_needed:
+            tolerance_mm = self.launches.atlas.tolerances_mm[terrain]
+            self._settling.settle(trees, self._radius_mm, jobs, growth, tolerance_mm, self._engine)
         return Block(
             plan=plan,
             launch=launch,

@@ -75,6 +75,7 @@ _ENDINGS = {
     Stop.CORNER.label: "stopped in a corner",
     Stop.NOT_DEPLOYED.label: "not deployed",
     Stop.PRESSURE.label: "out of pressure",
+    Stop.BRANCH.label: "stopped at another branch",
 }
 """How a branch ended, for the user."""
 

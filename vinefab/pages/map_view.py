@@ -168,5 +168,6 @@ STOP_WORDS = {
     Stop.HEAD_ON: "stopped head-on",
     Stop.CORNER: "stopped in a corner",
     Stop.PRESSURE: "out of pressure",
+    Stop.BRANCH: "stopped at another branch",
     Stop.NOT_DEPLOYED: "never emerged",
 }

@@ -12,14 +12,13 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.options import GrowthOptions, growth_text
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
     MEASURES,
-    STUCK_STOPS,
     Measure,
     MeasureTable,
     Spread,

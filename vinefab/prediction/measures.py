@@ -13,7 +13,7 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.core.view import Number, interval_text
 from vinefab.growth.batch import Block
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
 from vinefab.model.laser import GrowthConstants
 from vinefab.model.map import Pose
@@ -313,9 +313,6 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
             numbers = {name: measure.content(getattr(spread, name)) for name in Spread.NUMBERS}
             spreads[measure.key] = {"count": spread.count, "over": spread.over, **numbers}
     return spreads
-
-
-STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
 def measured_shapes(

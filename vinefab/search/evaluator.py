@@ -30,6 +30,11 @@ from vinefab.search.settings import (
 )
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
+
+_AS_DESIGNED = (
+    "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
+    "the winner to see that robot"
+)
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.task import (
@@ -349,15 +354,16 @@ class Evaluator:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know of starts without spread, a sentence each.
+        """What a user should know of designs and starts, a sentence each.
 
-        Nothing where the run itself asks for the starts as they are.
+        Nothing of starts without spread where the run itself asks for them as they are.
         """
+        notes = [_AS_DESIGNED] if self.space.build.compensation == "none" else []
         if self.evaluation.pose_range == 0.0:
-            return ()
+            return tuple(notes)
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)
         worlds = [prepared.world for prepared in self.maps]
-        return tuple(spread_notes(worlds, count, repeats=self.growth.draws))
+        return (*notes, *spread_notes(worlds, count, repeats=self.growth.draws))
 
     def training_conditions(self, seed: int, generation: int) -> Conditions:
         """Draw the conditions of a generation of the search, on all maps or on some of them."""

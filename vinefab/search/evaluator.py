@@ -30,11 +30,6 @@ from vinefab.search.settings import (
 )
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
-
-_AS_DESIGNED = (
-    "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
-    "the winner to see that robot"
-)
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.task import (
@@ -46,6 +41,11 @@ from vinefab.tasks.task import (
     concatenated_outcomes,
     outcomes,
     search_form,
+)
+
+_AS_DESIGNED = (
+    "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
+    "the winner to see that robot"
 )
 
 INVALID_FITNESS = -1e6

@@ -408,7 +408,7 @@ def trained_growth(design: Design) -> GrowthOptions:
     if not isinstance(table, Mapping):
         raise BadInputError(_origin_key(), table, "a table of growth options")
     try:
-        return GrowthOptions.of({"branch_contact": _BEFORE, **table} if table else table)
+        return GrowthOptions.of({**GrowthOptions.before(), **table} if table else table)
     except BadInputError as error:
         raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
     except UnknownNameError as error:

@@ -18,11 +18,12 @@ from vinefab.inflation.compensation import (
     deployed_joint,
     flat_joint,
     known_joint,
+    likely_flat_deg,
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Build, Design, Trunk, UnevenLevel
-from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
 
@@ -62,6 +63,7 @@ class Pattern:
     flat: Design
     deployed: Design
     joints: tuple[LevelJoint, ...]  # of each level from the second on
+    standing: str = "simulated, unverified"
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -224,7 +226,21 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
             build=build.changed(compensation="inflation"),
         ),
         joints=tuple(joints),
+        standing=standing_of(material),
     )
+
+
+def standing_of(material: Material) -> str:
+    """Return how far a simulated pattern of some film may be trusted.
+
+    It is simulated in any case; joint coupons measure what the simulation takes from the film.
+    """
+    known = [f"modulus {material.modulus_mpa.standing}"]
+    if material.closing_gain is not None:
+        known.append(f"closing gain {material.closing_gain.standing}")
+    if not any(words.endswith(Standing.MEASURED) for words in known):
+        return "simulated, unverified"
+    return f"simulated; {', '.join(known)}"
 
 
 def _level_joint(
@@ -242,6 +258,11 @@ def _level_joint(
     # Children stand beside their designed axes: turned a little, their tips come nearer.
     away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
     turn_deg, fillets = 0.0, tuple[float, ...]()
+    if compensated:
+        # Crotches are wider flat than deployed: narrow fans have room for fillets there only.
+        levels[place] = UnevenLevel.of_children(
+            likely_flat_deg(np.array(wanted_deg)).tolist(), child_lengths_mm(level).tolist()
+        )
     for step in range(4):
         drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)

@@ -16,7 +16,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -468,7 +468,7 @@ def _difference(pairs: Sequence[tuple[float, float]], within: float) -> dict[str
     if not pairs:
         return None
     gains = np.array([after - before for before, after in pairs])
-    low, high = mean_interval(gains)
+    low, high = mean_interval(gains, tails=PAIRED_TAILS)
     return {
         "maps": len(gains),
         "mean": float(gains.mean()),

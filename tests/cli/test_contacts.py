@@ -132,7 +132,9 @@ def test_bounds_leave_the_other_end_assumed(bounded):
     assert "at most 8 deg; too few photos, from 5 on; 1 deg assumed)" in growth_text(upper, [vine])
     lower = GrowthOptions.of({"contacts": read_contacts(bounded("lower", 12.0, 90.0))})
     assert lower.half_angle_deg == [12.0, 15.0]
-    assert "at least 12 deg; too few photos, from 5 on; 15 deg assumed)" in growth_text(lower, [vine])
+    assert "at least 12 deg; too few photos, from 5 on; 15 deg assumed)" in growth_text(
+        lower, [vine]
+    )
     loose = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 30.0))})
     assert loose.half_angle_deg == [1.0, 15.0]
     assert "at most 30 deg; 1 to 15 deg assumed)" in growth_text(loose, [vine])

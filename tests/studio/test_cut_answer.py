@@ -36,7 +36,7 @@ def asked(panel, state, told=None):
 
 
 def number(text):
-    return float(re.search(r"(?:cut|deploys at|nearest) ([\d.]+)°", text)[1])
+    return float(re.search(r"(?:cut|deploys at|nearest|about) ([\d.]+)°", text)[1])
 
 
 @pytest.fixture
@@ -85,7 +85,10 @@ def test_siblings_that_cannot_be_held_apart_are_said_in_red():
     state = state_of(20.0, branches=4)
     exact = asked("rules", state)["cut"][ANGLE]
     assert exact["kind"] == "bad"
-    assert "not possible" in exact["text"]
+    assert exact["text"].startswith("✕ not possible: nearest about ")
+    nearest = number(exact["text"])
+    assert 22.0 < nearest < 100.0
+    assert asked("cut", state_of(nearest + 2.0, branches=4))["cut"][ANGLE]["kind"] != "bad"
     assert "no flat joint deploys at" in exact["about"]
 
 
@@ -95,7 +98,7 @@ def test_the_nearest_reachable_angle_is_named():
     (joint,) = made.joints
     assert isinstance(joint.found, FlatJoint)
     failed = replace(joint, problem="level 2: no flat joint deploys so")
-    note = cut_notes(replace(made, joints=(failed,)))[ANGLE]
+    note = cut_notes(replace(made, joints=(failed,)), state.profile)[ANGLE]
     assert (note["kind"], number(note["text"])) == ("bad", pytest.approx(30.0, abs=3.0))
 
 

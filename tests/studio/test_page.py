@@ -286,7 +286,7 @@ def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
     profile = ChosenRecipe.of(design).profile
     patterns = (pattern_of(design, profile, known_only=known) for known in (True, False))
     # The table's words while the pointer moves, those of the simulated joint once it rests.
-    says = [cut_notes(pattern)["level.0.angle_deg"]["text"] for pattern in patterns]
+    says = [cut_notes(pattern, profile)["level.0.angle_deg"]["text"] for pattern in patterns]
     tab.until("(says) => says.includes(document.querySelector('.value-note').textContent)", says)
     tab.page.mouse.up()
     tab.until("(text) => document.querySelector('.value-note').textContent === text", says[1])

@@ -92,6 +92,12 @@ class Table(BaseModel, metaclass=_TableType):
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @classmethod
+    def before(cls) -> dict[str, Any]:
+        """Return what records without later fields mean by it, where that is not the default."""
+        marked = ((name, mark) for name, one in cls.model_fields.items() for mark in one.metadata)
+        return {name: mark.value for name, mark in marked if isinstance(mark, LaterThan)}
+
+    @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401  of the class statement
         """Document the fields in ``help``: each with its unit and its meaning."""
         if cls.__doc__ and cls.model_fields and "Parameters\n" not in cls.__doc__:

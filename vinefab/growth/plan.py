@@ -108,6 +108,11 @@ class Plan:
         )
 
     @property
+    def radius_mm(self) -> Floats:
+        """Radius of each branch's body, mm, shape (n,)."""
+        return np.repeat(self.radii_mm, np.diff(self.edges))
+
+    @property
     def without_pressure(self) -> "Plan":
         """The same plan where no pressure stops growth."""
         return replace(self, limit_kpa=np.full(len(self), np.inf))
@@ -160,6 +165,14 @@ class Plans:
             total = [np.add.reduce(self.trees.length[one:two]) for one, two in edges]
             self._lengths.append(np.array(total))
         return self._lengths[0]
+
+    @property
+    def radius_mm(self) -> Floats:
+        """Radius of the body of each branch, in the order of the trees, mm."""
+        spans = self.spans
+        there = np.arange(spans.radius.shape[1]) < spans.number[:, None]
+        count = np.diff(spans.until, axis=1, prepend=0)[there]
+        return np.repeat(np.array(spans.radii_mm)[spans.radius[there]], count)
 
     @classmethod
     def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":

@@ -26,11 +26,20 @@ class Stop(IntEnum):
     CORNER = 2
     NOT_DEPLOYED = 3
     PRESSURE = 4
+    BRANCH = 5  # at the body of another branch
+    NOT_EVERTED = 6  # at its base: it failed to come out of its parent's tip
 
     @property
     def label(self) -> str:
         """The name used in files: ``full_length``, ``head_on``, ``corner`` and so on."""
         return self.name.lower()
+
+
+STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE, Stop.BRANCH, Stop.NOT_EVERTED)
+"""Stops before the planned length."""
+
+CUT_STOPS = (Stop.BRANCH, Stop.NOT_EVERTED)
+"""Stops that walls have no part in: such a branch is the beginning of one that grew alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +140,8 @@ class Deployment:
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason, by the reason's name."""
         counts = np.bincount(self.stop, minlength=len(Stop)).tolist()
-        return {stop.label: counts[stop] for stop in Stop}
+        # Reasons that files did not always have stand there where they occur.
+        return {stop.label: counts[stop] for stop in Stop if stop <= Stop.PRESSURE or counts[stop]}
 
     @property
     def summary(self) -> tuple[str, ...]:

@@ -76,6 +76,8 @@ _ENDINGS = {
     Stop.CORNER.label: "stopped in a corner",
     Stop.NOT_DEPLOYED.label: "not deployed",
     Stop.PRESSURE.label: "out of pressure",
+    Stop.BRANCH.label: "stopped at another branch",
+    Stop.NOT_EVERTED.label: "did not come out",
 }
 """How a branch ended, for the user."""
 

@@ -23,7 +23,7 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
@@ -62,7 +62,9 @@ class History:
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
         pose = self.final.pose
-        deployment = grow_on(self.design, self.terrain, pose, self.options, engine, plan)
+        alone = self.options.changed(branch_contact="pass", emergence=1.0)
+        deployment = grow_on(self.design, self.terrain, pose, alone, engine, plan)
+        deployment = self._with_cuts(deployment, front_mm)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
@@ -78,6 +80,27 @@ class History:
         steps = self.full_mm * np.arange(1, count) / count
         return self.frames((*steps.tolist(), self.full_mm))
 
+    def _with_cuts(self, grown: Deployment, front_mm: float) -> Deployment:
+        """Return a shape on the way where branches that others stopped follow their final paths."""
+        out = np.flatnonzero(self.base_mm < front_mm)
+        cut = np.isin(self.final.stop[out], CUT_STOPS)
+        if not cut.any():
+            return grown
+        chains = [grown.chain_mm(place) for place in range(len(out))]
+        length_mm, stop = grown.grown_mm.copy(), grown.stop.copy()
+        for place in np.flatnonzero(cut).tolist():
+            branch = int(out[place])
+            left_mm = min(front_mm - self.base_mm[branch], self.final.grown_mm[branch])
+            chains[place] = _first_part(self.final.chain_mm(branch), left_mm)
+            length_mm[place], stop[place] = left_mm, self.final.stop[branch]
+        return replace(
+            grown,
+            points_mm=np.concatenate(chains),
+            first_point=np.cumsum([0, *(len(chain) for chain in chains)]),
+            stop=stop,
+            grown_mm=length_mm,
+        )
+
     def _plan_at(self, front_mm: float) -> tuple[Plan, NDArray[np.bool_]]:
         """Return the branches that have emerged, cut off at the front, and which grow on.
 
@@ -90,6 +113,14 @@ class History:
         # wall just there would count as grown in full.
         length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
         return Plan.of(self.design, self.options).cut(out, length_mm), is_growing
+
+
+def _first_part(chain_mm: Floats, length_mm: float) -> Floats:
+    """Return the first part of a chain."""
+    at_mm = np.cumsum([0.0, *np.hypot(*np.diff(chain_mm, axis=0).T)])
+    inside = max(int(np.searchsorted(at_mm, length_mm)), 1)
+    tip_mm = [np.interp(length_mm, at_mm, column) for column in chain_mm.T]
+    return np.array([*chain_mm[:inside], tip_mm])
 
 
 def fronts_from(text: str) -> int | tuple[float, ...]:
@@ -169,6 +200,7 @@ def without_room(
     can_emerge = (parent < 0) | (deployment.stop[parent] == Stop.FULL_LENGTH)
     if options.deploys_stuck:
         can_emerge |= deployment.deployed[parent]
+    can_emerge &= (parent < 0) | ~np.isin(deployment.stop[parent], CUT_STOPS)
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
     radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
     return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)

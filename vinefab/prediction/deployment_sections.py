@@ -12,17 +12,15 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.options import GrowthOptions, growth_text
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
     MEASURES,
-    STUCK_STOPS,
     Measure,
     MeasureTable,
-    Spread,
     spreads_content,
 )
 from vinefab.prediction.pictures import spread_chart
@@ -73,7 +71,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
             headings=("measure", *_NUMBER_HEADINGS, "count"),
             rows=tuple(
                 (measure.label, spread.shown(measure),
-                 *(measure.of(getattr(spread, name)) for name in Spread.NUMBERS[3:]), spread.count)
+                 *(measure.of(getattr(spread, name)) for name in spread.NUMBERS[3:]), spread.count)
                 for measure in MEASURES
                 if (spread := outcomes.spread(measure)) is not None
             ),

@@ -1,7 +1,7 @@
 """What a design's pattern becomes under pressure, held against the design."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -28,6 +28,7 @@ from vinefab.core.view import (
 )
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.inflation.free import FreeJoint, free_joint
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
@@ -57,8 +58,8 @@ LEFT_OUT = (
     "gravity",
     "plasticity and creep of the film",
     "folded film inside the tube",
-    "bowing out of the plane: free in space, joints of film that stretches by less than 3 % bow "
-    "by 12 to 31 degrees, softer ones do not",
+    "bowing out of the plane: free in space, joints of film that stretches by less than about 3 % "
+    "bow by 10 to 30 degrees, softer ones hardly (--free)",
 )
 """What the simulation does not know."""
 
@@ -200,6 +201,8 @@ class InflatedDesign(Result):
         The deployed shape of the pattern that is cut.
     other
         That of the other choice of ``[build] compensation``; None if it was left out.
+    free
+        The joint that children of each level sprout from, free to bow, by their level; for studies.
     notes
         What a user should know, a sentence each.
     origin
@@ -210,6 +213,7 @@ class InflatedDesign(Result):
     profile: LaserProfile
     deployed: DeployedPattern
     other: DeployedPattern | None = None
+    free: Mapping[int, FreeJoint] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     origin: Origin | None = None
     schema = "vinefab/inflation-1"
@@ -263,6 +267,8 @@ class InflatedDesign(Result):
         against = () if other is None else other.facts("other")
         yield Facts((*found.facts("tips"), *against), lead=True)
         yield from pattern_blocks(self.pattern, self._in_robot_deg())
+        if self.free:
+            yield self._bows()
         yield self._tubes()
         yield Facts(self._conditions())
         yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
@@ -300,6 +306,29 @@ class InflatedDesign(Result):
             .mean(axis=0)
             for joint in self.pattern.joints
         }
+
+    def _bows(self) -> Rows:
+        """Return how far joints bow where nothing holds them in their plane."""
+        rows = list[tuple[Value, ...]]()
+        for level, joint in self.free.items():
+            width_mm = self.pattern.joints[level - 2].width_mm
+            freed_mj = joint.gain * self.pressure_kpa * (width_mm / 10.0) ** 3  # kPa cm3
+            rows.append(
+                (
+                    level,
+                    Number(float(joint.bow_deg.max()), form="z.1f", decimals=3),
+                    Number(freed_mj, form="z.3f", decimals=6),
+                )
+            )
+        return Rows(
+            caption="Joints free in space, for studies: how far children lean out of the plane of "
+            "trunk and seam, and the energy that it frees, which lifting a branch takes up "
+            "(simulated, one joint at a time)",
+            headings=("children on level", "bow deg", "freed mJ"),
+            rows=tuple(rows),
+            key="free",
+            keys=("level", "bow_deg", "freed_mj"),
+        )
 
     def _tubes(self) -> Rows:
         """Return strain, diameter and growth in length of each level's straight tubes."""
@@ -390,6 +419,7 @@ def inflate_design(
     profile: LaserProfile,
     *,
     alone: bool = False,
+    free: bool = False,
     across: int = ACROSS,
     progress: ProgressCallback = no_progress,
 ) -> InflatedDesign:
@@ -399,6 +429,8 @@ def inflate_design(
     ----------
     alone
         Leave out the pattern of the other choice of compensation.
+    free
+        Simulate each joint free in space too.
     across
         Triangles across a tube, even.
 
@@ -411,14 +443,15 @@ def inflate_design(
     """
     _ensure_affordable(design, across)
     notes, other = [], None
+    whole = part_of(progress, 0.0, 0.7) if free else progress
     deployed = DeployedPattern.of(
-        design, profile, across, part_of(progress, 0.0, 1.0 if alone else 0.5)
+        design, profile, across, part_of(whole, 0.0, 1.0 if alone else 0.5)
     )
     choice = _OTHER[design.build.compensation]
     if not alone:
         changed = design.changed(build=design.build.changed(compensation=choice))
         try:
-            other = DeployedPattern.of(changed, profile, across, part_of(progress, 0.5, 1.0))
+            other = DeployedPattern.of(changed, profile, across, part_of(whole, 0.5, 1.0))
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
             notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
@@ -438,8 +471,18 @@ def inflate_design(
             f"the deployed body overlaps itself on {deployed.overlap_mm2:.0f} mm2: there branches "
             "press against each other, which is not simulated"
         )
+    joints, bowed = deployed.pattern.joints if free else (), dict[int, FreeJoint]()
+    for place, joint in enumerate(joints):
+        progress(0.7 + 0.3 * place / len(joints), f"joint of level {joint.level}, free in space")
+        if joint.found is not None:
+            bowed[joint.level] = free_joint(joint.found.flat, across=across)
     return InflatedDesign(
-        design=design, profile=profile, deployed=deployed, other=other, notes=tuple(notes)
+        design=design,
+        profile=profile,
+        deployed=deployed,
+        other=other,
+        free=bowed,
+        notes=tuple(notes),
     )
 
 

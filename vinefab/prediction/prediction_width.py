@@ -18,7 +18,7 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.model.deployment import Stop
+from vinefab.model.deployment import STUCK_STOPS, Stop
 from vinefab.model.design import Design
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
@@ -30,7 +30,6 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
-    STUCK_STOPS,
     TIGHT_PRESSURE,
     Measure,
     MeasureTable,

@@ -13,15 +13,14 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
-from pydantic.fields import FieldInfo
+from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located, nearest, values_hidden
 from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
-from vinefab.core.table import LATER, LaterThan, Table, validated
+from vinefab.core.table import LATER, Table, validated
 from vinefab.core.validation import SMALLEST, Floats
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
@@ -343,11 +342,11 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
         return plain_settings({**dict(settings.__repr_args__()), "lap": settings.lap})
     if isinstance(settings, OperationSettings):
         return plain_settings(settings.record())
-    if isinstance(settings, BaseModel):
+    if isinstance(settings, Table):
         declared = {n: f for n, f in type(settings).model_fields.items() if n != "schema_"}
         values = {name: getattr(settings, name) for name in declared}
         later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
-        later |= _absent(declared)
+        later |= type(settings).before()
         return {
             name: plain_settings(value)
             for name, value in values.items()
@@ -362,18 +361,12 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
     return settings if isinstance(settings, bool | int | float | str | None) else str(settings)
 
 
-def _absent(declared: Mapping[str, FieldInfo]) -> dict[str, Any]:
-    """Return what records without later fields mean by it, where that is not their default."""
-    marked = ((name, mark) for name, field in declared.items() for mark in field.metadata)
-    return {name: mark.value for name, mark in marked if isinstance(mark, LaterThan)}
-
-
 def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `plain_settings`, also of a record of an older vinefab."""
     known = {name: record[name] for name in RunSettings.model_fields if name in record}
     # Before pressure stopped growth, records did not speak of it.
-    growth = {"pressure_stop": False, **record["growth"]}
-    build = {**_absent(BuildSettings.model_fields), **record.get("build", {})}
+    growth = {"pressure_stop": False, **GrowthOptions.before(), **record["growth"]}
+    build = {**BuildSettings.before(), **record.get("build", {})}
     return RunSettings(**{**known, "growth": growth, "build": build})
 
 

@@ -1,5 +1,6 @@
 """What must be cut for what is designed: flat angles by the table, while a pointer drags them."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,13 +9,17 @@ from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.rules.inflation_rules import SENSITIVITY, degrees_text
 from vinefab.inflation.compensation import FlatJoint
 from vinefab.inflation.pattern import LevelJoint, Pattern, pattern_of
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.laser import LaserProfile
 from vinefab.pages.plan_svg import outline_svg
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import StudioState
 
 MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
+
+_WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
+"""How far and how finely the nearest possible fan is looked for."""
 
 
 def cut_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
@@ -26,7 +31,7 @@ def cut_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str,
     if state.design.branch_count > MOST_FLAT:
         return {"cut": {}, "outline_svg": "", "outline_box": None}
     pattern = pattern_of(state.design, state.profile, known_only=True)
-    return {"cut": cut_notes(pattern), **_outline(pattern.flat)}
+    return {"cut": cut_notes(pattern, state.profile), **_outline(pattern.flat)}
 
 
 def _outline(flat: Design) -> dict[str, Any]:
@@ -37,7 +42,7 @@ def _outline(flat: Design) -> dict[str, Any]:
     return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
 
 
-def cut_notes(pattern: Pattern) -> dict[str, dict[str, str]]:
+def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, str]]:
     """Return what stands at the angle of each level, by its key: kind, words and more words.
 
     Kinds are ``known``, ``sensitive`` (errors are multiplied), ``bad`` (nothing deploys so), and
@@ -48,6 +53,9 @@ def cut_notes(pattern: Pattern) -> dict[str, dict[str, str]]:
         if any(joint.wanted_deg) or joint.problem:
             compensated = pattern.design.build.compensation != "none"
             note = _note(joint, compensated=compensated)
+            if note[0] == "bad" and joint.found is None:
+                kind, text, about = note
+                note = kind, f"{text}{_nearest(pattern.design, profile, place)}", about
             notes[f"level.{place}.angle_deg"] = dict(
                 zip(("kind", "text", "about"), note, strict=True)
             )
@@ -68,6 +76,27 @@ def _note(joint: LevelJoint, *, compensated: bool) -> tuple[str, str, str]:
     kind = "sensitive" if found.sensitivity > SENSITIVITY.limits["warning"] else "known"
     text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
     return kind, text, _about(found)
+
+
+def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
+    """Return the narrowest fan of a level, wider than its own, that the table knows, as words."""
+    level = design.levels[place]
+    if isinstance(level, UnevenLevel) or level.branches == 1:
+        return ""
+
+    def is_known(fan_rad: float) -> bool:
+        levels = list(design.levels)
+        levels[place] = level.changed(fan_rad=fan_rad)
+        wider = pattern_of(design.changed(levels=tuple(levels)), profile, known_only=True)
+        return not wider.joints[place].problem
+
+    low, high = level.fan_rad, min(level.fan_rad + _WIDER_RAD, math.tau)
+    if not is_known(high):
+        return ""
+    while high - low > _FAN_STEP_RAD:
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if is_known(middle) else (middle, high)
+    return f": nearest about {math.degrees(high):.0f}°"
 
 
 def _fan(angles_deg: tuple[float, ...]) -> str:

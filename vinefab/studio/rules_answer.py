@@ -56,7 +56,7 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict
         "bill": _bill_content(subject, state.profile),
         "deployed": [name for name, _ in deployed],
         "deployed_problem": problem,
-        "cut": cut_notes(subject.pattern or _uncompensated(state)),
+        "cut": cut_notes(subject.pattern or _uncompensated(state), state.profile),
     }
 
 

@@ -111,17 +111,19 @@ def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ..
 def pattern_section(pattern: Pattern) -> Section:
     """Return the flat pattern that is cut and the shape that it deploys as, side by side."""
     blocks = tuple(pattern_blocks(pattern))
-    made = "as designed" if pattern.design.build.compensation == "none" else "compensated"
+    made = "makes up for it: its angles and lengths are those that deploy as designed"
+    if pattern.design.build.compensation == "none":
+        made = "is cut as designed all the same, and deploys as another shape"
     words = (
         "Two welded sheets do not keep their flat angles when they inflate, and soft film grows "
-        f"longer. This pattern is cut {made}. The simulation knows no contact of siblings, no "
+        f"longer. The pattern {made}. The simulation knows no contact of siblings, no "
         "stiffness of film and weld, and no gravity.",
         *(one.rstrip(".") + "." for one in pattern.problems),
     )
     picture = Picture(
         image=lambda: page_svg(pattern_plan(pattern)),
         caption="The flat outline that is cut, and the shape that it deploys as: joints are "
-        f"simulated one by one, tubes straight ({pattern.standing}). `vinefab inflate` simulates "
+        f"simulated one by one, tubes straight ({pattern.standing}); vinefab inflate simulates "
         "the whole robot.",
         wide=True,
     )

@@ -5,7 +5,8 @@ import { createView, ZOOM } from "studio/view.js";
 
 const STOPS = {
   full_length: ["○", "grown in full"], head_on: ["✕", "head-on"], corner: ["▲", "in a corner"],
-  pressure: ["■", "out of pressure"], not_deployed: ["–", "never emerged"],
+  pressure: ["■", "out of pressure"], branch: ["◆", "at another branch"],
+  not_everted: ["○", "did not come out"], not_deployed: ["–", "never emerged"],
 };
 const PLAY_S = 4;
 

@@ -64,7 +64,7 @@ def _simulated(pattern: Pattern) -> Iterator[tuple[LevelJoint, FlatJoint]]:
 def check_deployed(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-I01: the children of every joint deploy at their designed angles.
 
-    Those are turned by up to 1.5 degrees where that brings tips nearer (`vinefab.inflation`).
+    Those are turned by up to 0.8 degrees where that brings tips nearer (`vinefab.inflation`).
     """
     pattern = subject.pattern
     if pattern is None:

@@ -29,9 +29,10 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
 
-# Simulated joints are kept for the next run of a user, not of tests.
-os.environ["VINEFAB_CACHE"] = tempfile.mkdtemp(prefix="vinefab-cache-")
-atexit.register(shutil.rmtree, os.environ["VINEFAB_CACHE"], ignore_errors=True)
+# Simulated joints are kept for the other workers of this run, not for a user's.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    os.environ["VINEFAB_CACHE"] = tempfile.mkdtemp(prefix="vinefab-cache-")
+    atexit.register(shutil.rmtree, os.environ["VINEFAB_CACHE"], ignore_errors=True)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from vinefab.core.statistics import mean_interval
 from vinefab.demonstration import demo_interval_text
 from vinefab.model.map import Pose
 from vinefab.model.score import Evaluation, Score
@@ -21,7 +22,7 @@ def score_of(values, maps=None):
 def test_the_interval_of_a_score_is_that_of_the_normal_law():
     values = np.random.default_rng(3).normal(0.5, 0.1, 400)
     text = demo_interval_text(score_of(values))
-    low, high = (float(end) for end in text.partition("[")[2].rstrip("]").split(", "))
+    low, high = (float(end) for end in text.partition("[")[2].partition(";")[0].split(", "))
     half = 1.96 * values.std() / np.sqrt(400)
     assert (low, high) == pytest.approx(
         (values.mean() - half, values.mean() + half), abs=0.1 * half + 5e-4
@@ -29,9 +30,10 @@ def test_the_interval_of_a_score_is_that_of_the_normal_law():
 
 
 def test_the_interval_is_written_behind_the_mean():
-    assert demo_interval_text(score_of([0.25, 0.25])) == "0.250 [0.250, 0.250]"
-    assert demo_interval_text(score_of([0.0, 1.0])) == "0.500 [0.000, 1.000]"
-    assert demo_interval_text(score_of([0.25])) == "0.250 (one sample: no interval)"
+    assert demo_interval_text(score_of([0.25, 0.25])) == "0.250 (2 poses: no interval)"
+    low, high = mean_interval([0.0, 1.0])
+    assert demo_interval_text(score_of([0.0, 1.0])) == f"0.500 [{low:.3f}, {high:.3f}; 2 poses]"
+    assert demo_interval_text(score_of([0.25])) == "0.250 (1 map: no interval)"
 
 
 def test_the_interval_is_over_maps_for_poses_on_one_are_alike():

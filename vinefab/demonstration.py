@@ -8,7 +8,7 @@ from vinefab.core.atomic import fill_folder
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import this_call
-from vinefab.core.view import NO_INTERVAL, Rows, Section
+from vinefab.core.view import Number, Rows, Section
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design, PieceSettings
@@ -19,7 +19,7 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
-from vinefab.prediction.measures import REACH, Spread
+from vinefab.prediction.measures import REACH, MeasureSpread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
@@ -144,7 +144,7 @@ class Demo:
             ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
             ("rig", f"{counted(len(self.rig.rig.parts), 'part')} to print"),
         )
-        caption = "Means with 95 % bootstrap intervals over maps"
+        caption = "Means with 95 % intervals over maps"
         return Rows(caption=caption, headings=("", ""), rows=rows)
 
 
@@ -193,11 +193,14 @@ def run_demo(
 
 
 def demo_interval_text(score: Score) -> str:
-    """Return a mean with its 95 % bootstrap interval over maps, as reports have it."""
-    spread = Spread.of(score.scores, [evaluation.map_name for evaluation in score.evaluations])
-    if spread is None or not spread.has_interval:
-        return f"{score.composite['mean']:.3f} ({NO_INTERVAL})"
-    return f"{spread.mean:.3f} [{spread.low:.3f}, {spread.high:.3f}]"
+    """Return a mean with its 95 % interval over maps, as reports have it."""
+    spread = MeasureSpread.of(
+        score.scores, [evaluation.map_name for evaluation in score.evaluations]
+    )
+    if spread is None:
+        return "-"
+    ends = (spread.low, spread.high)
+    return Number(spread.mean, form=".3f", interval=ends, over=spread.over).text
 
 
 def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:

@@ -36,7 +36,7 @@ def grow_design(
     **shortcuts: object,
 ) -> Deployment:
     """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
-    from vinefab.prediction.deploy import deploy
+    from vinefab.prediction.deploy import as_grown, deploy
 
     given = as_growth(growth, **shortcuts)
     place = as_map(world, "world")
@@ -44,9 +44,9 @@ def grow_design(
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)
     start = None if pose is None else Pose.of(pose)
-    grown = deploy(design, place, start, given)
+    grown = deploy(as_grown(design), place, start, given)
     choices = grown.options.content
-    return replace(grown.deployment, design=design, world=place, growth=choices)
+    return replace(grown.deployment, design=grown.design, world=place, growth=choices)
 
 
 def _deployed(deployment: Deployment) -> DeployedDesign:

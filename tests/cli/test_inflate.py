@@ -45,6 +45,19 @@ def test_compensation_brings_tips_to_where_they_are_designed(inflated):
     assert all(row["crotch_load"] > 1.0 and row["passage"] <= 1.0 for row in content["joints"])
 
 
+def test_joints_free_in_space_bow_where_film_is_stiff():
+    level = vf.Level.of(branches=2, length_mm=60.0, angle_deg=80.0)
+    build = vf.Build.standard(2).changed(pressure_kpa=0.9)
+    design = vf.Design(name="pair", trunk_length_mm=60.0, levels=(level,), build=build)
+    found = vf.inflate(design, alone=True, free=True, across=6, progress=False)
+    (row,) = found.numbers["free"]
+    assert row["level"] == 2
+    assert 12.0 < row["bow_deg"] < 31.0
+    # p W^3 is 12 mJ, of which bowing frees some ten thousandths.
+    assert 1e-4 < row["freed_mj"] < 0.1
+    assert "Joints free in space" in "\n".join(found.summary)
+
+
 def test_picture_and_page_show_pattern_shape_and_design(inflated):
     picture = inflated.picture(".svg").decode()
     page = inflated.page()

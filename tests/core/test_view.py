@@ -97,7 +97,7 @@ def test_how_to_get_a_result_again_stands_in_json_and_on_the_page():
 @pytest.mark.parametrize(
     ("number", "shown"),
     [
-        (Number(1.0, interval=(float("nan"),) * 2, form="g"), "1 (one sample: no interval)"),
+        (Number(1.0, interval=(float("nan"),) * 2, form="g"), "1 (no interval)"),
         (Number(None, "mm"), "-"),
         (Number(3, "%", "d"), "3 %"),
     ],

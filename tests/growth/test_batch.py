@@ -17,7 +17,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
 
 KINDS = ("convex", "star", "needles", "lattice")
-NAMES = ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad", "tight_exit")
+NAMES = ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad")
 
 
 def same(one, other):

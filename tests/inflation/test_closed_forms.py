@@ -7,6 +7,8 @@ import pytest
 
 from tests.inflation import shapes
 from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.membrane import POISSON
+from vinefab.inflation.tube import tube_stretch
 
 
 def test_a_tube_is_round_and_its_wall_bears_hoop_and_half_as_much_along():
@@ -69,3 +71,12 @@ def test_a_slender_ring_turns_farther_the_stiffer_its_film():
 def test_three_equal_tubes_at_120_degrees_stay():
     found = inflated_joint(Joint.fan(2, 120.0, width=1.0, fillet=0.125))
     assert found.angles_deg == pytest.approx([-60.0, 60.0], abs=0.4)
+
+
+@pytest.mark.parametrize("strain", [0.01, 0.3, 0.6, 1.0])
+def test_the_stretched_tube_is_in_equilibrium(strain):
+    # Alternating between both directions came to rest at nonsense above 0.55.
+    around, along = tube_stretch(strain)
+    hoop, axial = strain * along, strain * around**2 / (2.0 * along)
+    assert around**2 == pytest.approx(1.0 + 2.0 * (hoop - POISSON * axial))
+    assert along**2 == pytest.approx(1.0 + 2.0 * (axial - POISSON * hoop))

@@ -285,8 +285,6 @@ class GrowingBranch:
     place: float = 0.0
     sense: int = 0
     corner: int = -1  # place that free growth has just left
-    # longest body with which it began to slide at more than 60 degrees to the wall's tangent
-    steep: float = 0.0
     stop: Stop | None = None  # why it stopped
     film: Film | None = None  # None where no pressure stops it
 
@@ -361,9 +359,6 @@ class GrowingBranch:
         along = self.sense * self.world.walls[wall].tangent
         ends = self.world.walls[wall].ends
         self.turn_to(self.tip)
-        body = self.tip - self.pivots[-1]
-        if _dot(body, along) < (0.5 - self.world.rules.tie) * abs(body):
-            self.steep = max(self.steep, abs(body))
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
         to_length = self.distance_to_length(along, to_end)
         met = self.world.wall_ahead(self.tip, along, ends, min(to_length, to_end))
@@ -586,7 +581,6 @@ def grow_reference_branches(
         branch = _launched(world, tree, start, growth, number)
         launch = branch.u
         growth.events[number] = branch.grow()
-        growth.steep[number] = branch.steep
         if not _record(growth, number, branch, launch):
             return number
     return last

@@ -14,6 +14,7 @@ from vinefab.prediction.anchoring_prediction import (
     HeldForces,
     OverMaps,
     anchoring_blocks,
+    anchoring_headline,
     anchoring_on,
     predict_anchoring,
 )
@@ -23,7 +24,7 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     deploy_family,
 )
-from vinefab.prediction.measures import ANCHORING
+from vinefab.prediction.measures import ANCHORING, IDEAL_ANCHORING
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import score_design
 
@@ -66,10 +67,16 @@ def test_report_comparison_score_and_search_say_the_same(result, explorer):
             PredictionPlan().options,
         )  # fmt: skip
         scores = [evaluation.score for evaluation in score.evaluations]
-        assert deployed.outcomes.values[ANCHORING.key].tolist() == scores
+        shown, other = ANCHORING, IDEAL_ANCHORING
+        if design is explorer:
+            shown, other = other, shown
+        assert deployed.outcomes.values[shown.key].tolist() == scores
+        assert deployed.outcomes.spread(other) is None
+        assert (score.title_of_task == "anchoring, ideal case") == (design is explorer)
         found = predict_anchoring(design, deployed, TASK)
         means = np.reshape(scores, (-1, 2)).mean(axis=1)
-        assert found.likely.engaged.median == pytest.approx(np.median(means))
+        part = found.likely.ideal if design is explorer else found.likely.engaged
+        assert part.median == pytest.approx(np.median(means))
         force_n = [evaluation.terms["force_n"] for evaluation in score.evaluations]
         means = np.reshape(force_n, (-1, 2)).mean(axis=1)
         assert found.likely.force_n.median == pytest.approx(np.median(means))
@@ -102,12 +109,15 @@ def test_a_third_of_the_engaged_may_be_idle_and_the_ideal_case_counts_all(result
     turns = [np.sort(robot.leaves.turn_rad) for robot in robots]
     every = [np.exp(0.3 * turn).sum() for turn in turns]
     some = [np.exp(0.8 * turn[: -(-2 * len(turn) // 3)]).sum() for turn in turns]
-    for shown, single in ((found.likely.ideal, every), (found.held[2].some_idle, some)):
-        means = np.reshape(single, (-1, 2)).mean(axis=1)
-        assert shown.median == pytest.approx(np.median(means))
-        assert [shown.low, shown.high] == pytest.approx(np.percentile(means, [5.0, 95.0]).tolist())
-    assert (found.leaves, found.has_pouches) == (18, False)
-    assert found.likely.force_n.high == 0.0
+    assert [robot.amplification(0.8, 2.0 / 3.0)[0] for robot in robots] == pytest.approx(some)
+    means = np.reshape(every, (-1, 2)).mean(axis=1)
+    shown = found.likely.ideal
+    assert shown.median == pytest.approx(np.median(means))
+    assert [shown.low, shown.high] == pytest.approx(np.percentile(means, [5.0, 95.0]).tolist())
+    # Without pouches none is engaged.
+    assert (found.leaves, found.has_pouches, found.engaged_percent) == (18, False, 0.0)
+    assert found.likely.force_n.high == found.held[2].engaged.high == 0.0
+    assert "ideal case" in anchoring_headline(found).name
 
 
 def test_forces_are_median_and_percentiles_over_maps():
@@ -187,6 +197,12 @@ def test_page_and_json_show_known_forces():
         "ideal": {"median": 16.0, "low": 4.0, "high": 24.0},
         "force_n": {"median": 4.0, "low": 1.0, "high": 6.0},
     }
+    assert content["over_friction"] == {
+        "engaged": [0.5, 12.0], "ideal": [1.0, 24.0], "force_n": [0.25, 6.0],
+    }  # fmt: skip
+    headline = anchoring_headline(prediction)
+    assert headline.value == "3.0 x"
+    assert "0.5 to 12.0 x, 0.25 to 6.00 N over friction 0.2 to 0.8 (assumed)" in headline.detail
     bare = replace(prediction, has_pouches=False)
     _, section = anchoring_blocks([bare])
     assert len(section.tables) == 1

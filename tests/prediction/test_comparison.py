@@ -1,9 +1,14 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import hypothesis.extra.numpy as hnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import t as student
 
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval, mean_p
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.pages.panel import Marks, Shape
@@ -16,7 +21,7 @@ from vinefab.prediction.comparison import (
     side_by_side_table,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
-from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
+from vinefab.prediction.measures import ANCHORING, MEASURES, REACH, SEEN, STUCK, MeasureTable
 from vinefab.prediction.pictures import paired_difference_chart
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree
@@ -46,15 +51,10 @@ def test_a_design_against_itself_is_a_draw(found):
         for difference in comparison.differences
         if "short" not in (difference.first, difference.second)
     ]
-    assert len(twins) == len(MEASURES)
+    assert len(twins) == len(MEASURES) - 1  # without pouches: the ideal case alone
     for difference in twins:
-        assert (
-            difference.mean,
-            difference.low,
-            difference.high,
-            difference.p,
-            difference.won_percent,
-        ) == (0, 0, 0, 1.0, 50.0)
+        assert (difference.mean, difference.p, difference.won_percent) == (0.0, 1.0, 50.0)
+        assert np.isnan(difference.low)  # six maps that are alike are too few for three pairs
         assert not difference.is_clear
 
 
@@ -70,7 +70,9 @@ def test_differences_are_paired_by_map():
     assert difference.pairs == 12
     assert difference.mean == pytest.approx((better - base).mean())
     assert difference.low > 0.5
-    assert difference.p == pytest.approx(2 / 2**12)
+    means = (better - base).reshape(12, 2).mean(axis=1)
+    assert (difference.low, difference.high) == mean_interval(means, tails=PAIRED_TAILS)
+    assert (difference.p, difference.over) == (mean_p(means, PAIRED_TAILS), "12 maps")
     assert (difference.winner, difference.won_percent, difference.is_clear) == ("a", 100.0, True)
 
 
@@ -79,10 +81,17 @@ def test_p_values_are_adjusted_within_a_measure():
     columns = ([1, 2, 3, 4, 5], [0, 0, 0, 0, 0], [1, 2, 2, 4, 4])
     three = [outcomes_of(np.array(column, float), maps) for column in columns]
     differences = paired_differences(SEEN, ("a", "b", "c"), three)
-    assert [difference.p for difference in differences] == pytest.approx([2 / 32, 0.5, 2 / 32])
-    assert [difference.p_adjusted for difference in differences] == pytest.approx(
-        [6 / 32, 0.5, 6 / 32]
-    )
+    for difference in differences:
+        assert difference.p_adjusted == pytest.approx(min(1.0, 3 * difference.p))
+
+
+@given(hnp.arrays(float, (3, 8), elements=st.integers(-3, 3)))
+def test_no_interval_leaves_out_0_beside_a_p_value_that_is_not_small(columns):
+    maps = [f"m{index}" for index in range(8)]
+    three = [outcomes_of(column, maps) for column in columns]
+    for difference in paired_differences(SEEN, ("a", "b", "c"), three):
+        leaves_out = difference.low > 0.0 or difference.high < 0.0
+        assert leaves_out == (difference.p_adjusted < 0.05) == difference.is_clear
 
 
 def test_less_is_better_where_it_is():
@@ -109,19 +118,25 @@ def test_words_json_and_page_say_the_same(found):
     document, page, lines = comparison.numbers, comparison.page(), comparison.summary
     assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
-    assert len(document["duels"]) == 3 * len(MEASURES)
+    assert len(document["duels"]) == 3 * (len(MEASURES) - 1)
     assert document["designs"]["short"][REACH.key]["count"] == 12
     for difference in document["duels"]:
         if difference["measure"] == REACH.key:
             assert f"{difference['p_adjusted']:.5f}" in page
-            assert any(
-                f"{difference['mean']:.1f} [{difference['low']:.1f}, " in line for line in lines
-            )
+            low = difference["low"]
+            ends = "(6 maps: no interval)" if low is None else f"[{low:.1f}, "
+            assert any(f"{difference['mean']:.1f} {ends}" in line for line in lines)
     assert 'src="http' not in page
     assert document["growth"] == GrowthOptions().content
     assert comparison.growth in page
     assert f"growth: {comparison.growth}" in lines
     assert "one thing to know" in page
+
+
+def test_a_measure_that_no_design_has_is_refused_by_name(found):
+    design, family = found[0].designs[0], found[1]
+    with pytest.raises(ValueError, match="ideal_anchoring_amplification"):
+        compare_designs([design] * 2, [family], PredictionPlan(poses=1), measure=ANCHORING)
 
 
 @pytest.mark.parametrize("count", [1, 13])
@@ -134,19 +149,26 @@ def test_too_few_or_too_many_are_refused(found, count):
 def known_difference(**changes):
     numbers = {"mean": 4.0, "low": 1.5, "high": 6.0, "p": 0.01, "p_adjusted": 0.03}
     return PairedDifference(
-        measure=SEEN, first="a", second="b", won_percent=75.0, pairs=8, **{**numbers, **changes}
+        measure=SEEN,
+        first="a",
+        second="b",
+        won_percent=75.0,
+        pairs=8,
+        over="8 maps",
+        **{**numbers, **changes},
     )
 
 
 def test_two_maps_give_a_mean_and_interval_of_their_differences():
-    # Differences of 2 and 10: drawn with replacement their mean is 2, 6 or 10.
+    # Differences of 2 and 10: Student's interval with one degree of freedom.
     one = outcomes_of([1.0, 3.0, 10.0], ["m", "m", "n"])
     two = outcomes_of([0.0, 0.0, 0.0], ["m", "m", "n"])
     (found,) = paired_differences(SEEN, ("a", "b"), (one, two))
-    assert (found.mean, found.low, found.high, found.pairs) == (6.0, 2.0, 10.0, 2)
+    half = 4.0 * student.ppf(0.975, 1)
+    assert (found.mean, found.low, found.pairs) == (6.0, pytest.approx(6.0 - half), 2)
     assert found.won_percent == 100.0
     (back,) = paired_differences(SEEN, ("b", "a"), (two, one))
-    assert (back.mean, back.low, back.high, back.won_percent) == (-6.0, -10.0, -2.0, 0.0)
+    assert (back.mean, back.high, back.won_percent) == (-6.0, -found.low, 0.0)
 
 
 def test_ties_count_as_half_a_win():
@@ -159,14 +181,14 @@ def test_ties_count_as_half_a_win():
 def test_rows_and_chart_show_a_known_difference():
     clear, open_ = known_difference(), known_difference(low=-1.5, p_adjusted=0.2)
     row, other = (tuple(map(str, r)) for r in paired_difference_table([clear, open_]).rows)
-    assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "8", "a")
-    assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "8", "not clear")
+    assert row[2:] == ("4.0 [1.5, 6.0; 8 maps]", "0.01000", "0.03000", "75 %", "8", "a")
+    assert other[2:] == ("4.0 [-1.5, 6.0; 8 maps]", "0.01000", "0.20000", "75 %", "8", "not clear")
     drawn = paired_difference_chart(SEEN, [clear, open_]).panels[0].primitives
     lines = [one.chains[0][:, 0].tolist() for one in drawn if isinstance(one, Shape)]
     assert lines[1:] == [[1.5, 6.0], [-1.5, 6.0]]
     assert [one.points[0, 0] for one in drawn if isinstance(one, Marks)] == [4.0, 4.0]
     assert clear.words.startswith("free space seen by sensors: a is better; ")
-    assert clear.words.endswith("4.0 [1.5, 6.0] %, p = 0.03000, 8 pairs")
+    assert clear.words.endswith("4.0 [1.5, 6.0; 8 maps] %, p = 0.03000")
 
 
 def test_a_difference_is_clear_below_five_percent():
@@ -185,7 +207,7 @@ def test_designs_side_by_side_have_means_over_maps():
     )
     table = side_by_side_table({"one": table, "two": table})
     assert [tuple(map(str, row)) for row in table.rows] == [
-        ("free space seen by sensors (%)", "6.0 [2.0, 10.0]", "6.0 [2.0, 10.0]"),
+        ("free space seen by sensors (%)", *["6.0 [0.0, 56.8; 2 maps]"] * 2),
     ]
     assert "4 deployments of each design" in table.caption
 

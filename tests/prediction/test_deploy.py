@@ -93,7 +93,8 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     assert grown.summary == (
         "t on passage from 50.00,150.00,0.00: 3 branches, 2 full_length, 1 head_on (simulated)",
         "grown: 190.0 mm (of 200.0 mm planned)",
-        "growth: centerline body, head-on half-angle 5 deg (assumed), no pressure stops it",
+        "growth: centerline body, head-on half-angle 5 deg (assumed), no pressure stops it, "
+        "bodies pass through each other (assumed)",
     )
     metrics = json.loads(grown.json_text())["metrics"]
     assert (metrics["branches"], metrics["planned_mm"]) == (3, 200.0)

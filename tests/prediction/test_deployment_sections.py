@@ -30,7 +30,7 @@ def test_the_spread_of_known_values_stands_in_the_table():
     (row,) = numbers.rows
     assert [*map(str, row)] == [
         "free space seen by sensors (%)",
-        "40.0 [20.0, 60.0]", "18.7", "11.5", "25.0", "55.5", "10.0", "60.0", "4",
+        "40.0 [0.0, 100.0; 2 maps]", "18.7", "11.5", "25.0", "55.5", "10.0", "60.0", "4",
     ]  # fmt: skip
     assert section.paragraphs[0].startswith("Two maps: 4 deployments (simulated).")
     assert [*map(str, every.rows[3])][:6] == ["b", "12.35", "0.00", "30.00", "-", "60.0"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vinefab.core.statistics import mean_interval
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose
@@ -13,6 +14,7 @@ from vinefab.prediction.measures import (
     ANCHORING,
     COVERAGE,
     GROWN,
+    IDEAL_ANCHORING,
     LOOSE,
     LOOSE_PRESSURE,
     MEASURES,
@@ -22,8 +24,8 @@ from vinefab.prediction.measures import (
     TIGHT,
     TIGHT_PRESSURE,
     UNDEPLOYED,
+    MeasureSpread,
     MeasureTable,
-    Spread,
     constants_by_level,
     growth_pressures_kpa,
     shares_percent,
@@ -73,7 +75,7 @@ def test_spread_of_means_is_taken_over_maps(result):
 
 def test_every_number_of_a_spread_is_what_its_name_says():
     values = np.append(np.arange(101.0)[::-1], np.nan)
-    spread = Spread.of(values, ["only map"] * 102)
+    spread = MeasureSpread.of(values, ["only map"] * 102)
     assert spread.count == 101
     assert (spread.p05, spread.median, spread.p95) == (5.0, 50.0, 95.0)
     assert (spread.least, spread.greatest, spread.mean) == (0.0, 100.0, 50.0)
@@ -84,13 +86,16 @@ def test_every_number_of_a_spread_is_what_its_name_says():
 
 
 def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
-    # Means of the maps are 2 and 10; drawn with replacement they give 2, 6 or 10.
-    spread = Spread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
-    assert (spread.mean, spread.low, spread.high) == (6.0, 2.0, 10.0)
+    # Means of the maps are 2 and 10.
+    spread = MeasureSpread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
+    assert (spread.mean, spread.over) == (6.0, "2 maps")
+    assert (spread.low, spread.high) == mean_interval([2.0, 10.0])
     assert spread.median == 2.5
-    alike = Spread.of(np.array([4.0, 4.0]), ["a", "b"])
-    assert (alike.low, alike.high, alike.deviation) == (4.0, 4.0, 0.0)
-    assert Spread.of(np.array([np.nan]), ["a"]) is None
+    alike = MeasureSpread.of(np.array([4.0, 4.0]), ["a", "b"])
+    assert (alike.has_interval, alike.deviation) == (False, 0.0)
+    shares = MeasureSpread.of(np.array([2.0, 90.0]), ["a", "b"], SEEN)
+    assert (shares.low, shares.high) == (0.0, 100.0)  # no share lies outside
+    assert MeasureSpread.of(np.array([np.nan]), ["a"]) is None
 
 
 def test_a_table_counts_maps_and_refuses_columns_of_another_length():
@@ -141,7 +146,8 @@ def test_measures_of_a_straight_vine_with_tight_film_and_one_leaf(straight):
     found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
     scale = 25.0 / (2.0 * 20.0 / np.pi)
     assert found[TIGHT_PRESSURE.key] == pytest.approx(scale * (1.92 + 8.32 + 0.771 * 0.1))
-    assert found[ANCHORING.key] == pytest.approx(1.0)
+    assert found[IDEAL_ANCHORING.key] == pytest.approx(1.0)
+    assert np.isnan(found[ANCHORING.key])  # without pouches
     assert found[UNDEPLOYED.key] == 0.0
     # One disc: nothing is seen twice, so only area and film count.
     film = 100.0 / (20.0 * np.hypot(400.0, 200.0))

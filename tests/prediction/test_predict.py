@@ -11,11 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     HeldForces,
@@ -24,7 +25,7 @@ from vinefab.prediction.anchoring_prediction import (
 )
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
-from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
+from vinefab.prediction.predict import cautions, headlines, predict, span_notes, verdict_on
 from vinefab.prediction.prediction_width import CONTACT_MEASURES, ContactRange, ContactValue
 from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
 from vinefab.prediction.provenance import origin_of
@@ -254,7 +255,8 @@ CONTACTS = ContactRange(
     deployments=4,
     values={
         measure.key: tuple(
-            ContactValue(mean=mean, low=mean, high=mean) for mean in (40.0, 37.0, 36.0, 35.0)
+            ContactValue(mean=mean, low=mean, high=mean, over="2 maps")
+            for mean in (40.0, 37.0, 36.0, 35.0)
         )
         for measure in CONTACT_MEASURES
     },
@@ -286,8 +288,8 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     assert seen.value == "40.0 %"
     # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
     assert (
-        "95 % interval 20.0 to 60.0; 35.0 to 40.0 over head-on half-angles of 1 to 15 deg "
-        "(assumed); 90 % of the deployments 11.5 to 55.5"
+        "95 % interval 0.0 to 100.0 over 2 maps; 35.0 to 40.0 over head-on half-angles of 1 to "
+        "15 deg (assumed); 90 % of the deployments 11.5 to 55.5"
     ) in seen.detail
     assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
     assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
@@ -295,15 +297,15 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     anchored = shown["anchoring amplification"]
     assert (anchored.value, anchored.tone) == ("3.0 x", "good")
     for words in (
-        "median over two maps, 90 % of the maps 2.7 to 3.3",
-        "2.0 to 8.0 at 0.2 to 0.8 (assumed)",
-        "12.00 N (10.80 to 13.20) at 15 kPa",
+        "median over two maps at friction 0.3; 90 % of the maps 1.8 to 8.8 x, 7.20 to 35.20 N",
+        "N over friction 0.2 to 0.8 (assumed)",
+        "12.00 N at 15 kPa",
         "40 % of the leaves jam, 20 % of the deployments hold nothing",
         "Ideal case, every leaf that came out jams: 6.0 x",
     ):
         assert words in anchored.detail
     bare = anchoring_headline(replace(anchoring, has_pouches=False))
-    assert (bare.name, bare.value) == ("anchoring, ideal case only", "6.0 x")
+    assert (bare.name, bare.value) == ("anchoring amplification, ideal case", "6.0 x")
     assert " N " not in bare.detail
     assert shown["pressure window"].value == "10.0 to 30.0 kPa"
     assert "working pressure 15 kPa" in shown["pressure window"].detail
@@ -317,7 +319,10 @@ def test_cautions_name_counts_and_pressures():
     profile = read_profile(DEFAULT_RECIPE)
     skipped = tuple(RuleSkipped(rule=f"VF-{n}", reason="no map") for n in range(3))
     warnings = (found_rule("VF-C01", Severity.WARNING), found_rule("VF-C02", Severity.INFO))
-    prepared = SimpleNamespace(report=check(*warnings, skipped=skipped), profile=profile)
+    design = Design.read("plain_vine")
+    prepared = SimpleNamespace(
+        report=check(*warnings, skipped=skipped), profile=profile, design=design
+    )
     window = window_of_needs(10.0, 40.0, 30.0, 15.0)
     sentences = cautions(prepared, window, known_outcomes())
     assert profile.recipe.status is RecipeStatus.UNVERIFIED
@@ -328,3 +333,16 @@ def test_cautions_name_counts_and_pressures():
     assert sentences[4].startswith("Predictions rest on 2 maps")
     assert sentences[5] == "Design rules: 1 warning, 3 rules not checked."
     assert len(sentences) == 6
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.99, False), (1.01, True)])
+def test_branches_that_fold_under_their_own_weight_are_named(share, noted):
+    profile = read_profile(DEFAULT_RECIPE)
+    film, build = profile.material, Build.standard(1).changed(pressure_kpa=30.0)
+    span_mm = self_weight_span_mm(
+        30.0, build.widths_mm[0], film.ply_mm.value, film.density_kg_m3.value
+    )
+    design = Design(name="v", trunk_length_mm=share * span_mm, build=build)
+    notes = span_notes(SimpleNamespace(design=design, profile=profile))
+    assert len(notes) == noted
+    assert all(f"from about {span_mm:.0f} mm without support" in note for note in notes)

@@ -123,7 +123,7 @@ def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> 
 def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
     result = EndedRun.read(folder).result
     assert re.match(
-        r"found few: coverage \d\.\d{3} \[\d\.\d{3}, \d\.\d{3}\] "
+        rf"found few: coverage \d\.\d{{3}} \[\d\.\d{{3}}, \d\.\d{{3}}; {few_unseen} maps\] "
         rf"on {few_unseen} unseen grid maps "
         r"\(simulated\); \d+ branches on 2 levels; manufacturable$",
         result.answer.text,

@@ -118,7 +118,7 @@ def test_one_sample_has_no_interval_and_no_p_value() -> None:
     assert "1 deployment of each design" in lines
     assert "this start has no spread" in lines
     assert "tree minus other" in lines
-    assert "(one sample: no interval)" in lines
+    assert "(1 map: no interval)" in lines
     found = replace(found, origin=origin_of("again", [TREE, other], None, [family]))
     text = found.json_text()
     assert '"p": null' in text

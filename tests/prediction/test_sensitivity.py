@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.view import document
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
@@ -67,15 +68,14 @@ def test_more_stops_with_a_wider_head_on_angle(result, explorer):
     assert widest.changes[STUCK.key].mean > 0.0
 
 
-def test_one_map_is_varied_pose_by_pose_and_few_poses_show_nothing(explorer, result):
+def test_one_map_is_varied_pose_by_pose(explorer, result):
     prepared = PreparedFamily(
         label="one", maps=result.prepared.maps[:1], poses=result.prepared.poses[:1]
     )
     for effect in sensitivity(VariantEvaluator(explorer, prepared, PLAN)):
         for change in effect.changes.values():
-            assert change.groups == effect.count == 2
-            assert change.low <= change.mean <= change.high
-            assert not change.is_clear
+            assert (change.over, effect.count) == ("2 poses", 2)
+            assert not change.low > change.mean
 
 
 def test_made_trees_stay_within_the_tolerances(explorer):
@@ -108,19 +108,16 @@ def test_changes_are_means_over_maps_with_their_interval(straight, monkeypatch):
     )
     effect = evaluator.effect(variant)
     change = effect.changes[SEEN.key]
-    assert (effect.count, change.groups, change.mean) == (8, 8, pytest.approx(5.0))
-    # A bootstrap of eight: 1.96 standard errors to either side, roughly.
-    half = 1.96 * differences.std() / np.sqrt(8)
-    assert (change.low, change.high) == pytest.approx((5.0 - half, 5.0 + half), abs=0.15 * half)
+    assert (effect.count, change.over, change.mean) == (8, "8 maps", pytest.approx(5.0))
+    assert (change.low, change.high) == mean_interval(differences, tails=PAIRED_TAILS)
     assert change.is_clear
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "groups", "clear"),
-    [(0.1, 2.0, 6, True), (-2.0, -0.1, 6, True), (-0.1, 2.0, 6, False), (0.1, 2.0, 5, False)],
+    ("low", "high", "clear"), [(0.1, 2.0, True), (-2.0, -0.1, True), (-0.1, 2.0, False)]
 )
-def test_a_change_is_clear_when_its_interval_leaves_out_0(low, high, groups, clear):
-    change = MeanDifference(mean=(low + high) / 2, low=low, high=high, groups=groups)
+def test_a_change_is_clear_when_its_interval_leaves_out_0(low, high, clear):
+    change = MeanDifference(mean=(low + high) / 2, low=low, high=high, over="6 maps")
     assert change.is_clear == clear
 
 
@@ -150,14 +147,14 @@ def test_scatter_of_fabrication_is_over_robots(straight):
 
 
 def test_page_and_json_show_known_changes_and_scatter():
-    change = MeanDifference(mean=1.25, low=0.5, high=2.0, groups=6)
-    weak = MeanDifference(mean=-1.0, low=-3.0, high=1.0, groups=6)
+    change = MeanDifference(mean=1.25, low=0.5, high=2.0, over="6 maps")
+    weak = MeanDifference(mean=-1.0, low=-3.0, high=1.0, over="6 maps")
     effect = Effect(
         knob="heading", step=-5.0, unit="deg", count=12, changes={SEEN.key: change, REACH.key: weak}
     )
     (section,) = sensitivity_blocks([effect], (SEEN, REACH))
     assert section.tables[0].rows == (
-        ("heading", "-5 deg", "1.2 [0.5, 2.0]*", "-1.0 [-3.0, 1.0]", 12),
+        ("heading", "-5 deg", "1.2 [0.5, 2.0; 6 maps]*", "-1.0 [-3.0, 1.0; 6 maps]", 12),
     )
     assert "the same 12 poses" in section.paragraphs[0]
     (content,) = document([section])["sensitivity"]

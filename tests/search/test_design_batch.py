@@ -71,7 +71,6 @@ def test_a_batch_has_the_plans_of_its_designs(
         plan = Plan.of(design, options)
         assert (made.edges, made.radii_mm, made.build) == (plan.edges, plan.radii_mm, plan.build)
         np.testing.assert_array_equal(made.turn, plan.turn)
-        np.testing.assert_array_equal(made.long_mm, plan.long_mm)
         np.testing.assert_array_equal(made.limit_kpa, plan.limit_kpa)
         assert np.isfinite(made.limit_kpa).all() == pressure_stop
         if pressure_stop:
@@ -82,7 +81,7 @@ def test_a_batch_has_the_plans_of_its_designs(
 
 
 def everything(deployment: Deployment) -> list[object]:
-    arrays = (deployment.points_mm, deployment.grown_mm, deployment.stop, deployment.tight_exit)
+    arrays = (deployment.points_mm, deployment.grown_mm, deployment.stop)
     return [deployment.pose, deployment.contact_turn_rad.tolist(), *(a.tolist() for a in arrays)]
 
 

@@ -1,5 +1,6 @@
 """The compiled penalty of many designs against the readable one of each."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,14 +9,17 @@ import pytest
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.fabrication.pieces.quick_cuts import MOST_PIECE_BRANCHES
 from vinefab.fabrication.rules.penalty import MOST_CHECKED_BRANCHES
-from vinefab.model.design import MOST_BRANCHES, PieceSettings, Pouch
+from vinefab.inflation.law import quick_pattern
+from vinefab.model.design import MOST_BRANCHES, Compensation, Mounting, PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import Quantity, Standing
 from vinefab.search.evaluator import SpacePenalty
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 PENALTY = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
+MATERIAL = PENALTY.profile.material
 TABLE_1 = SpaceSettings(levels=Bounds(low=1, high=5), branches=Bounds(low=1, high=4))
 BENCH = SpaceSettings(
     levels=Bounds(low=2, high=4),
@@ -35,13 +39,20 @@ def both(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return PENALTY.within(space)(space.batch(x)), np.array([PENALTY(space.design(p)) for p in x])
 
 
+CHOICES: tuple[Compensation, ...] = ("inflation", "none")
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize("ratio", [0.65, 1.0])
 @pytest.mark.parametrize("settings", [TABLE_1, BENCH], ids=["table 1", "bench"])
 def test_penalties_at_once_are_those_one_by_one(
-    settings: SpaceSettings, ratio: float, pouch: Pouch | None
+    settings: SpaceSettings, ratio: float, pouch: Pouch | None, compensation: Compensation
 ) -> None:
-    space = Space(settings, BuildSettings(width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0))
+    build = BuildSettings(
+        width_ratio=ratio, pouch=pouch, trunk_width_mm=30.0, compensation=compensation
+    )
+    space = Space(settings, build)
     x = np.random.default_rng(3).random((120, len(space)))
     # Corners of the space, with branches that are parallel, coincide, or touch at their ends.
     x[:40] = np.round(x[:40])
@@ -59,8 +70,34 @@ def test_penalties_at_once_know_widths_by_level(widths_mm: tuple[float, ...]) ->
     assert np.abs(found - wanted).max() < 1e-9
 
 
-def test_both_agree_which_designs_have_none() -> None:
-    space = Space(BENCH, BuildSettings(trunk_width_mm=24.0))
+@pytest.mark.parametrize("gain", [0.7, 1.2])
+def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> None:
+    measured = Quantity(value=gain, standing=Standing.MEASURED, source="coupon")
+    material = PENALTY.profile.material.changed(closing_gain=measured)
+    penalty = replace(PENALTY, profile=replace(PENALTY.profile, material=material))
+    settings = BENCH.changed(branches=Bounds(low=4, high=9), levels=Bounds(low=2, high=3))
+    space = Space(settings, BuildSettings(compensation="inflation", width_ratio=0.5))
+    x = np.random.default_rng(9).random((40, len(space)))
+    found = penalty.within(space)(space.batch(x))
+    wanted = [penalty(space.design(point)) for point in x]
+    assert np.abs(found - wanted).max() < 1e-9
+    assert np.abs(found - PENALTY.within(space)(space.batch(x))).max() > 1e-3
+
+
+def test_the_pattern_decides_and_too_narrow_fans_add_to_it() -> None:
+    """Siblings 14 degrees apart are cut 37 apart; nearer ones lie on each other when inflated."""
+    spaces = [Space(FORK, BuildSettings(compensation=choice)) for choice in CHOICES]
+    angles_deg = np.array([1.0, 1.5, 2.0, 8.0, 14.0, 30.0])
+    x = (angles_deg[:, None] - 1.0) / 29.0
+    cut, designed = (PENALTY.within(space)(space.batch(x)) for space in spaces)
+    assert ((designed > 0.0) == (angles_deg < 15.0)).all()
+    assert (np.diff(cut[:5]) < 0.0).all()
+    assert cut[3] > cut[4:].max() == 0.0
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
+def test_both_agree_which_designs_have_none(compensation: Compensation) -> None:
+    space = Space(BENCH, BuildSettings(trunk_width_mm=24.0, compensation=compensation))
     found, wanted = both(space, 0.3 + 0.4 * np.random.default_rng(4).random((300, len(space))))
     assert 20 < (wanted == 0.0).sum() < 280
     assert np.array_equal(found == 0.0, wanted == 0.0)
@@ -99,6 +136,16 @@ CROSSING = SpaceSettings(
 )
 
 
+FORK = SpaceSettings(
+    levels=Bounds(low=2, high=2),
+    branches=Bounds(low=2, high=2),
+    length_mm=Bounds(low=150, high=150),
+    growth_percent=Bounds(low=100, high=100),
+    angle_deg=Bounds(low=1, high=30),
+)
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
 @pytest.mark.parametrize(
     ("most", "mounting"), [(2, "tail_inverted"), (6, "tail_inverted"), (6, "turned")]
@@ -107,30 +154,48 @@ CROSSING = SpaceSettings(
     "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
 )
 def test_penalties_in_pieces_at_once_are_those_one_by_one(
-    settings: SpaceSettings, most: int, mounting: str, pouch: Pouch | None
+    settings: SpaceSettings,
+    most: int,
+    mounting: Mounting,
+    pouch: Pouch | None,
+    compensation: Compensation,
 ) -> None:
-    pieces = PieceSettings(most=most)
-    build = BuildSettings(pouch=pouch, trunk_width_mm=30.0, pieces=pieces, mounting=mounting)
+    build = BuildSettings(
+        pouch=pouch,
+        trunk_width_mm=30.0,
+        pieces=PieceSettings(most=most),
+        mounting=mounting,
+        compensation=compensation,
+    )
     space = Space(settings, build)
-    x = np.random.default_rng(6).random((40, len(space)))
-    x[:10] = np.round(x[:10])
+    x = np.random.default_rng(6).random((25, len(space)))
+    x[:6] = np.round(x[:6])
     found, wanted = both(space, x)
     assert np.array_equal(found == 0.0, wanted == 0.0)
     assert np.abs(found - wanted).max() < 1e-9
 
 
-def in_pieces(most: int) -> Space:
-    build = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=most))
+def in_pieces(most: int, compensation: Compensation = "none") -> Space:
+    build = BuildSettings(
+        trunk_width_mm=24.0,
+        width_ratio=0.65,
+        pieces=PieceSettings(most=most),
+        compensation=compensation,
+    )
     return Space(CROSSING, build)
 
 
-def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few() -> None:
+@pytest.mark.parametrize("compensation", CHOICES)
+def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation: Compensation) -> None:
     """The search's number is never less than the exact one, and hardly ever more."""
-    space = in_pieces(6)
+    space = in_pieces(6, compensation)
     x = np.random.default_rng(7).random((600, len(space)))
     penalty, joints = PENALTY.within(space).with_joints(space.batch(x))
     rows = np.flatnonzero((penalty == 0.0) & (joints > 0))[:25]
-    exact = [partition_of(space.design(x[row]), PENALTY.profile) for row in rows]
+    exact = [
+        partition_of(quick_pattern(space.design(x[row]), MATERIAL).flat, PENALTY.profile)
+        for row in rows
+    ]
     assert len(rows) == 25
     assert not any(partition.unparted for partition in exact)
     pieces = np.array([len(partition.pieces) for partition in exact])

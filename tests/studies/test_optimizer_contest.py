@@ -3,6 +3,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
+from scipy.stats import ttest_1samp, ttest_rel
 
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.view import lines
@@ -115,11 +117,12 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
     first, better, same = table[:3]
     assert "difference" not in first
     assert first["unseen"]["mean"] == pytest.approx(base.mean())
-    error = base.std() / np.sqrt(12)
-    assert first["unseen"]["high"] - first["unseen"]["mean"] == pytest.approx(1.96 * error, rel=0.2)
-    # All twelve pairs favour it: two-sided, 2 / 2^12, and two contenders are tested.
-    assert better["difference"]["p"] == pytest.approx(2 / 2**12)
-    assert better["difference"]["p_holm"] == pytest.approx(4 / 2**12)
+    ends = ttest_1samp(base, 0.0).confidence_interval()
+    assert (first["unseen"]["low"], first["unseen"]["high"]) == pytest.approx((ends.low, ends.high))
+    # Two contenders are tested.
+    p = ttest_rel(worth["better"], base).pvalue
+    assert better["difference"]["p"] == pytest.approx(p)
+    assert better["difference"]["p_adjusted"] == pytest.approx(2 * p)
     assert 0.02 <= better["difference"]["low"] < better["difference"]["high"] <= 0.03
     assert same["difference"]["p"] == 1.0
     assert "+0.0" in list(lines(comparison_blocks(contest, rows)))[3]
@@ -151,13 +154,14 @@ def test_the_table_has_the_means_of_each_contender() -> None:
     )
     rows = [replace(row, **changes[row.number]) for row in made_up(CONTEST, worth)]
     first, second = comparison_table(CONTEST, rows)
-    # Two seeds drawn with replacement: the mean is either value or their middle.
-    assert first["unseen"] == {"mean": pytest.approx(0.3), "low": 0.2, "high": 0.4}
+    half = 0.1 * student.ppf(0.975, 1)
+    ends = {"low": pytest.approx(0.3 - half), "high": pytest.approx(0.3 + half)}
+    assert first["unseen"] == {"mean": pytest.approx(0.3), **ends}
     assert (first["fresh"], first["lucky"]) == pytest.approx((0.2, 0.4))
     assert (first["evaluations"], first["optimizer_s"], first["can_be_made"]) == (10.0, 1.5, 0.5)
     assert second["difference"]["mean"] == pytest.approx(0.2)
-    assert second["difference"]["low"] == pytest.approx(0.1)
-    assert second["difference"]["high"] == pytest.approx(0.3)
-    assert second["difference"]["p"] == pytest.approx(0.5)
+    assert second["difference"]["low"] == pytest.approx(0.2 - half)
+    p = ttest_rel(worth["pso"], worth["random"]).pvalue
+    assert second["difference"]["p"] == pytest.approx(p)
     line = list(lines(comparison_blocks(CONTEST, rows)))[3]
-    assert line.endswith("0.5000 [0.3000, 0.7000]  +0.2000 [+0.1000, +0.3000]  0.500")
+    assert line.endswith(f"+0.2000 [{0.2 - half:+.4f}, {0.2 + half:+.4f}; 2 seeds]  {p:.3f}")

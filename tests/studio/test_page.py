@@ -10,8 +10,11 @@ import shapely
 
 import vinefab as vf
 from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import design_of
+from vinefab.model.files.run_recipe import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
+from vinefab.studio.cut_answer import cut_notes
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -125,7 +128,7 @@ class Tab:
         return self.page.inner_text(f'.score[data-task="{task}"] .value')
 
     def outline(self):
-        return self.page.evaluate("studio.answers.live.outline_svg")
+        return self.page.evaluate("studio.answers.cut?.outline_svg")
 
 
 @pytest.fixture
@@ -173,10 +176,11 @@ def expected(design, world, pose=None):
     deployment = design.grow(world, pose)
     prepared = PreparedMap.of(world)
     score = make_task("coverage", {}).evaluate(deployment, prepared.context)[0]
+    flat = pattern_of(design, ChosenRecipe.of(design).profile, known_only=True).flat
     return {
         "robot": shapes(robot_svg(deployment, design.build.widths_mm)),
         "score": score,
-        "outline": outline_svg(body_outline(design).contour),
+        "outline": outline_svg(body_outline(flat).contour),
     }
 
 
@@ -184,7 +188,9 @@ def shows(tab, design, world, pose=None):
     """Wait until the page shows what the library says, and compare all of it."""
     wanted = expected(design, world, pose)
     end = time.monotonic() + 30.0
-    while tab.robot() != wanted["robot"] and time.monotonic() < end:
+    while (tab.robot(), tab.outline()) != (wanted["robot"], wanted["outline"]):
+        if time.monotonic() > end:
+            break
         tab.page.wait_for_timeout(20)
     assert tab.robot() == wanted["robot"]
     assert float(tab.score()) == pytest.approx(wanted["score"], abs=5.1e-4)
@@ -267,6 +273,52 @@ def test_a_tip_is_dragged(tab, grid):
     assert (design.levels[0].length_mm, design.levels[0].fan_rad) != (70.0, np.deg2rad(100.0))
     x, y = tab.middle(tip)
     assert np.hypot(x - start[0] + 6, y - start[1] + 25) < 10.0, "the tip follows the hand"
+
+
+def test_a_dragged_angle_shows_what_must_be_cut_and_how_sensitive_it_is(tab):
+    note = tab.page.locator("#note-level-0-angle_deg")
+    note.wait_for(timeout=60_000)  # the first loads the simulation of joints
+    before = note.inner_text()
+    tab.drag(tab.middle('input[type=range][data-key="level.0.angle_deg"]'), (-8, 0), drop=False)
+    tab.until("(text) => document.querySelector('.value-note').textContent !== text", before)
+    design = tab.design()
+    assert design.levels[0].fan_rad != pytest.approx(np.deg2rad(100.0))
+    profile = ChosenRecipe.of(design).profile
+    patterns = (pattern_of(design, profile, known_only=known) for known in (True, False))
+    # The table's words while the pointer moves, those of the simulated joint once it rests.
+    says = [cut_notes(pattern, profile)["level.0.angle_deg"]["text"] for pattern in patterns]
+    tab.until("(says) => says.includes(document.querySelector('.value-note').textContent)", says)
+    tab.page.mouse.up()
+    tab.until("(text) => document.querySelector('.value-note').textContent === text", says[1])
+    assert re.fullmatch(r"cut [\d.]+°, x[\d.]+ sensitive", says[1])
+    slider = tab.page.locator('input[type=range][data-key="level.0.angle_deg"]')
+    assert slider.get_attribute("aria-describedby") == "note-level-0-angle_deg"
+
+
+def test_the_sheet_shows_the_inflated_body_until_the_design_changes(tab):
+    toggle = tab.page.locator("#deployed-toggle")
+    toggle.click()
+    body = tab.page.locator(".sheet-drawing .inflated")
+    body.wait_for(timeout=60_000)
+    assert toggle.get_attribute("aria-pressed") == "true"
+    words = tab.page.inner_text("#deployed")
+    assert "tips end" in words
+    assert "simulated, unverified" in words
+    wide = tab.page.evaluate(
+        """() => ["inflated", "flat"].map((name) =>
+          document.querySelector(`.sheet-drawing .outline .${name}`).getBBox().width)"""
+    )
+    assert wide[0] == pytest.approx(wide[1], rel=0.2)
+    assert tab.page.locator("#deployed table").count() == 3
+    tab.drag(tab.middle(f'input[type=range][data-key="{LENGTH}"]'), (18, 0), drop=False)
+    body.wait_for(state="detached")
+    assert tab.page.locator(".sheet-drawing .outline path").count() == 1, "the flat outline follows"
+    tab.page.mouse.up()
+    body.wait_for(timeout=60_000)
+    toggle.click()
+    tab.page.wait_for_selector(".sheet-drawing .job path")
+    assert body.count() == 0
+    assert tab.page.locator("#deployed").is_hidden()
 
 
 def test_obstacles_are_moved_added_and_deleted(tab, grid):

@@ -27,6 +27,7 @@ def answered(name="three_level_tree", world=None, edit=None, **more):
 
 def narrow(content):
     content["level"][0]["angle_deg"] = 40.0
+    content["build"]["compensation"] = "none"
 
 
 def test_the_answer_is_that_of_the_check():

@@ -31,6 +31,7 @@ from vinefab.physics.anchoring import (
 )
 from vinefab.physics.seam import seam_load_n_mm
 from vinefab.tasks.anchoring_force import (
+    FRICTION_STEPS,
     STEP_BACK_MM,
     AnchoredRobots,
     Anchoring,
@@ -73,7 +74,7 @@ def test_turns_add_up_along_each_path_and_leaves_add_up(
     end = ended(fork, [wrapped(turn) for turn in (1.0, 0.5, -2.0)])
     score, terms = Anchoring(friction=0.3).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * 1.5) + math.exp(0.3 * 3.0))
-    assert terms["engaged"] == 2
+    assert (terms["leaves"], terms["engaged"], terms["ideal_case"]) == (2, 0, 1)
     assert terms["largest_turn_rad"] == pytest.approx(3.0)
 
 
@@ -239,7 +240,8 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     narrow = vine.changed(build=build.changed(pouch=small))
     assert terms(Anchoring(), narrow)["engaged"] == 0.0
     bare = vine.changed(build=build.changed(pouch=None))
-    assert terms(Anchoring(), bare)["engaged"] == 1.0
+    assert terms(Anchoring(), bare)["engaged"] == 0.0
+    assert (terms(Anchoring(), bare)["score"] > 0.0) == terms(Anchoring(), bare)["ideal_case"]
     assert terms(Anchoring(), bare)["force_n"] == 0.0
 
 
@@ -300,7 +302,7 @@ def plainly(
     own = [contact_turn(end, branch) for branch in range(len(end.tree))]
     if task.count_joint_angles:
         own = [turn + abs(joint) for turn, joint in zip(own, end.tree.offset_rad, strict=True)]
-    leaves, found, ideal = 0, [], 0.0
+    leaves, found, ideal, has_pouch = 0, [], 0.0, width > 0.0
     for leaf in np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 0.0)).tolist():
         leaves += 1
         turn, branch = 0.0, leaf
@@ -327,16 +329,18 @@ def plainly(
         return whole * (held / free if free else 1.0)
 
     count = math.ceil(len(found) * 2.0 / 3.0 - 1e-9)
+    frictions = (*np.linspace(task.friction_low, task.friction_high, FRICTION_STEPS), task.friction)
     force, capped = pulled(end, own, limits, task.friction, found)
     return {
         "score": amplified(task.friction, found),
         "leaves": leaves,
-        "engaged": len(found),
+        "engaged": len(found) if has_pouch else 0,
         "mean_turn_rad": sum(t for t, *_ in found) / len(found) if found else 0.0,
         "largest_turn_rad": max((t for t, *_ in found), default=0.0),
-        "low": amplified(task.friction_low, found[:count]),
-        "high": amplified(task.friction_high, found),
+        "low": min(amplified(mu, some) for mu in frictions for some in (found, found[:count])),
+        "high": max(amplified(mu, found) for mu in frictions),
         "ideal": ideal,
+        "ideal_case": float(not has_pouch),
         "force_n": force,
         "capped": capped,
     }
@@ -416,8 +420,7 @@ def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None,
                 assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
             for name in seen:
                 seen[name] += float(terms[name].sum())
-    assert 0.0 < seen["engaged"] <= seen["leaves"]
-    assert (seen["engaged"] < seen["leaves"]) == (pouch is not None)
+    assert (0.0 < seen["engaged"] < seen["leaves"]) == (pouch is not None)
     assert (seen["force_n"] > 0.0) == (pouch is not None)
     if pouch is None or task.seam_n_mm < 0.1:
         assert (seen["capped"] > 0.0) == (pouch is not None)
@@ -479,9 +482,21 @@ def anchored(
         turns=turns,
         leaves=Leaves.of(grown, turns),
         engaged=np.array(engaged),
+        has_pouches=np.array([True]),
         press_n=np.array(press_n),
         limit_n=None if limit_n is None else np.array(limit_n),
     )
+
+
+def test_ends_over_friction_are_in_order_where_film_limits(fork: Design, ended: Ended) -> None:
+    """Held is 3 N at most, one pouch alone 10 N times friction: more friction, less amplified."""
+    end = ended(fork, [wrapped(turn) for turn in (0.5, 1.0, 2.0)])
+    robots = anchored(end, [10.0, 10.0], [3.0, 9.0, 9.0], [True, True])
+    assert robots.amplification(0.8)[0] < robots.amplification(0.2)[0]
+    (low,), (high,) = robots.amplification_range([0.2, 0.3, 0.8])
+    assert low == pytest.approx(3.0 / (10.0 * 0.8))
+    assert high == pytest.approx(max(robots.amplification(mu)[0] for mu in (0.2, 0.3)))
+    assert low < robots.amplification(0.3)[0] <= high
 
 
 def test_every_branch_the_trunk_included_holds_at_most_what_it_stands(

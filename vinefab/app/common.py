@@ -157,12 +157,13 @@ def growth_choice(
     contacts: object = None,
     *,
     children_of_stuck: str | None = None,
-) -> tuple[GrowthChoice, Mapping[str, Any]]:
-    """Return the growth options for designs, and those that were passed.
+) -> tuple[list[Design], GrowthChoice, Mapping[str, Any]]:
+    """Return designs as they deploy, the growth options for them, and those that were passed.
 
     An error in the origin of a design names its file.
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
+    from vinefab.prediction.deploy import as_grown
 
     given = as_growth(
         growth,
@@ -175,7 +176,8 @@ def growth_choice(
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
             trained_growth(design)
-    return GrowthChoice.of(designs, given), given
+    grown = [as_grown(design) for design in designs]
+    return grown, GrowthChoice.of(designs, given), given
 
 
 def families_of(

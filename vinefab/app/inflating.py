@@ -19,6 +19,7 @@ def inflate(
     recipe: RecipeLike | None = None,
     *,
     alone: bool = False,
+    free: bool = False,
     across: Annotated[int, Within(4, 32)] = 8,
     out: Annotated[PathText | None, written(".html", ".htm", ".svg", ".png")] = None,
     mesh: Annotated[PathText | None, written(".stl", ".obj", ".3mf", ".ply")] = None,
@@ -34,6 +35,8 @@ def inflate(
     ----------
     alone
         Leave out the other choice of compensation, which takes as long again.
+    free
+        Simulate each joint without floor and lid too: joints of stiff film bow. For studies.
     across
         Triangles across a tube, an even number; more are slower and finer.
     out
@@ -75,7 +78,7 @@ def inflate(
     robot = as_design(design)
     profile = recipe_for(robot, recipe).profile
     with told("inflate", progress) as tell:
-        found = inflate_design(robot, profile, alone=alone, across=across, progress=tell)
+        found = inflate_design(robot, profile, alone=alone, free=free, across=across, progress=tell)
     found = with_origin(found, [robot], [], profile)
     if page is not None:
         is_page = page.suffix.lower() in (".html", ".htm")

@@ -154,7 +154,7 @@ def grow(
     if pose is not None and as_starts(start):
         raise BadInputError("pose", pose, "not together with start")
     robot = as_design(design)
-    _, given = growth_choice(
+    [robot], _, given = growth_choice(
         [design],
         [robot],
         growth,
@@ -227,7 +227,9 @@ def score(
         raise BadInputError("maps", "none", "at least one map")
     plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
     robot = as_design(design)
-    choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
+    [robot], choice, _ = growth_choice(
+        [design], [robot], growth, body, head_on_half_angle_deg, contacts
+    )
     return score_design_on_task(robot, worlds, plan, choice.options)
 
 
@@ -316,17 +318,11 @@ def aim(
     page = page_path("out", out, force=force)
     place, scored_on = as_map(world, "world"), task_of(task, parameters)
     named = [design] if against is None else [design, against]
-    robot = as_design(design)
-    other = None if against is None else as_design(against, "against")
-    compared = held_against(robot, other, alone=alone)
-    _, given = growth_choice(
-        named,
-        [robot] if other is None else [robot, other],
-        growth,
-        body,
-        head_on_half_angle_deg,
-        contacts,
-    )
+    read = [as_design(design)]
+    if against is not None:
+        read.append(as_design(against, "against"))
+    grown, _, given = growth_choice(named, read, growth, body, head_on_half_angle_deg, contacts)
+    compared = held_against(*grown, alone=alone)
     choice = aim_growth(compared, given)
     plan = AimPlan(
         where=where,
@@ -408,7 +404,9 @@ def compare(
     main = measure_named(measure)
     with told("compare", progress) as tell:
         robots = [as_design(one, "designs") for one in named]
-        choice, _ = growth_choice(named, robots, growth, body, head_on_half_angle_deg, contacts)
+        robots, choice, _ = growth_choice(
+            named, robots, growth, body, head_on_half_angle_deg, contacts
+        )
         families = families_of(maps, start, environment, count, seed, options)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(
@@ -476,7 +474,9 @@ def report(
         robot = as_design(design)
         profile = recipe_for(robot, recipe).profile
         families = families_of(maps, start, environment, count, seed, options)
-        choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
+        _, choice, _ = growth_choice(
+            [design], [robot], growth, body, head_on_half_angle_deg, contacts
+        )
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
         found = with_origin(found, [robot], families, profile)

@@ -48,6 +48,13 @@ LATER = "later"
 that the ids of runs stay as they were."""
 
 
+@dataclass(frozen=True, slots=True)
+class LaterThan:
+    """Marks such a field too; records without it mean this value, whatever the default is now."""
+
+    value: object
+
+
 class _TableType(ModelMetaclass):
     """Lets a table that is made in Python raise `BadInputError`, and take numbers of numpy."""
 
@@ -83,6 +90,12 @@ class Table(BaseModel, metaclass=_TableType):
     def content(self) -> dict[str, Any]:
         """The values as files and reports have them; what is None is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    @classmethod
+    def before(cls) -> dict[str, Any]:
+        """Return what records without later fields mean by it, where that is not the default."""
+        marked = ((name, mark) for name, one in cls.model_fields.items() for mark in one.metadata)
+        return {name: mark.value for name, mark in marked if isinstance(mark, LaterThan)}
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:  # noqa: ANN401  of the class statement

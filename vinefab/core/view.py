@@ -19,7 +19,7 @@ from vinefab.core.front_door import front_door
 from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted, visible
 
-NO_INTERVAL = "one sample: no interval"
+NO_INTERVAL = "no interval"
 
 Tone = Literal["good", "caution", "bad"]
 
@@ -38,6 +38,8 @@ class Number:
         Format of the shown number.
     interval
         Its 95 % interval, in the unit of `value`.
+    over
+        How many independent samples the interval is over: ``24 maps``.
     standing
         How far it may be trusted: simulated, measured, assumed, published, computed.
     per
@@ -53,12 +55,13 @@ class Number:
     standing: str = ""
     per: float = 1.0
     decimals: int | None = None
+    over: str = ""
 
     def __str__(self) -> str:
         """Return the number with its interval, unit and standing; a dash where there is none.
 
-        >>> str(Number(0.831, interval=(0.8, 0.86), form=".2f", standing="simulated"))
-        '0.83 [0.80, 0.86] (simulated)'
+        >>> str(Number(0.831, interval=(0.8, 0.86), form=".2f", over="24 maps"))
+        '0.83 [0.80, 0.86; 24 maps]'
         >>> str(Number(0.25, "%", ".1f", per=0.01))
         '25.0 %'
         """
@@ -72,9 +75,10 @@ class Number:
             return "-"
         words = self._shown(self.value)
         if self.interval is not None:
-            known = all(map(self._is_known, self.interval))
-            ends = f"[{', '.join(map(self._shown, self.interval))}]" if known else ""
-            words += f" {ends or f'({NO_INTERVAL})'}"
+            low, high = self.interval
+            known = self._is_known(low) and self._is_known(high)
+            ends = (self._shown(low), self._shown(high)) if known else None
+            words += f" {bracketed(ends, self.over)}"
         return f"{words} {self.unit}".rstrip()
 
     @property
@@ -95,6 +99,17 @@ class Number:
         if value is None:
             return "-"
         return f"{value if self.per == 1.0 else value / self.per:{self.form}}"
+
+
+def bracketed(ends: tuple[str, str] | None, over: str) -> str:
+    """Return the ends of an interval with the samples that it is over, or that there is none.
+
+    >>> bracketed(("0.80", "0.86"), "24 maps"), bracketed(None, "1 map")
+    ('[0.80, 0.86; 24 maps]', '(1 map: no interval)')
+    """
+    if ends is None:
+        return f"({over}: {NO_INTERVAL})" if over else f"({NO_INTERVAL})"
+    return f"[{', '.join(ends)}; {over}]" if over else f"[{', '.join(ends)}]"
 
 
 Value = Number | str | int

@@ -158,9 +158,6 @@ class Growth(NamedTuple):
         Final heading, a unit vector; shape (n, 2).
     events
         Number of events of each branch; shape (n,).
-    steep
-        Longest straight body, from pivot to tip, with which each branch began to slide at more
-        than 60 degrees to the wall's tangent, mm; shape (n,).
     gain, drawn
         Factor by which the turns of the path to the tip multiply a tension at the base, and its
         length with each part times that factor of the turns behind it, mm; shape (n,). Only where
@@ -178,7 +175,6 @@ class Growth(NamedTuple):
     turn: Floats
     heading: Floats
     events: Ints
-    steep: Floats
     gain: Floats
     drawn: Floats
     chain_length: Floats
@@ -197,7 +193,6 @@ class Growth(NamedTuple):
             turn=np.zeros(branches),
             heading=np.zeros((branches, 2)),
             events=np.zeros(branches, dtype=np.int64),
-            steep=np.zeros(branches),
             gain=np.zeros(branches),
             drawn=np.zeros(branches),
             chain_length=np.zeros(room),

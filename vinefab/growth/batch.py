@@ -4,7 +4,7 @@ import itertools
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 import numpy as np
@@ -18,6 +18,7 @@ from vinefab.growth.simulator import (
     POINTS_PER_BRANCH,
     SPARE_POINTS,
     Engine,
+    Settling,
     grow_jobs_of,
     quickest_engine,
     rules_of,
@@ -59,6 +60,11 @@ class TerrainSet:
                 self._kept[radii_mm] = TerrainSetArrays.of(pages, tolerances.tolist())
             return self._kept[radii_mm]
 
+    @property
+    def tolerances_mm(self) -> Floats:
+        """Distances up to this count as touching, on each terrain, shape (terrains,)."""
+        return np.array([terrain.tolerance_mm for terrain in self.terrains])
+
     def pages(self, radii_mm: tuple[float, ...]) -> Ints:
         """Return the page of each terrain and radius, shape (terrains, radii)."""
         return np.arange(len(self.terrains) * len(radii_mm)).reshape(-1, len(radii_mm))
@@ -87,7 +93,6 @@ class Workspace:
             turn=held.turn[:branches],
             heading=held.heading[:branches],
             events=held.events[:branches],
-            steep=held.steep[:branches],
             gain=held.gain[:branches],
             drawn=held.drawn[:branches],
             chain_length=held.chain_length[:room],
@@ -102,7 +107,6 @@ class Workspace:
             part.turn,
             part.heading,
             part.events,
-            part.steep,
         ):
             array.fill(0)
         return part
@@ -133,6 +137,8 @@ class Launches:
     start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
     # head-on half-angle of each launch, shape (l,); None: that of the growth model's options
     half_angle_rad: Floats | None = None
+    # seed of what is drawn in each launch, shape (l,); empty: their numbers
+    draw_seeds: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
     def of(
@@ -140,6 +146,7 @@ class Launches:
         atlas: TerrainSet,
         poses: Sequence[Sequence[Pose]],
         half_angles_rad: Sequence[float] = (),
+        draw_seeds: Sequence[int] = (),
     ) -> "Launches":
         """Return the launches from the poses on each map.
 
@@ -151,6 +158,8 @@ class Launches:
             Poses on each map, at least one in all.
         half_angles_rad
             Head-on half-angle of each pose, map by map; empty: as the growth model's options say.
+        draw_seeds
+            Seed of what is drawn in each deployment, map by map; empty: their numbers.
 
         Raises
         ------
@@ -167,7 +176,13 @@ class Launches:
             poses=flat,
             start=np.column_stack([np.concatenate(bases), np.reshape(headings, (-1, 2))]),
             half_angle_rad=np.array(half_angles_rad) if len(half_angles_rad) else None,
+            draw_seeds=np.array(draw_seeds, dtype=np.int64),
         )
+
+    @property
+    def seeds(self) -> Ints:
+        """Seed of what is drawn in each launch, the same for all designs, shape (l,)."""
+        return self.draw_seeds if len(self.draw_seeds) else np.arange(len(self))
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -235,7 +250,6 @@ class Block:
             stop=self.growth.stop[one:two].copy(),
             grown_mm=self.growth.grown[one:two].copy(),
             contact_turn_rad=self.growth.turn[one:two].copy(),
-            tight_exit=self.growth.steep[one:two] > plan.long_mm,
         )
 
 
@@ -309,6 +323,8 @@ class Batch:
             launches = replace(launches, half_angle_rad=half_angle_rad)
         self.launches = launches
         self._rules, self._half_angle = rules_of(options, 0.0), half_angle_rad
+        self._settling = Settling.of(options)
+        self._radius_mm = plans.radius_mm if self._settling.is_needed else np.zeros(0)
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
@@ -389,6 +405,17 @@ class Batch:
             grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
+        if self._settling.is_needed:
+            tolerance_mm = self.launches.atlas.tolerances_mm[terrain]
+            self._settling.settle(
+                trees,
+                self._radius_mm,
+                jobs,
+                growth,
+                tolerance_mm,
+                self.launches.seeds[launch],
+                self._engine,
+            )
         return Block(
             plan=plan,
             launch=launch,

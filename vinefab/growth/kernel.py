@@ -40,8 +40,6 @@ GROWING = -1
 _HALVINGS = 60
 """Bisections of a slide until the place where the pressure is used up is known to the last bit."""
 
-STEEP_COSINE = 0.5
-
 TIE_STEPS = 8.0
 """Lengths that differ by up to so many tolerances are equal: a wall that is turned with its map may
 be rounded by several."""
@@ -691,15 +689,6 @@ def _record_film(growth, rules, film, branch, tip):
 
 
 @inlined
-def _steep_body(walls, rules, growth, tip):
-    """Return how long the body from pivot to tip is if it slides steeply, else 0."""
-    qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
-    along = tip.sense * (qx * walls.wall[tip.wall, 2] + qy * walls.wall[tip.wall, 3])
-    reach = _length(qx, qy)
-    return reach if along < (STEEP_COSINE - rules.tie) * reach else 0.0
-
-
-@inlined
 def _turning(rules, growth, first, last, ux, uy):
     """Return the sum of absolute turns along a chain that was launched along u.
 
@@ -757,7 +746,7 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     tip = TipState(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
     film = _film_at_base(tree, start, growth, branch)
     tip = _everted(growth, rules, film, tip)
-    events, steep = 0, 0.0
+    events = 0
     while tip.stop == GROWING and events < rules.most_events:
         # A wrap takes one more point, and the tip one after that.
         if tip.pivot + 3 > room:
@@ -766,14 +755,13 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
         if tip.wall == NO_WALL:
             tip = _grow_free(walls, rules, growth, tip, length)
         else:
-            steep = max(steep, _steep_body(walls, rules, growth, tip))
             tip = _slide(walls, rules, growth, tip, base, length)
         tip = _within_pressure(walls, growth, rules, film, before, tip)
         events += 1
     if tip.stop == GROWING:
         tip = _stopped(tip, CORNER)
     _record_film(growth, rules, film, branch, tip)
-    growth.events[branch], growth.steep[branch] = events, steep
+    growth.events[branch] = events
     _record(growth, branch, tip, length)
     # A single event is a flight: straight.
     growth.turn[branch] = 0.0
@@ -837,7 +825,7 @@ _Rules = namedtuple(
 _Start = namedtuple("_Start", "x y ux uy")
 _Growth = namedtuple(
     "_Growth",
-    "points first_point stop grown turn heading events steep gain drawn chain_length chain_sense "
+    "points first_point stop grown turn heading events gain drawn chain_length chain_sense "
     "chain_gain chain_drawn",
 )
 
@@ -888,7 +876,6 @@ def _growth_of(jobs, growth, job):
         growth.turn[first:last],
         growth.heading[first:last],
         growth.events[first:last],
-        growth.steep[first:last],
         growth.gain[first:last],
         growth.drawn[first:last],
         growth.chain_length[one:two],

@@ -11,11 +11,11 @@ from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
-from vinefab.core.table import LATER, Table, declared_keys
+from vinefab.core.table import LATER, LaterThan, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
-from vinefab.model.design import ORIGIN_GROWTH, Design
+from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
 from vinefab.model.files.contacts_toml import contacts_of
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 from vinefab.physics.tube import inflated_radius_mm
@@ -28,6 +28,19 @@ from the wall's tangent, so 15 is the most; how much less it is, is not known. P
 own robots replace them (`GrowthOptions.contact_angles_deg`)."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
+
+BranchContact = Literal["stop", "pass"]
+
+DEFAULT_BRANCH_CONTACT: BranchContact = "pass"
+"""What a tip does at the body of another branch, where nobody says it [assumed]."""
+
+BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
+"""Both are shown beside each other: real tubes climb over or jam, and nobody measured which."""
+
+_CONTACT_WORDS = {
+    "pass": "bodies pass through each other (assumed)",
+    "stop": "a tip stops at another branch (assumed)",
+}
 
 
 def _half_angle_rad(given: Any) -> float | tuple[float, float]:  # noqa: ANN401  of a file
@@ -52,6 +65,9 @@ class GrowthOptions(Table):
 
     ``body``: inflated, every level sees the free space shrunk by its inflated radius, lay-flat
     width / pi. The published model has a line, and no pressure.
+
+    ``branch_contact``: branches of the published model pass through each other. Bodies meet with
+    their inflated radii; bodies that are lines, where they cross.
     """
 
     head_on_half_angle_rad: Annotated[
@@ -84,6 +100,19 @@ class GrowthOptions(Table):
         Unit("mm"),
         Doc("of the tube of the published fit of the growth pressure (assumed)"),
     ] = FITTED_DIAMETER_MM.value
+    branch_contact: Annotated[
+        BranchContact,
+        Doc("of a tip that meets the body of another branch: it stops there, or passes through"),
+        LATER,
+        LaterThan("pass"),
+    ] = DEFAULT_BRANCH_CONTACT
+    emergence: Annotated[
+        float,
+        Ge(0),
+        Le(1),
+        Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
+        LATER,
+    ] = 1.0
     body_width_ratio: Annotated[
         float,
         Ge(0.5),
@@ -114,8 +143,9 @@ class GrowthOptions(Table):
 
     @classmethod
     def published(cls, **changes: Any) -> "GrowthOptions":  # noqa: ANN401  as the class
-        """Return the published model: the body is a line, and no pressure stops it."""
-        return cls(**{"body": "centerline", "pressure_stop": False, **changes})
+        """Return the published model: the body is a line, and stopped by walls alone."""
+        published = {"body": "centerline", "pressure_stop": False, "branch_contact": "pass"}
+        return cls(**{**published, **changes})
 
     @classmethod
     def of(
@@ -153,7 +183,11 @@ class GrowthOptions(Table):
     @property
     def content(self) -> dict[str, object]:
         """All options as files, records and pages have them; later ones where they say more."""
-        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:-2]}
+        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:] if name not in _LATER}
+        if self.branch_contact != "pass":
+            plain["branch_contact"] = self.branch_contact
+        if self.emergence != 1.0:
+            plain["emergence"] = self.emergence
         if self.body_width_ratio != 1.0:
             plain["body_width_ratio"] = self.body_width_ratio
         if self.contacts is not None:
@@ -186,6 +220,16 @@ class GrowthOptions(Table):
         low_rad, high_rad = self.half_angle_range_rad
         return low_rad < high_rad
 
+    @property
+    def draws(self) -> bool:
+        """Whether two evaluations from one pose differ."""
+        return self.draws_half_angle or self.emergence < 1.0
+
+    @property
+    def emergence_standing(self) -> str:
+        """Where the probability comes from."""
+        return "assumed"
+
     def half_angles_rad(self, count: int) -> Floats:
         """Return one head-on half-angle for each of some launches, shape (count,).
 
@@ -213,11 +257,14 @@ class GrowthOptions(Table):
 
     @property
     def at_one_angle(self) -> "GrowthOptions":
-        """The options of a single growth: the measured half-angle, else the low end of a range."""
+        """The options of a single growth: the measured half-angle, else the low end of a range.
+
+        All its children come out.
+        """
         angle_rad, measured = self.half_angle_range_rad[0], self.measured_half_angle
         if self.draws_half_angle and measured is not None and measured.value is not None:
             angle_rad = rad(measured.value)
-        return self.changed(head_on_half_angle_rad=angle_rad)
+        return self.changed(head_on_half_angle_rad=angle_rad, emergence=1.0)
 
     @property
     def measured_half_angle(self) -> MeasuredNumber | None:
@@ -275,6 +322,8 @@ class GrowthOptions(Table):
 GROWTH_NAMES = tuple(key.name for key in declared_keys(GrowthOptions))
 """Names of the options in files and on the command line."""
 
+_LATER = ("branch_contact", "emergence", "body_width_ratio", "contacts")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthChoice:
@@ -317,16 +366,18 @@ class GrowthChoice:
     @property
     def single(self) -> "GrowthChoice":
         """The same for a single growth, which has one head-on half-angle."""
+        options, notes = self.options.at_one_angle, self.notes
+        if self.options.emergence < 1.0:
+            notes = (*notes, f"emergence {self.options.emergence:g}: here every child comes out")
         if not self.options.draws_half_angle:
-            return self
-        options = self.options.at_one_angle
+            return GrowthChoice(options=options, notes=notes)
         at_low_end = options.half_angle_range_rad[0] == self.options.half_angle_range_rad[0]
         which = "the low end" if at_low_end else "the measured value"
         note = (
             f"head-on half-angle {options.half_angle_text}: "
             f"{which} of its range, {self.options.half_angle_text}"
         )
-        return GrowthChoice(options=options, notes=(*self.notes, note))
+        return GrowthChoice(options=options, notes=(*notes, note))
 
 
 def trained_growth(design: Design) -> GrowthOptions:
@@ -335,7 +386,7 @@ def trained_growth(design: Design) -> GrowthOptions:
     if not isinstance(table, Mapping):
         raise BadInputError(_origin_key(), table, "a table of growth options")
     try:
-        return GrowthOptions.of(table)
+        return GrowthOptions.of({**GrowthOptions.before(), **table} if table else table)
     except BadInputError as error:
         raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
     except UnknownNameError as error:
@@ -355,8 +406,17 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
         *_width_text(options),
         _pressure_text(options, {design.build.pressure_kpa for design in designs}),
     ]
+    if any(design.levels for design in designs):
+        parts.append(_CONTACT_WORDS[options.branch_contact])
+    if options.emergence < 1.0:
+        share = f"{options.emergence:g} ({options.emergence_standing})"
+        parts.append(f"a child comes out with probability {share}")
     if options.deploys_stuck:
         parts.append("children of a stuck branch grow all the same")
+    cut = [d.name for d in designs if any(isinstance(one, UnevenLevel) for one in d.levels)]
+    if cut:
+        names = " and ".join(dict.fromkeys(cut))
+        parts.append(f"{names} with the angles at which its flat ones deploy (simulated)")
     return ", ".join(parts)
 
 

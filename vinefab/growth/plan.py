@@ -16,11 +16,6 @@ from vinefab.model.tree import BranchTree, branch_tree
 from vinefab.physics.growth_pressure import FITTED, riding_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
-LONG_WIDTHS = 5.0
-"""A straight body behind a steep tip counts as long from so many lay-flat widths, about eight
-inflated diameters: slender enough to bow, as the growth model says of tight exits. The number is
-vinefab's own [assumed]; no measurement of where bowing begins is known."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Feed:
@@ -63,7 +58,6 @@ class Plan:
     # whole tree for bare centrelines, one level for inflated bodies
     edges: tuple[int, ...]
     radii_mm: tuple[float, ...]  # body radius on each span
-    long_mm: Floats  # length from which a straight body counts as long, for each branch, shape (n,)
     limit_kpa: Floats  # tension at which each branch's tip stops, infinite if none does, shape (n,)
     store_kpa: Floats  # tension of each branch's film as it leaves its store, shape (n,)
     build: Build  # how the design is built
@@ -72,7 +66,6 @@ class Plan:
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
         """Return the plan of a design, or of a tree that came out a little different."""
         tree = branch_tree(design) if tree is None else tree
-        long_mm = LONG_WIDTHS * np.array(design.build.widths_mm)[tree.level - 1]
         turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
         if options.body == "centerline":
             edges, radii_mm = [0, len(tree)], [0.0]
@@ -85,7 +78,6 @@ class Plan:
             turn=turn,
             edges=tuple(edges),
             radii_mm=tuple(radii_mm),
-            long_mm=long_mm,
             limit_kpa=feed.limit_kpa[tree.level - 1],
             store_kpa=feed.store_kpa(riding_mm(tree, design.build.widths_mm)),
             build=design.build,
@@ -111,10 +103,14 @@ class Plan:
             tree=cut,
             turn=self.turn[branches],
             edges=tuple(edges),
-            long_mm=self.long_mm[branches],
             limit_kpa=self.limit_kpa[branches],
             store_kpa=self.store_kpa[branches],
         )
+
+    @property
+    def radius_mm(self) -> Floats:
+        """Radius of each branch's body, mm, shape (n,)."""
+        return np.repeat(self.radii_mm, np.diff(self.edges))
 
     @property
     def without_pressure(self) -> "Plan":
@@ -169,6 +165,14 @@ class Plans:
             total = [np.add.reduce(self.trees.length[one:two]) for one, two in edges]
             self._lengths.append(np.array(total))
         return self._lengths[0]
+
+    @property
+    def radius_mm(self) -> Floats:
+        """Radius of the body of each branch, in the order of the trees, mm."""
+        spans = self.spans
+        there = np.arange(spans.radius.shape[1]) < spans.number[:, None]
+        count = np.diff(spans.until, axis=1, prepend=0)[there]
+        return np.repeat(np.array(spans.radii_mm)[spans.radius[there]], count)
 
     @classmethod
     def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":

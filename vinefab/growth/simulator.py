@@ -3,12 +3,14 @@
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from vinefab.core.compiling import imported_later, interpreted
 from vinefab.core.errors import UnknownNameError
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import (
     Growth,
     JobArrays,
@@ -28,15 +30,17 @@ from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import FITTED
 
 if TYPE_CHECKING:
-    from vinefab.growth import kernel
+    from vinefab.growth import contact_kernel, kernel
 else:
     kernel = imported_later("vinefab.growth.kernel")
+    contact_kernel = imported_later("vinefab.growth.contact_kernel")
 
 Engine = Literal["auto", "kernel", "interpreted"]
 """``kernel``: the compiled simulator. ``interpreted``: the same code run by Python, which begins at
 once, with the same results to the last bit. ``auto``: one of the two, see `quickest_engine`."""
 
 KERNEL = "vinefab.growth.kernel"
+CONTACT_KERNEL = "vinefab.growth.contact_kernel"
 
 GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
 
@@ -123,6 +127,12 @@ def grow_on(
         walls, done = terrain.walls(radius_mm), first
         while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
             growth = growth.with_room(2 * len(growth.points))
+    settling = Settling.of(options)
+    if settling.is_needed:
+        jobs = JobArrays.alone(start, 0.0, arrays.fits, len(growth.points), 0, len(plan))
+        trees, tolerances = TreesArrays.of([arrays]), np.array([terrain.tolerance_mm])
+        by = engine if isinstance(engine, str) else "kernel"
+        settling.settle(trees, plan.radius_mm, jobs, growth, tolerances, jobs.tree, by)
     used = growth.first_point[-1]
     return Deployment(
         tree=plan.tree,
@@ -132,8 +142,65 @@ def grow_on(
         stop=growth.stop,
         grown_mm=growth.grown,
         contact_turn_rad=growth.turn,
-        tight_exit=growth.steep > plan.long_mm,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settling:
+    """What branches do to each other in finished growths."""
+
+    stops: bool  # whether a tip that meets the body of another branch stops there
+    emergence: float  # probability that a child comes out of its parent's tip
+
+    @classmethod
+    def of(cls, options: GrowthOptions) -> "Settling":
+        """Return what some options of the growth model ask for."""
+        return cls(stops=options.branch_contact == "stop", emergence=options.emergence)
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether anything can change."""
+        return self.stops or self.emergence < 1.0
+
+    def settle(  # noqa: PLR0913, PLR0917  arrays of a batch
+        self,
+        trees: TreesArrays,
+        radius_mm: Floats,
+        jobs: JobArrays,
+        growth: Growth,
+        tolerance_mm: Floats,
+        seeds: Ints,
+        engine: Engine,
+    ) -> None:
+        """Cut finished growths where branches meet or did not come out.
+
+        Parameters
+        ----------
+        trees, jobs, growth
+            See `vinefab.growth.arrays`; ``growth`` is written to.
+        radius_mm
+            Radius of the body of each branch, in the order of the trees.
+        tolerance_mm
+            Of the map of each job.
+        seeds
+            Of the draws of each job.
+        engine
+            What computes it.
+        """
+        module = interpreted(CONTACT_KERNEL) if engine == "interpreted" else contact_kernel
+        room = np.empty((int(np.diff(trees.first).max()), module.WORK_COLUMNS))
+        with np.errstate(all="ignore"):
+            module.settle_jobs(
+                trees,
+                radius_mm,
+                jobs,
+                tolerance_mm,
+                self.emergence,
+                seeds,
+                self.stops,
+                growth,
+                room,
+            )
 
 
 class _Allowance:

@@ -347,8 +347,8 @@ def _inflated(joint: Joint, sheet: Sheet, found: Equilibrium) -> InflatedJoint:
 class Axis:
     """The deployed axis of a straight stretch."""
 
-    heading: Floats  # unit vector, shape (2,)
-    center: Floats  # a point of it, shape (2,)
+    heading: Floats  # unit vector, shape (2,), or (3,) in space
+    center: Floats  # a point of it, of the same shape
     along: float  # place along the flat axis of that point
 
 
@@ -358,7 +358,8 @@ def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float
     Parameters
     ----------
     sides
-        Deployed points of its right and left side, from its beginning on, shape (k, 2) each.
+        Deployed points of its right and left side, from its beginning on, shape (k, 2) each, or
+        (k, 3) in space.
     leave
         Lengths at its beginning and its end that do not count, as far as three points are left.
     """
@@ -375,17 +376,23 @@ def axis_of(straight: Straight, sides: tuple[Floats, Floats], leave: tuple[float
     center, along = weight @ middle / total, float(weight @ place / total)
     away = place - along
     heading = (weight * away) @ (middle - center)
-    return Axis(heading=heading / np.hypot(*heading), center=center, along=along)
+    return Axis(heading=heading / np.linalg.norm(heading), center=center, along=along)
 
 
-def _measured(mesh: Mesh, positions: Floats, hoop_strain: float) -> tuple[Floats, Floats, Floats]:
-    """Return deployed angles, pull-backs and side offsets of the children."""
+def stub_axes(mesh: Mesh, positions: Floats) -> list[Axis]:
+    """Return the deployed axes of the trunk's stub and the children's, from corners in 2 or 3 d."""
     axes: list[Axis] = []
     for straight, (right, left) in zip(mesh.straights, mesh.sides, strict=True):
         width = 2.0 * straight.half_end
         # The trunk's stub begins at the mouth, which is no end.
         leave = (_NEAR_JOINT * width, _NEAR_TIP * width) if axes else (0.0, _NEAR_JOINT * width)
-        axes.append(axis_of(straight, (positions[right, :2], positions[left, :2]), leave))
+        axes.append(axis_of(straight, (positions[right], positions[left]), leave))
+    return axes
+
+
+def _measured(mesh: Mesh, positions: Floats, hoop_strain: float) -> tuple[Floats, Floats, Floats]:
+    """Return deployed angles, pull-backs and side offsets of the children."""
+    axes = stub_axes(mesh, positions[:, :2])
     trunk = axes[0]
     along = [tube_stretch(hoop_strain * 2.0 * tube.half_end)[1] for tube in mesh.straights]
     deployed_joint = trunk.center - along[0] * trunk.along * trunk.heading

@@ -33,7 +33,8 @@ class Membrane:
     points
         Corners of the triangles on the flat sheet, in widths, shape (n, 2).
     triangles
-        Corners of each triangle, counter-clockwise, shape (m, 3).
+        Corners of each triangle, counter-clockwise as seen from outside, shape (m, 3): clockwise on
+        the flat sheet for those of a lower sheet.
     free
         Which coordinates of the corners may move, shape (n, 3). Corners on the seam keep z.
     hoop_strain
@@ -66,7 +67,7 @@ class Membrane:
         corners = points[triangles]
         (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         double = ax * by - ay * bx
-        self.area = double / 2.0
+        self.area = np.abs(double) / 2.0
         # Gradients of the second and third corner's shape functions; the first has minus their sum.
         self._g1 = np.stack([by, -bx]) / double
         self._g2 = np.stack([-ay, ax]) / double

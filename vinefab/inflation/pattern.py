@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,14 +13,16 @@ from vinefab.inflation.compensation import (
     MESH_DEG,
     WITHIN_DEG,
     FlatJoint,
+    UnknownJointError,
     UnreachableJointError,
     deployed_joint,
     flat_joint,
+    known_joint,
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
-from vinefab.model.design import Design, Trunk, UnevenLevel
-from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.design import Build, Design, Trunk, UnevenLevel
+from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
 
@@ -42,8 +44,11 @@ class LevelJoint:
     width_mm: float  # lay-flat width of the parent at the joint
     count: int  # joints of this kind in the robot
     wanted_deg: tuple[float, ...]  # designed angle of each child
+    # Angles that the joint is solved for: the designed ones, turned so that tips come near.
+    aimed_deg: tuple[float, ...]
     found: FlatJoint | None  # as cut and as deployed (simulated); None where there is none
     problem: str = ""  # why it does not deploy as designed; empty where it does
+    is_known: bool = True  # False: nothing but a simulation would tell, and none was asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,51 +62,7 @@ class Pattern:
     flat: Design
     deployed: Design
     joints: tuple[LevelJoint, ...]  # of each level from the second on
-
-    @property
-    def rows(self) -> tuple[tuple[str, ...], ...]:
-        """For each level: its number, angles and lengths as designed, cut and expected."""
-        shown = []
-        for joint in self.joints:
-            place = joint.level - 2
-            levels = (
-                self.design.levels[place],
-                self.flat.levels[place],
-                self.deployed.levels[place],
-            )
-            angles = (np.degrees(fan_offsets_rad(level)) for level in levels)
-            lengths = (child_lengths_mm(level) for level in levels[:2])
-            cells = (
-                *(", ".join(f"{angle + 0.0:.1f}" for angle in one) for one in angles),
-                *(", ".join(f"{length:.1f}" for length in one) for one in lengths),
-            )
-            shown.append((str(joint.level), *cells))
-        return tuple(shown)
-
-    @property
-    def content(self) -> dict[str, object]:
-        """The figures of every level, as JSON has them (simulated)."""
-        return {
-            "standing": "simulated",
-            "trunk_mm": {"designed": self.design.trunk_length_mm, "cut": self.flat.trunk_length_mm},
-            "levels": [
-                {
-                    "level": joint.level,
-                    "hoop_strain": joint.found.flat.hoop_strain,
-                    "designed_deg": list(joint.wanted_deg),
-                    "cut_deg": list(joint.found.flat.angles_deg),
-                    "expected_deg": list(joint.found.deployed_deg),
-                    "designed_mm": child_lengths_mm(self.design.levels[joint.level - 2]).tolist(),
-                    "cut_mm": child_lengths_mm(self.flat.levels[joint.level - 2]).tolist(),
-                    "sensitivity": joint.found.sensitivity,
-                    "crotch_load": joint.found.crotch_load,
-                    "passage": joint.found.passage,
-                }
-                for joint in self.joints
-                if joint.found is not None
-            ],
-            "problems": list(self.problems),
-        }
+    standing: str = "simulated, unverified"
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -114,19 +75,29 @@ def cut_design(design: Design, profile: LaserProfile) -> Design:
     return design if design.build.compensation == "none" else pattern_of(design, profile).flat
 
 
-def strain_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_at(build: Build, material: Material, width_mm: float) -> float:
     """Return the hoop strain of film at a design's working pressure on a tube of some width.
 
     Two digits, so that joints that differ by no more are one.
     """
-    pressure_kpa = design.build.pressure_kpa or ASSUMED_PRESSURE_KPA
+    pressure_kpa = build.pressure_kpa or ASSUMED_PRESSURE_KPA
     strain = hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
     return float(f"{min(max(strain, LEAST_STRAIN), MOST_STRAIN):.2g}")
 
 
-def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+def strain_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return the hoop strain of a design's film, as `strain_at`."""
+    return strain_at(design.build, material, width_mm)
+
+
+def stretch_at(build: Build, material: Material, width_mm: float) -> float:
     """Return by how much a straight tube of some width grows longer under pressure, as a ratio."""
-    return tube_stretch(strain_of(design, material, width_mm))[1]
+    return tube_stretch(strain_at(build, material, width_mm))[1]
+
+
+def stretch_of(design: Design, material: Material, width_mm: float) -> float:
+    """Return by how much a design's tubes of some width grow longer, as `stretch_at`."""
+    return stretch_at(design.build, material, width_mm)
 
 
 _MOST_TARGETS = 8
@@ -134,21 +105,25 @@ _MOST_TURN_DEG = 1.5  # by which children are turned so that their tips come nea
 
 
 @lru_cache(maxsize=64)
-def _joint(wanted: Joint, compensated: bool, gain: float) -> FlatJoint:  # noqa: FBT001  a key of the cache
+def _joint(wanted: Joint, compensated: bool, gain: float, known_only: bool) -> FlatJoint:  # noqa: FBT001  a key of the cache
     """Return a joint whose children turn so many times as far as simulated, as measured.
 
     The simulated angles aimed at are moved until those with the gain are the wanted ones.
     """
+    if known_only:
+        flat_of, deployed_of = partial(known_joint, "flat"), partial(known_joint, "deployed")
+    else:
+        flat_of, deployed_of = partial(flat_joint, exact=True), partial(deployed_joint, exact=True)
     if not compensated:
-        return _gained(deployed_joint(wanted, exact=True), gain)
+        return _gained(deployed_of(wanted), gain)
     if gain == 1.0:
-        return flat_joint(wanted, exact=True)
+        return flat_of(wanted)
     goal = np.array(wanted.angles_deg)
     target = goal
     for _ in range(_MOST_TARGETS):
         try:
             aim = wanted.with_angles(tuple(np.round(target, 3).tolist()))
-            simulated = flat_joint(aim, exact=True)
+            simulated = flat_of(aim)
         except UnreachableJointError as error:
             if error.nearest is None:
                 raise
@@ -172,7 +147,7 @@ def _gained(found: FlatJoint, gain: float) -> FlatJoint:
     return replace(found, deployed_deg=tuple(turned.tolist()), sensitivity=sensitivity)
 
 
-def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
+def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = False) -> Pattern:
     """Return the flat tree that a design is cut as.
 
     Every joint of a level is alike: each is solved once, whatever the number of branches. Angles
@@ -184,6 +159,9 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
     profile
         Its film stretches; the strain at the working pressure decides. A measured closing gain says
         how far joints turn over the simulated.
+    known_only
+        Simulate nothing: look joints up in milliseconds, for what follows a pointer. What the table
+        says is good for a degree or two; nothing may be cut by it.
     """
     material = profile.material
     build, flat, deployed = design.build, list(design.levels), list(design.levels)
@@ -194,12 +172,17 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
         width_mm = build.end_widths_mm[place]
         lengths_mm = child_lengths_mm(level)
         wanted = tuple(map(math.degrees, fan_offsets_rad(level).tolist()))
+        aimed, problem = wanted, ""
         found: FlatJoint | None
+        is_known = True
         try:
-            found = _level_joint(design, material, place, compensated=compensated)
-            problem = ""
+            aimed, found = _level_joint(
+                design, material, place, compensated=compensated, known_only=known_only
+            )
         except UnreachableJointError as error:
-            found, problem = error.nearest, f"level {place + 2}: {error}"
+            is_known = not isinstance(error, UnknownJointError)
+            aimed, found = error.wanted.angles_deg, error.nearest
+            problem = f"level {place + 2}: {error}"
         except VinefabError as error:
             found, problem = None, f"level {place + 2}: {error}"
         if found and any(one >= two for one, two in pairwise(found.deployed_deg)):
@@ -211,8 +194,10 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
                 width_mm=width_mm,
                 count=parents,
                 wanted_deg=wanted,
+                aimed_deg=aimed,
                 found=found,
                 problem=problem,
+                is_known=is_known,
             )
         )
         if found is not None:
@@ -234,13 +219,36 @@ def pattern_of(design: Design, profile: LaserProfile) -> Pattern:
             levels=tuple(flat),
             build=build.changed(compensation="none"),
         ),
-        deployed=design.changed(trunk=Trunk(length_mm=grown_trunk_mm), levels=tuple(deployed)),
+        deployed=design.changed(
+            trunk=Trunk(length_mm=grown_trunk_mm),
+            levels=tuple(deployed),
+            build=build.changed(compensation="inflation"),
+        ),
         joints=tuple(joints),
+        standing=standing_of(material),
     )
 
 
-def _level_joint(design: Design, material: Material, place: int, *, compensated: bool) -> FlatJoint:
-    """Return the joint of one level; fillets are those that its flat angles leave room for."""
+def standing_of(material: Material) -> str:
+    """Return how far a simulated pattern of some film may be trusted.
+
+    It is simulated in any case; joint coupons measure what the simulation takes from the film.
+    """
+    known = [f"modulus {material.modulus_mpa.standing}"]
+    if material.closing_gain is not None:
+        known.append(f"closing gain {material.closing_gain.standing}")
+    if not any(words.endswith(Standing.MEASURED) for words in known):
+        return "simulated, unverified"
+    return f"simulated; {', '.join(known)}"
+
+
+def _level_joint(
+    design: Design, material: Material, place: int, *, compensated: bool, known_only: bool
+) -> tuple[tuple[float, ...], FlatJoint]:
+    """Return the angles that the joint of one level is solved for, and the joint.
+
+    Fillets are those that its flat angles leave room for.
+    """
     build, level = design.build, design.levels[place]
     gain = 1.0 if material.closing_gain is None else material.closing_gain.value
     width_mm = build.end_widths_mm[place]
@@ -262,7 +270,7 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
             fillets=fillets,
             hoop_strain=strain_of(design, material, width_mm),
         )
-        found = _joint(wanted, compensated, gain)
+        found = _joint(wanted, compensated, gain, known_only)
         if not compensated:
             break
         turn_deg = math.degrees(found.side_offsets[-1] * width_mm / away_mm)
@@ -271,4 +279,4 @@ def _level_joint(design: Design, material: Material, place: int, *, compensated:
         levels[place] = UnevenLevel.of_children(
             found.flat.angles_deg, child_lengths_mm(level).tolist()
         )
-    return found
+    return wanted.angles_deg, found

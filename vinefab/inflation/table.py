@@ -390,6 +390,7 @@ class FlatFans:
     fan_rad: Floats  # from the first to the last child, shape (m,)
     angles_rad: Floats  # of each child, NaN beyond the last, shape (m, 5)
     pull_backs: Floats  # over the parent's width, shape (m, 5)
+    side_offsets: Floats  # of the last child to its left, over the parent's width, shape (m,)
     is_within: Bools  # whether the joint is within the table's ranges, shape (m,)
 
 
@@ -414,6 +415,7 @@ def flat_fan(
     most = max(CHILDREN)
     flat, angles = np.radians(asked[:, 0]), np.full((len(asked), most), np.nan)
     backs, within = np.full((len(asked), most), np.nan), (nearest == asked[:, 1:]).all(axis=1)
+    offsets = np.zeros(len(asked))
     for n in np.unique(count).tolist():
         table, chosen = fan_table(n), np.flatnonzero(count == n)
         if table is None:
@@ -432,7 +434,14 @@ def flat_fan(
         backs[chosen[:, None], n - 1 - np.arange(half)] = lengths[:, :half]
         if half:
             flat[chosen] = 2.0 * np.radians(left[:, 0])
+            offsets[chosen] = lengths[:, n - half]
             within[chosen] &= fan_there == asked_fan
         else:
             flat[chosen] = 0.0
-    return FlatFans(fan_rad=flat, angles_rad=angles, pull_backs=backs, is_within=within)
+    return FlatFans(
+        fan_rad=flat,
+        angles_rad=angles,
+        pull_backs=backs,
+        side_offsets=offsets,
+        is_within=within,
+    )

@@ -24,14 +24,13 @@ def tube_stretch(hoop_strain: float, poisson: float = POISSON) -> tuple[float, f
     >>> [round(stretch, 4) for stretch in tube_stretch(0.01)]
     [1.0077, 1.0006]
     """
-    around = along = 1.0
+    along = 1.0
     for _ in range(200):
-        hoop, axial = hoop_strain * along, hoop_strain * around**2 / (2.0 * along)
-        new = (
-            math.sqrt(max(0.01, 1.0 + 2.0 * (hoop - poisson * axial))),
-            math.sqrt(max(0.01, 1.0 + 2.0 * (axial - poisson * hoop))),
-        )
-        if max(abs(new[0] - around), abs(new[1] - along)) < 1e-14:
+        # Around in closed form for a length: both in turn diverge above a strain of 0.55.
+        square = (1.0 + 2.0 * hoop_strain * along) / (1.0 + poisson * hoop_strain / along)
+        axial = hoop_strain * (square / (2.0 * along) - poisson * along)
+        new = math.sqrt(max(0.01, 1.0 + 2.0 * axial))
+        if abs(new - along) < 1e-14:
             break
-        around, along = new
-    return around, along
+        along = new
+    return math.sqrt(square), new

@@ -26,11 +26,20 @@ class Stop(IntEnum):
     CORNER = 2
     NOT_DEPLOYED = 3
     PRESSURE = 4
+    BRANCH = 5  # at the body of another branch
+    NOT_EVERTED = 6  # at its base: it failed to come out of its parent's tip
 
     @property
     def label(self) -> str:
         """The name used in files: ``full_length``, ``head_on``, ``corner`` and so on."""
         return self.name.lower()
+
+
+STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE, Stop.BRANCH, Stop.NOT_EVERTED)
+"""Stops before the planned length."""
+
+CUT_STOPS = (Stop.BRANCH, Stop.NOT_EVERTED)
+"""Stops that walls have no part in: such a branch is the beginning of one that grew alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,9 +63,6 @@ class Deployment:
         Grown length of each branch, the length of its chain, shape (n,).
     contact_turn_rad
         Sum of absolute turns at contacts and at the base hinge, shape (n,).
-    tight_exit
-        Whether each branch slid steeply with a long straight body behind its tip, shape (n,): a
-        real body may bow there, which the growth model cannot show. All False if not given.
     design, world, growth
         What `Design.grow` grew, where, and the growth model's choices by name (plain values, angles
         in degrees); None and empty in a deployment that is one of a batch.
@@ -69,7 +75,6 @@ class Deployment:
     stop: Ints
     grown_mm: Floats
     contact_turn_rad: Floats
-    tight_exit: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     design: Design | None = None
     world: Map | None = None
     growth: Mapping[str, object] = field(default_factory=dict)
@@ -78,14 +83,9 @@ class Deployment:
         count = len(self.tree)
         if self.first_point.shape != (count + 1,) or self.first_point[-1] != len(self.points_mm):
             raise BadInputError("first_point", self.first_point.shape, f"({count + 1},), rising")
-        if len(self.tight_exit) not in (0, count):
-            raise BadInputError("tight_exit", self.tight_exit.shape, f"({count},)")
         for array in (self.points_mm, self.first_point, self.stop, self.grown_mm):
             array.setflags(write=False)
-        if len(self.tight_exit) == 0:
-            object.__setattr__(self, "tight_exit", np.zeros(count, dtype=np.bool_))
         self.contact_turn_rad.setflags(write=False)
-        self.tight_exit.setflags(write=False)
 
     def __repr__(self) -> str:
         counts = [(int(np.count_nonzero(self.stop == stop)), stop.label) for stop in Stop]
@@ -140,7 +140,8 @@ class Deployment:
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason, by the reason's name."""
         counts = np.bincount(self.stop, minlength=len(Stop)).tolist()
-        return {stop.label: counts[stop] for stop in Stop}
+        # Reasons that files did not always have stand there where they occur.
+        return {stop.label: counts[stop] for stop in Stop if stop <= Stop.PRESSURE or counts[stop]}
 
     @property
     def summary(self) -> tuple[str, ...]:

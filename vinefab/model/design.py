@@ -59,6 +59,11 @@ every face when it grows; or first turned inside out as a whole."""
 
 DEFAULT_MOUNTING: Mounting = "tail_inverted"
 
+Compensation = Literal["inflation", "none"]
+"""Whether what is cut is the pattern that deploys as designed, or the design itself."""
+
+DEFAULT_COMPENSATION: Compensation = "inflation"
+
 
 @dataclass(frozen=True, slots=True)
 class PerLevel:
@@ -384,13 +389,13 @@ class Build(Table):
         Doc("may be cut in flat pieces, joined by sleeves; left out: one outline"),
     ] = None
     compensation: Annotated[
-        Literal["inflation", "none"],
+        Compensation,
         LATER,
         Doc(
             "inflation: cut with the flat angles and lengths that deploy as designed (simulated); "
-            "none: cut as designed"
+            "none: cut as designed, and grown as that deploys"
         ),
-    ] = "none"
+    ] = DEFAULT_COMPENSATION
     mounting: Annotated[
         Mounting,
         Doc(

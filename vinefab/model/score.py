@@ -51,6 +51,9 @@ class Evaluation:
     parts: Mapping[str, float] = field(default_factory=dict)
 
 
+IDEAL_CASE = "ideal_case"
+"""Term of evaluations whose score is a formula's ideal case where it is not 0."""
+
 MOST_SHOWN = 30
 """Evaluations that are shown."""
 
@@ -89,7 +92,8 @@ class Score(Result):
     def view(self) -> Iterator[Block]:
         """Yield the composites, what earned and cost the mean, and the evaluations."""
         composite, parts = self.composite, self.parts
-        yield Facts((Fact("task", self.task, "task"), Fact("growth", self.grown or "as trained")))
+        task = Fact("task", self.title_of_task, "task", data=self.task)
+        yield Facts((task, Fact("growth", self.grown or "as trained")))
         yield Rows(
             caption=f"scores of {counted(len(self.evaluations), 'deployment')} (simulated)",
             headings=("score", "map", "X,Y,DEG"),
@@ -122,6 +126,12 @@ class Score(Result):
         )
         yield Data({"growth": {**self.growth}, "parts": {**parts}})
         yield Notes(self.notes, "notes")
+
+    @property
+    def title_of_task(self) -> str:
+        """The task's name, and whether the score is only the ideal case."""
+        ideal = any(evaluation.terms.get(IDEAL_CASE) for evaluation in self.evaluations)
+        return f"{self.task}, ideal case" if ideal else self.task
 
     @property
     def scores(self) -> Floats:

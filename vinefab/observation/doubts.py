@@ -4,6 +4,7 @@ A line is the best explanation of the film, and it may be wrong. So every branch
 at its base, at its tip and along its line, and what could be otherwise is said.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -108,7 +109,7 @@ class _Looks:
     film: SeenFilm
     traced: TracedTree
     radius_mm: list[float]  # of each branch, as wide as its film is seen
-    areas: list[shapely.Geometry]  # of each branch on the plan; empty where none
+    areas: Sequence[shapely.Geometry]  # of each branch on the plan; empty where none
     unexplained: NDArray[np.bool_]  # thick film that no line explains
 
     @classmethod
@@ -310,7 +311,7 @@ def _longest(there: NDArray[np.bool_]) -> int:
     return int(np.bincount(runs)[1:].max()) if count else 0
 
 
-def _drawn(areas: list[shapely.Geometry], film: SeenFilm) -> NDArray[np.bool_]:
+def _drawn(areas: Sequence[shapely.Geometry], film: SeenFilm) -> NDArray[np.bool_]:
     """Return which pixels of a plan lie in areas."""
     rows, columns = film.share.shape
     area = shapely.union_all(areas)
@@ -319,6 +320,6 @@ def _drawn(areas: list[shapely.Geometry], film: SeenFilm) -> NDArray[np.bool_]:
     if area.is_empty or not len(near):
         return inside
     shapely.prepare(area)
-    places = film.view.to_map(near[:, ::-1] + 0.5)
+    places = film.view.to_map(near[:, ::-1].astype(np.float64) + 0.5)
     inside[near[:, 0], near[:, 1]] = shapely.contains_xy(area, places)
     return inside

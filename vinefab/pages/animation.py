@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in, start_marks
 from vinefab.pages.panel import round_length_mm
@@ -198,6 +198,6 @@ def frame_text(frame: DeploymentFrame, scene: Scene) -> str:
     """Return what is written under a frame."""
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]
-    stuck = int(np.isin(stopped, (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)).sum())
+    stuck = int(np.isin(stopped, STUCK_STOPS).sum())
     drawn = "" if any(scene.widths_mm) else "; bodies are lines"
     return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stuck (simulated){drawn}"

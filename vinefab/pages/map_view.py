@@ -168,5 +168,7 @@ STOP_WORDS = {
     Stop.HEAD_ON: "stopped head-on",
     Stop.CORNER: "stopped in a corner",
     Stop.PRESSURE: "out of pressure",
+    Stop.BRANCH: "stopped at another branch",
+    Stop.NOT_EVERTED: "did not come out",
     Stop.NOT_DEPLOYED: "never emerged",
 }

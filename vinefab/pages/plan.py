@@ -28,7 +28,14 @@ from vinefab.pages.page_png import page_png
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
 
-TIP_SIGNS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^", Stop.PRESSURE: "s"}
+TIP_SIGNS = {
+    Stop.FULL_LENGTH: "o",
+    Stop.HEAD_ON: "X",
+    Stop.CORNER: "^",
+    Stop.PRESSURE: "s",
+    Stop.BRANCH: "D",
+    Stop.NOT_EVERTED: "x",
+}
 
 RANGE_LABEL = "range of starts"
 

@@ -63,6 +63,8 @@ STOP_SIGNS = {
     '-2.3 3.8-3.8 2.3-1.5 0Z"/>',
     Stop.CORNER: '<path d="M0-4.2 4 3H-4Z"/>',
     Stop.PRESSURE: '<path d="M-3.1-3.1H3.1V3.1H-3.1Z"/>',
+    Stop.BRANCH: '<path d="M0-4.4 4.4 0 0 4.4-4.4 0Z"/>',
+    Stop.NOT_EVERTED: '<circle r="4"/>',
     Stop.NOT_DEPLOYED: '<circle r="5.4"/>',
 }
 """What stands at a tip, by why it stopped, in pixels around it; the shape alone says it. A ring
@@ -160,6 +162,18 @@ def contour_path(contour: Contour) -> str:
     for start, end, bulge in zip(points, ends, contour.bulges.tolist(), strict=False):
         steps.append(f"L{_pair(*end)}" if bulge == 0.0 else _arc(start, end, bulge))
     return "".join(steps) + ("Z" if contour.closed else "")
+
+
+def area_svg(area: BaseGeometry, name: str) -> str:
+    """Return polygons as one path of a class."""
+    parts = [part for part in shapely.get_parts(area).tolist() if isinstance(part, Polygon)]
+    return f'<path class="{name}" d="{"".join(_rings_paths(parts))}"/>'
+
+
+def lines_svg(lines_mm: Sequence[Floats], name: str) -> str:
+    """Return chains of points as one path of a class."""
+    course = "".join(_chain_path(_placed(line)) for line in lines_mm)
+    return f'<path class="{name}" d="{course}"/>'
 
 
 def pose_svg(pose: Pose, size_mm: float) -> str:

@@ -241,7 +241,8 @@ def aim_sheet(found: AimResult) -> Page:
         first = landscape_panel(found, robot, bar=robot is robots[-1])
         best, (low, high) = robot.best, robot.best.interval
         first.title = (
-            f"{robot.name} from {pose_text(best.pose)}\n{best.mean:.3f} [{low:.3f}, {high:.3f}], "
+            f"{robot.name} from {pose_text(best.pose)}\n"
+            f"{best.mean:.3f} [{low:.3f}, {high:.3f}; {best.over}], "
             f"worst tenth {best.worst_tenth:.3f} (simulated)"
         )
         second = best_deployments_panel(found, robot)

@@ -43,7 +43,7 @@ class HeldForces:
     """What is held at one coefficient of friction, over that of one pouch without any turn."""
 
     friction: float  # the coefficient
-    engaged: OverMaps  # by the engaged leaves, as far as film and seam stand it
+    engaged: OverMaps  # by the engaged leaves, as far as film and seam stand it; 0 without pouches
     some_idle: OverMaps  # the same with a third of them idle, those that turned most
     ideal: OverMaps  # by every leaf that came out, and nothing fails: the formula
     force_n: OverMaps  # by the engaged leaves, in newtons; 0 without pouches
@@ -66,6 +66,11 @@ class AnchoringPrediction:
     pressure_kpa: float  # working pressure that forces are for
     mass_g: float  # film of the robot; 0 when it is not known
 
+    def over_friction(self, part: str) -> tuple[float, float]:
+        """Return what 90 % of the maps lie between at any of the frictions."""
+        every: list[OverMaps] = [getattr(held, part) for held in self.held]
+        return min(one.low for one in every), max(one.high for one in every)
+
     @property
     def likely(self) -> HeldForces:
         """What is held at the friction that is assumed."""
@@ -86,16 +91,18 @@ def predict_anchoring(
     """Return what a design is expected to hold on one family of maps."""
     frictions = (task.friction_low, task.friction, task.friction_high)
     numbers, engaged, limited, leaves = [], [], [], 0
+    has_pouches = design.build.pouch is not None
     for index, deployment in enumerate(result.deployments):
         robot = task.anchored(deployment, design.build, result.prepared_map(index).context)
         numbers.append(
             [
-                (robot.amplification(mu)[0], robot.amplification(mu, 1.0 - IDLE_SHARE)[0],
+                (has_pouches * robot.amplification(mu)[0],
+                 has_pouches * robot.amplification(mu, 1.0 - IDLE_SHARE)[0],
                  robot.ideal(mu)[0], robot.pulls_n(mu)[1][0])
                 for mu in frictions
             ]
         )  # fmt: skip
-        engaged.append(np.count_nonzero(robot.engaged))
+        engaged.append(has_pouches * np.count_nonzero(robot.engaged))
         limited.append(robot.pulls_n(task.friction_high)[2][0] > 0.0)
         leaves = int(deployment.tree.is_leaf.sum())
     parts = ("engaged", "some_idle", "ideal", "force_n")
@@ -112,7 +119,7 @@ def predict_anchoring(
     return AnchoringPrediction(
         label=result.prepared.label,
         leaves=leaves,
-        has_pouches=design.build.pouch is not None,
+        has_pouches=has_pouches,
         held=(low, likely, high),
         engaged_percent=100.0 * float(np.mean(engaged)) / leaves,
         nothing_percent=100.0 * float(np.mean(np.equal(engaged, 0))),
@@ -125,24 +132,25 @@ def predict_anchoring(
 def anchoring_headline(found: AnchoringPrediction) -> Fact:
     """Return what the simulation holds, with the ideal case beside it."""
     likely, (least, _, most) = found.likely, found.held
-    ideal = likely.ideal
+    ideal, over = likely.ideal, f"friction {least.friction:g} to {most.friction:g} (assumed)"
     if not found.has_pouches:
+        low, high = found.over_friction("ideal")
         return Fact(
-            name="anchoring, ideal case only",
+            name="anchoring amplification, ideal case",
             value=f"{ideal.median:.1f} x",
             detail=f"the design has no pouches: were every leaf that came out to hold like one, "
-            f"median over {found.label}, 90 % of the maps {ideal.low:.1f} to {ideal.high:.1f}, at "
-            f"friction {likely.friction:g} (assumed)",
+            f"median over {found.label} at friction {likely.friction:g}; 90 % of the maps "
+            f"{low:.1f} to {high:.1f} over {over}",
             tone="caution",
         )
     held, force_n = likely.engaged, likely.force_n
+    (low, high), (low_n, high_n) = map(found.over_friction, ("engaged", "force_n"))
     return Fact(
         name="anchoring amplification",
         value=f"{held.median:.1f} x",
-        detail=f"median over {found.label}, 90 % of the maps {held.low:.1f} to {held.high:.1f}, at "
-        f"friction {likely.friction:g}; {least.engaged.median:.1f} to {most.engaged.median:.1f} at "
-        f"{least.friction:g} to {most.friction:g} (assumed); {force_n.median:.2f} N "
-        f"({force_n.low:.2f} to {force_n.high:.2f}) at {found.pressure_kpa:g} kPa; "
+        detail=f"{force_n.median:.2f} N at {found.pressure_kpa:g} kPa: median over {found.label} "
+        f"at friction {likely.friction:g}; 90 % of the maps {low:.1f} to {high:.1f} x, "
+        f"{low_n:.2f} to {high_n:.2f} N over {over}; "
         f"{found.engaged_percent:.0f} % of the leaves jam, {found.nothing_percent:.0f} % of the "
         f"deployments hold nothing (simulated). Ideal case, every leaf that came out jams: "
         f"{ideal.median:.1f} x",
@@ -161,6 +169,15 @@ ANCHORING_NOTE = (
 )
 
 
+def _engaged_text(found: AnchoringPrediction) -> str:
+    if not found.has_pouches:
+        return "Without pouches none is engaged: ideal case only"
+    return (
+        f"{found.engaged_percent:.1f} % of the leaves are engaged; {found.nothing_percent:.1f} % "
+        "of the deployments hold nothing"
+    )
+
+
 def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data | Section]:
     """Yield anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
     percents = ("engaged_percent", "nothing_percent", "limited_percent")
@@ -171,6 +188,10 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
                     "label": found.label,
                     "leaves": found.leaves,
                     "has_pouches": found.has_pouches,
+                    "over_friction": {
+                        part: rounded(found.over_friction(part), 2)
+                        for part in ("engaged", "ideal", "force_n")
+                    },
                     "pressure_kpa": found.pressure_kpa,
                     "held": [
                         rounded(asdict(held), 2) | {"friction": held.friction}
@@ -186,13 +207,17 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
     tables = [
         Rows(
             caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps "
-            f"(90 % of the maps). {found.engaged_percent:.1f} % of the leaves are engaged; "
-            f"{found.nothing_percent:.1f} % of the deployments hold nothing (simulated paths, "
-            "assumed friction)",
+            f"(90 % of the maps). {_engaged_text(found)} (simulated paths, assumed friction)",
             headings=("what holds", *(f"friction {held.friction:g}" for held in found.held)),
             rows=(
-                ("leaves that are engaged", *(held.engaged.text() for held in found.held)),
-                ("a third of them idle", *(held.some_idle.text() for held in found.held)),
+                *(
+                    (
+                        ("leaves that are engaged", *(h.engaged.text() for h in found.held)),
+                        ("a third of them idle", *(h.some_idle.text() for h in found.held)),
+                    )
+                    if found.has_pouches
+                    else ()
+                ),
                 ("ideal case: every leaf that came out",
                  *(held.ideal.text() for held in found.held)),
             ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import holm, mean_interval, sign_flip_p
+from vinefab.core.statistics import PAIRED_TAILS, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.view import (
     Answer,
     Block,
@@ -48,6 +48,7 @@ from vinefab.prediction.measures import (
     Measure,
     MeasureTable,
     means_by_map,
+    samples_text,
     spreads_content,
 )
 from vinefab.prediction.pictures import contact_chart, paired_difference_chart
@@ -58,9 +59,6 @@ from vinefab.prediction.prediction_width import (
     contact_words,
 )
 
-_LEVEL = 0.05
-"""A difference is called clear when its adjusted p-value is below this."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedDifference:
@@ -70,16 +68,18 @@ class PairedDifference:
     # first, second: names of the designs
     first: str
     second: str
-    # mean, low, high: mean difference and its 95 % bootstrap interval over maps
+    # mean, low, high: mean difference and its interval over maps; those of all pairs of designs
+    # hold together with 95 % (Bonferroni)
     mean: float
     low: float
     high: float
-    # p, p_adjusted: two-sided p-value of no difference by flipping signs of maps' differences, and
-    # the same adjusted for the number of pairs of designs (Holm)
+    # p, p_adjusted: two-sided p-value of no difference by the paired t test, and the same adjusted
+    # for the number of pairs: below 0.05 exactly where the interval leaves out 0
     p: float
     p_adjusted: float
     won_percent: float  # share of the maps on which the first is better, ties as half
-    pairs: int  # independent differences: maps, or poses where there is one map
+    pairs: int  # independent differences
+    over: str  # the same in words: maps, or poses where there is one map
 
     @property
     def pair(self) -> str:
@@ -89,7 +89,7 @@ class PairedDifference:
     @property
     def interval(self) -> str:
         """The mean difference with its interval."""
-        return self.measure.interval(self.mean, self.low, self.high)
+        return self.measure.interval(self.mean, self.low, self.high, self.over)
 
     @property
     def cells(self) -> tuple[Value, ...]:
@@ -98,7 +98,7 @@ class PairedDifference:
         return (
             self.measure.label,
             self.pair,
-            self.measure.of(self.mean, self.low, self.high),
+            self.measure.of(self.mean, self.low, self.high, over=self.over),
             chance(self.p),
             chance(self.p_adjusted),
             Number(round(self.won_percent), "%", "d"),
@@ -109,7 +109,7 @@ class PairedDifference:
     @property
     def is_clear(self) -> bool:
         """Whether the difference is significant; that of one pair never is."""
-        return self.p_adjusted < _LEVEL
+        return self.p_adjusted < SIGNIFICANT
 
     @property
     def winner(self) -> str:
@@ -121,12 +121,10 @@ class PairedDifference:
     def words(self) -> str:
         """The result in one sentence."""
         unit = f" {self.measure.unit}".rstrip()
-        if self.pairs == 1:
-            by = f"{self.measure.number(self.mean)}{unit}, one pair: no interval, no p value"
-            return f"{self.measure.title}: {self.pair}: {by}"
         by = f"{self.interval}{unit}"
-        chance = f"p = {self.p_adjusted:.5f}, {counted(self.pairs, 'pair')}"
-        pair = f"{self.pair}: {by}, {chance}"
+        if self.pairs == 1:
+            return f"{self.measure.title}: {self.pair}: {by}, no p value"
+        pair = f"{self.pair}: {by}, p = {self.p_adjusted:.5f}"
         if self.is_clear:
             return f"{self.measure.title}: {self.winner} is better; {pair}"
         return f"{self.measure.title}: no clear difference; {pair}"
@@ -226,10 +224,10 @@ class DesignComparison(Result):
         measure = self.measure
         words = (
             "Each design met the same maps from the same poses, so that differences are paired: "
-            "first minus second, averaged on each map. Intervals are bootstraps over maps. The "
-            "p-value is the share of the ways of flipping the signs of the maps' differences that "
-            "give a mean as far from 0; with more than two designs it is adjusted for the number "
-            "of pairs (Holm), within each measure. Clear means below 0.05."
+            "first minus second, averaged on each map. Interval and p-value are those of one "
+            "paired t test over maps; with more than two designs both are adjusted for the number "
+            "of pairs (Bonferroni), within each measure. Clear means p below 0.05: the interval "
+            "leaves out 0."
         )
         yield Section(
             title="Side by side", paragraphs=(words,), pictures=spread_pictures(self.outcomes())
@@ -335,6 +333,9 @@ def compare_designs(
     for index, design in enumerate(designs):
         ends = (0.9 * number / len(designs) for number in (index, index + 1))
         results.append(deploy_family(design, prepared, plan, part_of(progress, *ends)))
+    if not any(result.outcomes.spread(measure) for result in results):
+        known = [m.key for m in MEASURES if any(r.outcomes.spread(m) for r in results)]
+        raise BadInputError("--measure", measure.key, f"one that a design has: {', '.join(known)}")
     return DesignComparison(
         names=names,
         designs=tuple(designs),
@@ -356,17 +357,17 @@ def compare_designs(
 def paired_differences(
     measure: Measure, names: Sequence[str], outcomes: Sequence[MeasureTable]
 ) -> tuple[PairedDifference, ...]:
-    """Return every pair of designs in one measure, p-values adjusted for the number of pairs."""
+    """Return every pair of designs in one measure, adjusted for the number of pairs."""
     found = []
     for one, two in combinations(range(len(names)), 2):
         apart = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]
         means = means_by_map(apart, outcomes[one].maps)
         if len(means):
             found.append((names[one], names[two], means))
-    chances = [sign_flip_p(means) for _, _, means in found]
     made = list[PairedDifference]()
-    for (first, second, means), p, adjusted in zip(found, chances, holm(chances), strict=True):
-        low, high = mean_interval(means)
+    for first, second, means in found:
+        p = mean_p(means, PAIRED_TAILS)
+        low, high = mean_interval(means, 1.0 - SIGNIFICANT / len(found), PAIRED_TAILS)
         better = means > 0.0 if measure.better == "more" else means < 0.0
         won = np.mean(better + 0.5 * (means == 0.0))
         made.append(
@@ -378,9 +379,10 @@ def paired_differences(
                 low=low,
                 high=high,
                 p=p,
-                p_adjusted=adjusted,
+                p_adjusted=float(np.minimum(1.0, len(found) * p)),
                 won_percent=100.0 * float(won),
                 pairs=len(means),
+                over=samples_text(len(means), outcomes[0].maps),
             )
         )
     return tuple(made)
@@ -396,7 +398,7 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
     )
     some = next(iter(outcomes.values()))
     return Rows(
-        caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
+        caption=f"Means over {some.label} with 95 % intervals, "
         f"{counted(len(some), 'deployment')} of each design (simulated)",
         headings=("measure", *outcomes),
         rows=rows,
@@ -406,7 +408,7 @@ def side_by_side_table(outcomes: Mapping[str, MeasureTable]) -> Rows:
 def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
     """Return pairs in their measures, as numbers."""
     return Rows(
-        caption="Paired differences (simulated)",
+        caption="Paired differences (simulated); the intervals of all pairs hold together",
         headings=(
             "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "pairs",
             "better",

@@ -17,14 +17,16 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
+from vinefab.core.verbs import note
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Design
+from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
+from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.plan import deployment_plan, page_bytes
@@ -60,7 +62,9 @@ class History:
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
         pose = self.final.pose
-        deployment = grow_on(self.design, self.terrain, pose, self.options, engine, plan)
+        alone = self.options.changed(branch_contact="pass", emergence=1.0)
+        deployment = grow_on(self.design, self.terrain, pose, alone, engine, plan)
+        deployment = self._with_cuts(deployment, front_mm)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
@@ -76,6 +80,27 @@ class History:
         steps = self.full_mm * np.arange(1, count) / count
         return self.frames((*steps.tolist(), self.full_mm))
 
+    def _with_cuts(self, grown: Deployment, front_mm: float) -> Deployment:
+        """Return a shape on the way where branches that others stopped follow their final paths."""
+        out = np.flatnonzero(self.base_mm < front_mm)
+        cut = np.isin(self.final.stop[out], CUT_STOPS)
+        if not cut.any():
+            return grown
+        chains = [grown.chain_mm(place) for place in range(len(out))]
+        length_mm, stop = grown.grown_mm.copy(), grown.stop.copy()
+        for place in np.flatnonzero(cut).tolist():
+            branch = int(out[place])
+            left_mm = min(front_mm - self.base_mm[branch], self.final.grown_mm[branch])
+            chains[place] = _first_part(self.final.chain_mm(branch), left_mm)
+            length_mm[place], stop[place] = left_mm, self.final.stop[branch]
+        return replace(
+            grown,
+            points_mm=np.concatenate(chains),
+            first_point=np.cumsum([0, *(len(chain) for chain in chains)]),
+            stop=stop,
+            grown_mm=length_mm,
+        )
+
     def _plan_at(self, front_mm: float) -> tuple[Plan, NDArray[np.bool_]]:
         """Return the branches that have emerged, cut off at the front, and which grow on.
 
@@ -88,6 +113,14 @@ class History:
         # wall just there would count as grown in full.
         length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
         return Plan.of(self.design, self.options).cut(out, length_mm), is_growing
+
+
+def _first_part(chain_mm: Floats, length_mm: float) -> Floats:
+    """Return the first part of a chain."""
+    at_mm = np.cumsum([0.0, *np.hypot(*np.diff(chain_mm, axis=0).T)])
+    inside = max(int(np.searchsorted(at_mm, length_mm)), 1)
+    tip_mm = [np.interp(length_mm, at_mm, column) for column in chain_mm.T]
+    return np.array([*chain_mm[:inside], tip_mm])
 
 
 def fronts_from(text: str) -> int | tuple[float, ...]:
@@ -167,6 +200,7 @@ def without_room(
     can_emerge = (parent < 0) | (deployment.stop[parent] == Stop.FULL_LENGTH)
     if options.deploys_stuck:
         can_emerge |= deployment.deployed[parent]
+    can_emerge &= (parent < 0) | ~np.isin(deployment.stop[parent], CUT_STOPS)
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
     radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
     return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)
@@ -274,7 +308,6 @@ class DeployedDesign(Result):
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
             **self.options.content,
-            "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
             "wedged": [
                 place.content() for place in wedged(self.design, self.deployment, self.options)
@@ -295,18 +328,11 @@ class DeployedDesign(Result):
         growth = growth_text(self.options, [self.design])
         yield Facts((Fact("grown", grown, detail=planned), Fact("growth", growth)))
         yield Notes(self.notes)
-        tight = np.flatnonzero(self.deployment.tight_exit).tolist()
-        names = ", ".join(tree.ids[branch] for branch in tight[:_MOST_NAMED])
-        bows = (
-            f"{counted(len(tight), 'branch')} slid steeply with a long straight body behind the "
-            f"tip, where a real one may bow: {names}{', ...' * (len(tight) > _MOST_NAMED)}"
-        )
         yield Notes(
             (
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start for branch", self.without_room),
                 *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
-                *([bows] if tight else []),
             )
         )
 
@@ -353,6 +379,33 @@ class DeployedDesign(Result):
         from vinefab.pages.animation_gif import gif_animation  # noqa: PLC0415
 
         return gif_animation(self.world, shapes, widths_mm)
+
+
+def as_grown(
+    design: Design, profile: LaserProfile | None = None, *, known_only: bool = False
+) -> Design:
+    """Return a design as it deploys: itself, or without compensation what its flat angles become.
+
+    Parameters
+    ----------
+    profile
+        Of its film; that of the design's run, or the default, if None.
+    known_only
+        Simulate nothing, as `pattern_of`: levels that are not known keep their designed angles.
+    """
+    if design.build.compensation != "none":
+        return design
+    # Designs that deploy as drawn need not wait for the simulation of joints.
+    from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
+    from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
+
+    profile = profile or ChosenRecipe.of(design).profile
+    found = pattern_of(design, profile, known_only=known_only)
+    for level, joint in zip(found.deployed.levels, found.joints, strict=True):
+        if not known_only and not isinstance(level, UnevenLevel):
+            why = joint.problem or f"level {joint.level}: siblings deploy through each other"
+            note(f"{why}: grown at its designed angles (compensation none)")
+    return found.deployed
 
 
 def deploy(
@@ -414,7 +467,7 @@ def deploy_from_starts(
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
-    options = growth_on_maps(design, given).options
+    design, options = as_grown(design), growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (_start_name(world, number), grow_on(design, terrain, start.pose, options))

@@ -12,17 +12,15 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section, document
 from vinefab.growth.options import GrowthOptions, growth_text
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
     MEASURES,
-    STUCK_STOPS,
     Measure,
     MeasureTable,
-    Spread,
     spreads_content,
 )
 from vinefab.prediction.pictures import spread_chart
@@ -73,7 +71,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
             headings=("measure", *_NUMBER_HEADINGS, "count"),
             rows=tuple(
                 (measure.label, spread.shown(measure),
-                 *(measure.of(getattr(spread, name)) for name in Spread.NUMBERS[3:]), spread.count)
+                 *(measure.of(getattr(spread, name)) for name in spread.NUMBERS[3:]), spread.count)
                 for measure in MEASURES
                 if (spread := outcomes.spread(measure)) is not None
             ),
@@ -82,9 +80,9 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
     ]  # fmt: skip
     words = (
         "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
-        "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
-        "poses where there is one map); the table has it. With fewer than ten maps it is too "
-        "narrow."
+        "95 % interval is Student's over maps, because deployments on one map are alike (over "
+        "poses where there is one map), with the degrees of freedom of scores, whose tails are "
+        "long; the table has it."
     )
     counts = "; ".join(
         f"{outcomes.label}: {counted(len(outcomes), 'deployment')}" for outcomes in families

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
-from vinefab.core.view import Block, Notes, Picture, Result
+from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
+from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
 from vinefab.fabrication.rules.fix import (
@@ -243,23 +243,24 @@ def score_change_lines(
         return ["  what it costs in score: give maps with --map (vinefab map grid makes one)"]
     # The simulator and the tasks are loaded only when a map is given.
     from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
+    from vinefab.prediction.deploy import as_grown  # noqa: PLC0415
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task  # noqa: PLC0415
 
     options = GrowthChoice.of([before], growth).options
     lines = [f"  scores of {growth_text(options, [before])}:"]
     for task in FIX_TASKS:
         old, new = (
-            score_design_on_task(design, maps, ScorePlan(task=task), options)
+            score_design_on_task(as_grown(design), maps, ScorePlan(task=task), options)
             for design in (before, after)
         )
         # The difference of two scores from the same poses.
         names = [evaluation.map_name for evaluation in old.evaluations]
         several = len(set(names)) > 1
         means = group_means(new.scores - old.scores, names if several else range(len(names)))
-        low, high = mean_interval(means)
-        pairs = f"{len(means)} {'maps' if several else 'poses'}"
+        low, high = mean_interval(means, tails=PAIRED_TAILS)
+        pairs = counted(len(means), "map" if several else "pose")
         interval = f"95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
-        interval = "one pose: no interval" if math.isnan(low) else interval
+        interval = f"{pairs}: {NO_INTERVAL}" if math.isnan(low) else interval
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
         where = f"mean over {counted(len(maps), 'map')}"
         lines.append(f"  {task}, {where}: {scores} (simulated; {means.mean():+.4f}, {interval})")

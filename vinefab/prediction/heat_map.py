@@ -18,13 +18,12 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.plan import Plans
 from vinefab.maps.poses import draw_poses
-from vinefab.model.deployment import Deployment
+from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.family_deployments import PredictionPlan
-from vinefab.prediction.measures import STUCK_STOPS
 from vinefab.prediction.pictures import heat_plan
 from vinefab.tasks.evaluate import PreparedMap
 

@@ -1,8 +1,7 @@
 """What a design's pattern becomes under pressure, held against the design."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -29,6 +28,7 @@ from vinefab.core.view import (
 )
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.inflation.free import FreeJoint, free_joint
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
@@ -38,12 +38,12 @@ from vinefab.inflation.pattern import (
     strain_of,
     stretch_of,
 )
+from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
 from vinefab.inflation.surface import closed_surface
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
-from vinefab.model.tree import child_lengths_mm
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_panel
@@ -58,8 +58,8 @@ LEFT_OUT = (
     "gravity",
     "plasticity and creep of the film",
     "folded film inside the tube",
-    "bowing out of the plane: free in space, joints of film that stretches by less than 3 % bow "
-    "by 12 to 31 degrees, softer ones do not",
+    "bowing out of the plane: free in space, joints of film that stretches by less than about 3 % "
+    "bow by 10 to 30 degrees, softer ones hardly (--free)",
 )
 """What the simulation does not know."""
 
@@ -201,6 +201,8 @@ class InflatedDesign(Result):
         The deployed shape of the pattern that is cut.
     other
         That of the other choice of ``[build] compensation``; None if it was left out.
+    free
+        The joint that children of each level sprout from, free to bow, by their level; for studies.
     notes
         What a user should know, a sentence each.
     origin
@@ -211,6 +213,7 @@ class InflatedDesign(Result):
     profile: LaserProfile
     deployed: DeployedPattern
     other: DeployedPattern | None = None
+    free: Mapping[int, FreeJoint] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     origin: Origin | None = None
     schema = "vinefab/inflation-1"
@@ -263,8 +266,9 @@ class InflatedDesign(Result):
         yield Notes(self.notes, "notes")
         against = () if other is None else other.facts("other")
         yield Facts((*found.facts("tips"), *against), lead=True)
-        yield self._children()
-        yield self._joints()
+        yield from pattern_blocks(self.pattern, self._in_robot_deg())
+        if self.free:
+            yield self._bows()
         yield self._tubes()
         yield Facts(self._conditions())
         yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
@@ -293,74 +297,38 @@ class InflatedDesign(Result):
             raise BadInputError("suffix", suffix, ", ".join(SURFACE_FORMATS))
         return write(*self.surface, self.design.name)
 
-    def _children(self) -> Rows:
-        """Return designed, cut and deployed angles and lengths of each kind of child."""
-        pattern, robot = self.pattern, self.robot
-        tree = robot.layout.tree
-        turned_deg = np.degrees(robot.deployed_offsets_rad)
-        shown = partial(Number, form="z.1f", decimals=3)
-        flat_mm = pattern.flat.trunk_length_mm
-        rows: list[tuple[Value, ...]] = [
-            (1, 1, *(Number(None),) * 4, shown(self.design.trunk_length_mm), shown(flat_mm),
-             shown(pattern.deployed.trunk_length_mm), Number(None))
-        ]  # fmt: skip
-        for place, joint in enumerate(pattern.joints):
-            if (found := joint.found) is None:
-                continue
-            lengths_mm = zip(
-                *(child_lengths_mm(one.levels[place]).tolist()
-                  for one in (self.design, pattern.flat, pattern.deployed)),
-                strict=True,
-            )  # fmt: skip
-            members = np.flatnonzero(tree.level == joint.level)
-            children = len(joint.wanted_deg)
-            for child, (designed, cut, reached) in enumerate(lengths_mm):
-                here_deg = turned_deg[members[child::children]]
-                rows.append(
-                    (
-                        joint.level,
-                        child + 1,
-                        shown(joint.wanted_deg[child]),
-                        shown(found.flat.angles_deg[child]),
-                        shown(found.deployed_deg[child]),
-                        shown(float(here_deg.mean())),
-                        shown(designed),
-                        shown(cut),
-                        shown(reached),
-                        shown(joint.width_mm * found.side_offsets[child]),
-                    )
-                )
-        return Rows(
-            caption="Branches of each level: angles to the parent in deg (positive: left), lengths "
-            "in mm; as designed, as cut, as expected of the joint alone, and the mean within the "
-            "whole robot (simulated; triangles are good for 0.6 deg)",
-            headings=("level", "child", "angle designed", "cut", "expected", "in the robot",
-                      "length designed", "cut", "expected", "aside"),
-            rows=tuple(rows),
-            key="branches",
-            keys=("level", "child", "designed_deg", "cut_deg", "expected_deg", "in_robot_deg",
-                  "designed_mm", "cut_mm", "expected_mm", "aside_mm"),
-        )  # fmt: skip
+    def _in_robot_deg(self) -> dict[int, Floats]:
+        """Return the mean angle of each child within the whole robot, by level."""
+        tree, turned_deg = self.robot.layout.tree, np.degrees(self.robot.deployed_offsets_rad)
+        return {
+            joint.level: turned_deg[tree.level == joint.level]
+            .reshape(-1, len(joint.wanted_deg))
+            .mean(axis=0)
+            for joint in self.pattern.joints
+        }
 
-    def _joints(self) -> Rows:
-        """Return sensitivity, load and passage of each kind of joint."""
-        plain = partial(Number, form=".2f", decimals=4)
+    def _bows(self) -> Rows:
+        """Return how far joints bow where nothing holds them in their plane."""
+        rows = list[tuple[Value, ...]]()
+        for level, joint in self.free.items():
+            width_mm = self.pattern.joints[level - 2].width_mm
+            freed_mj = joint.gain * self.pressure_kpa * (width_mm / 10.0) ** 3  # kPa cm3
+            rows.append(
+                (
+                    level,
+                    Number(float(joint.bow_deg.max()), form="z.1f", decimals=3),
+                    Number(freed_mj, form="z.3f", decimals=6),
+                )
+            )
         return Rows(
-            caption="Joints: change of the deployed angle over that of the flat one, load that "
-            "opens the weld in a crotch over that of the trunk's straight seam, largest ball that "
-            "passes into a child over the child's tube (simulated)",
-            headings=("children on level", "joints", "parent mm", "sensitivity", "crotch load",
-                      "passage"),
-            rows=tuple(
-                (joint.level, joint.count, Number(joint.width_mm, form=".1f"),
-                 plain(joint.found.sensitivity), plain(joint.found.crotch_load),
-                 plain(joint.found.passage))
-                for joint in self.pattern.joints
-                if joint.found is not None
-            ),
-            key="joints",
-            keys=("level", "count", "parent_mm", "sensitivity", "crotch_load", "passage"),
-        )  # fmt: skip
+            caption="Joints free in space, for studies: how far children lean out of the plane of "
+            "trunk and seam, and the energy that it frees, which lifting a branch takes up "
+            "(simulated, one joint at a time)",
+            headings=("children on level", "bow deg", "freed mJ"),
+            rows=tuple(rows),
+            key="free",
+            keys=("level", "bow_deg", "freed_mj"),
+        )
 
     def _tubes(self) -> Rows:
         """Return strain, diameter and growth in length of each level's straight tubes."""
@@ -451,6 +419,7 @@ def inflate_design(
     profile: LaserProfile,
     *,
     alone: bool = False,
+    free: bool = False,
     across: int = ACROSS,
     progress: ProgressCallback = no_progress,
 ) -> InflatedDesign:
@@ -460,6 +429,8 @@ def inflate_design(
     ----------
     alone
         Leave out the pattern of the other choice of compensation.
+    free
+        Simulate each joint free in space too.
     across
         Triangles across a tube, even.
 
@@ -472,14 +443,15 @@ def inflate_design(
     """
     _ensure_affordable(design, across)
     notes, other = [], None
+    whole = part_of(progress, 0.0, 0.7) if free else progress
     deployed = DeployedPattern.of(
-        design, profile, across, part_of(progress, 0.0, 1.0 if alone else 0.5)
+        design, profile, across, part_of(whole, 0.0, 1.0 if alone else 0.5)
     )
     choice = _OTHER[design.build.compensation]
     if not alone:
         changed = design.changed(build=design.build.changed(compensation=choice))
         try:
-            other = DeployedPattern.of(changed, profile, across, part_of(progress, 0.5, 1.0))
+            other = DeployedPattern.of(changed, profile, across, part_of(whole, 0.5, 1.0))
         except VinefabError as error:
             why = error.allowed if isinstance(error, BadInputError) else str(error)
             notes.append(f"{_HOW[choice]}, it cannot be inflated; that takes {why}")
@@ -499,8 +471,18 @@ def inflate_design(
             f"the deployed body overlaps itself on {deployed.overlap_mm2:.0f} mm2: there branches "
             "press against each other, which is not simulated"
         )
+    joints, bowed = deployed.pattern.joints if free else (), dict[int, FreeJoint]()
+    for place, joint in enumerate(joints):
+        progress(0.7 + 0.3 * place / len(joints), f"joint of level {joint.level}, free in space")
+        if joint.found is not None:
+            bowed[joint.level] = free_joint(joint.found.flat, across=across)
     return InflatedDesign(
-        design=design, profile=profile, deployed=deployed, other=other, notes=tuple(notes)
+        design=design,
+        profile=profile,
+        deployed=deployed,
+        other=other,
+        free=bowed,
+        notes=tuple(notes),
     )
 
 

@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
-from vinefab.core.view import NO_INTERVAL, Number
+from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import Block
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
 from vinefab.model.laser import GrowthConstants
 from vinefab.model.map import Pose
@@ -39,6 +40,9 @@ class Measure:
     digits: int  # decimals that are shown and written
     better: Literal["more", "less"]  # whether more or less of it is wanted
     meaning: str  # one sentence
+    # least, most: no value lies outside
+    least: float = -math.inf
+    most: float = math.inf
 
     def text(self, value: float) -> str:
         """Return a value as it is shown, with its unit; a dash where there is none."""
@@ -58,16 +62,27 @@ class Measure:
         """Return a value as it stands in JSON; None where there is none."""
         return self.rounded(value) if np.isfinite(value) else None
 
-    def of(self, mean: float, *interval: float) -> Number:
-        """Return a value, and its interval where both ends are given, to be shown and written."""
-        ends = (interval[0], interval[1]) if interval else None
-        return Number(mean, form=f"z.{self.digits}f", interval=ends, decimals=self.digits)
+    def of(self, mean: float, *interval: float, over: str = "") -> Number:
+        """Return a value, and its interval where both ends are given, to be shown and written.
 
-    def interval(self, mean: float, low: float, high: float) -> str:
-        """Return a mean with its interval, without unit; one sample has none."""
-        if not (np.isfinite(low) and np.isfinite(high)):
-            return f"{self.number(mean)} ({NO_INTERVAL})"
-        return f"{self.number(mean)} [{self.number(low)}, {self.number(high)}]"
+        Parameters
+        ----------
+        over
+            How many samples the interval is over: ``24 maps``.
+        """
+        ends = (interval[0], interval[1]) if interval else None
+        form = f"z.{self.digits}f"
+        return Number(mean, form=form, interval=ends, decimals=self.digits, over=over)
+
+    def interval(self, mean: float, low: float, high: float, over: str) -> str:
+        """Return a mean with its interval and the samples behind it, without unit."""
+        known = np.isfinite(low) and np.isfinite(high)
+        ends = (self.number(low), self.number(high)) if known else None
+        return f"{self.number(mean)} {bracketed(ends, over)}"
+
+    def within(self, low: float, high: float) -> tuple[float, float]:
+        """Return the ends of an interval without what no value of this measure can be."""
+        return float(np.maximum(low, self.least)), float(np.minimum(high, self.most))
 
     @property
     def label(self) -> str:
@@ -91,6 +106,8 @@ SEEN = Measure(
     digits=1,
     better="more",
     meaning="share of the free space within the discs of sight around the tips",
+    least=0.0,
+    most=100.0,
 )
 
 REACH = Measure(
@@ -100,6 +117,8 @@ REACH = Measure(
     digits=1,
     better="more",
     meaning="share of the free space near the deployed body",
+    least=0.0,
+    most=100.0,
 )
 
 ANCHORING = Measure(
@@ -109,7 +128,18 @@ ANCHORING = Measure(
     digits=2,
     better="more",
     meaning="holding force over that of one pouch, at the assumed friction; pouches in gaps "
-    "narrower than theirs count, or without any pouches every leaf that came out (ideal case)",
+    "narrower than theirs count",
+    least=0.0,
+)
+
+IDEAL_ANCHORING = Measure(
+    key="ideal_anchoring_amplification",
+    title="anchoring amplification, ideal case",
+    unit="x",
+    digits=2,
+    better="more",
+    meaning="the same by the formula, for a robot without pouches: every leaf that came out holds",
+    least=0.0,
 )
 
 GROWN = Measure(
@@ -119,6 +149,8 @@ GROWN = Measure(
     digits=1,
     better="more",
     meaning="length of all deployed branches over the planned length",
+    least=0.0,
+    most=100.0,
 )
 
 STUCK = Measure(
@@ -129,6 +161,8 @@ STUCK = Measure(
     better="less",
     meaning="share of the branches that stopped before their full length: head-on, in a corner, or "
     "for want of pressure",
+    least=0.0,
+    most=100.0,
 )
 
 UNDEPLOYED = Measure(
@@ -138,6 +172,8 @@ UNDEPLOYED = Measure(
     digits=1,
     better="less",
     meaning="share of the branches that stay inside: their parent is stuck, or they have no room",
+    least=0.0,
+    most=100.0,
 )
 
 LOOSE_PRESSURE = Measure(
@@ -148,6 +184,7 @@ LOOSE_PRESSURE = Measure(
     better="less",
     meaning="to grow to the worst tip, by the nested capstan along its simulated path; nothing "
     "holds the film back as it leaves its store",
+    least=0.0,
 )
 
 TIGHT_PRESSURE = Measure(
@@ -157,11 +194,18 @@ TIGHT_PRESSURE = Measure(
     digits=1,
     better="less",
     meaning="the same, with the tension of a tight spool",
+    least=0.0,
 )
 
 MEASURES = (
-    COVERAGE, SEEN, REACH, ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE, TIGHT_PRESSURE,
+    COVERAGE, SEEN, REACH, ANCHORING, IDEAL_ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE,
+    TIGHT_PRESSURE,
 )  # fmt: skip
+
+
+def samples_text(count: int, maps: Sequence[str]) -> str:
+    """Return over how many independent samples an interval is, see `means_by_map`."""
+    return counted(count, "map" if len(set(maps)) > 1 or count == 1 else "pose")
 
 
 def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
@@ -173,15 +217,16 @@ def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class MeasureSpread:
     """How a measure is spread over deployments."""
 
     count: int  # deployments that have a value
     mean: float  # mean of the maps' means
-    # low, high: 95 % bootstrap interval of that mean over maps (over poses where there is one map);
-    # NaN for one sample
+    # low, high: 95 % interval of that mean over maps (over poses where there is one map); NaN
+    # where there is none
     low: float
     high: float
+    over: str  # how many independent samples that is
     deviation: float  # standard deviation over deployments
     # p05, median, p95: percentiles over deployments
     p05: float
@@ -193,29 +238,34 @@ class Spread:
 
     def shown(self, measure: Measure) -> Number:
         """Return the mean with its interval, as a measure is shown."""
-        return measure.of(self.mean, self.low, self.high)
+        return measure.of(self.mean, self.low, self.high, over=self.over)
 
     @property
     def has_interval(self) -> bool:
-        """Whether there is more than one sample."""
+        """Whether the samples differ, or are many enough to be alike."""
         return math.isfinite(self.low)
 
     NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
 
     @classmethod
-    def of(cls, values: Floats, groups: Sequence[str]) -> "Spread | None":
+    def of(
+        cls, values: Floats, groups: Sequence[str], measure: Measure | None = None
+    ) -> "MeasureSpread | None":
         """Return the spread of some values, or None if there is not one number among them."""
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return None
         means = means_by_map(values, groups)
         low, high = mean_interval(means)
+        if measure is not None:
+            low, high = measure.within(low, high)
         p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
         return cls(
             count=len(known),
             mean=float(means.mean()),
             low=low,
             high=high,
+            over=samples_text(len(means), groups),
             deviation=float(known.std()),
             p05=p05,
             median=median,
@@ -249,9 +299,9 @@ class MeasureTable:
         """Number of different maps."""
         return len(set(self.maps))
 
-    def spread(self, measure: Measure) -> Spread | None:
+    def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
-        return Spread.of(self.values[measure.key], self.maps)
+        return MeasureSpread.of(self.values[measure.key], self.maps, measure)
 
 
 def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
@@ -260,12 +310,11 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     for measure in MEASURES:
         spread = outcomes.spread(measure)
         if spread is not None:
-            numbers = {name: measure.content(getattr(spread, name)) for name in Spread.NUMBERS}
-            spreads[measure.key] = {"count": spread.count, **numbers}
+            numbers = {
+                name: measure.content(getattr(spread, name)) for name in MeasureSpread.NUMBERS
+            }
+            spreads[measure.key] = {"count": spread.count, "over": spread.over, **numbers}
     return spreads
-
-
-STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
 def measured_shapes(
@@ -278,7 +327,10 @@ def measured_shapes(
     for index, terrain in enumerate(block.terrain.tolist()):
         grown = block.deployment(index)
         held = anchoring.anchored(grown, design.build, contexts[terrain])
-        rows.append((held.amplification(anchoring.friction)[0], *shares_percent(grown)))
+        amplified = held.amplification(anchoring.friction)[0]
+        # A robot has one of both, so that neither is taken for the other.
+        both = (amplified, math.nan) if held.has_pouches[0] else (math.nan, amplified)
+        rows.append((*both, *shares_percent(grown)))
     areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
     return np.column_stack([*areas, np.array(rows)])
 

@@ -37,6 +37,8 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.tree import branch_tree
+from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     anchoring_blocks,
@@ -44,6 +46,7 @@ from vinefab.prediction.anchoring_prediction import (
     anchoring_on,
     predict_anchoring,
 )
+from vinefab.prediction.deploy import as_grown
 from vinefab.prediction.deployment_sections import (
     deployment_picture,
     deployment_section,
@@ -125,7 +128,7 @@ class Predicted(WrittenResult):
     origin: Origin | None = None  # what it takes to get it again
     path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
-    section_count = 13
+    section_count = 14
 
     @property
     def main(self) -> FamilyDeployments:
@@ -241,6 +244,7 @@ def predict(
     progress: ProgressCallback = no_progress,
 ) -> Predicted:
     """Deploy a design on families of maps, measure it and check it with its deployments."""
+    grown = as_grown(design, profile)
     plan = replace(plan or PredictionPlan(), anchoring=anchoring_on(profile.material))
     progress(0.0, "preparing maps")
     prepared_families = [PreparedFamily.of(family, plan) for family in families]
@@ -249,17 +253,17 @@ def predict(
     )
     ends = 0.05 + 0.45 * np.cumsum(sizes)
     results = tuple(
-        deploy_family(design, prepared, plan, part_of(progress, end - 0.45 * size, end))
+        deploy_family(grown, prepared, plan, part_of(progress, end - 0.45 * size, end))
         for prepared, size, end in zip(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
     main = max(results, key=lambda result: len(result.deployments))
-    evaluator = VariantEvaluator(design, main.prepared, plan)
+    evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
     progress(0.92, "where it goes on one map")
-    heat = heat_map_of(design, prepared_families[0].maps[0], plan)
+    heat = heat_map_of(grown, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
@@ -269,13 +273,13 @@ def predict(
         prepared=prepared,
         results=results,
         plan=plan,
-        window=window_of(design, profile, [result.outcomes for result in results]),
+        window=window_of(grown, profile, [result.outcomes for result in results]),
         anchoring=tuple(
-            predict_anchoring(design, result, plan.anchoring, mass_g) for result in results
+            predict_anchoring(grown, result, plan.anchoring, mass_g) for result in results
         ),
         heat=heat,
-        contacts=contact_range(design, main.prepared, plan.options),
-        pressure=pressure_range(design, main.prepared, plan.options, main.outcomes),
+        contacts=contact_range(grown, main.prepared, plan.options),
+        pressure=pressure_range(grown, main.prepared, plan.options, main.outcomes),
         effects=effects,
         tolerance=scatter,
     )
@@ -301,7 +305,7 @@ MANY_PERCENT = 10.0
 """From so many stuck or missing branches on, the summary says so."""
 
 FEW_MAPS = 10
-"""With fewer maps, bootstrap intervals are too narrow to be trusted."""
+"""With fewer maps, intervals are wide."""
 
 
 def verdict_on(
@@ -361,14 +365,39 @@ def cautions(
             sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
     if outcomes.map_count < FEW_MAPS:
         sentences.append(
-            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are too narrow; "
+            f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are wide; "
             "--environment deploys it on many more."
         )
+    sentences += span_notes(prepared)
     if warnings or skipped:
         sentences.append(
             f"Design rules: {counted(warnings, 'warning')}, {counted(skipped, 'rule')} not checked."
         )
     return tuple(sentences)
+
+
+def span_notes(prepared: Prepared) -> list[str]:
+    """Return which levels have branches that fold under their own weight where nothing holds them.
+
+    Branches that lie on a floor, or on obstacles, do not.
+    """
+    design, film = prepared.design, prepared.profile.material
+    build, notes = design.build, list[str]()
+    if build.pressure_kpa <= 0.0:
+        return notes
+    tree = branch_tree(design)
+    for level, width_mm in enumerate(build.widths_mm, start=1):
+        span_mm = self_weight_span_mm(
+            build.pressure_kpa, width_mm, film.ply_mm.value, film.density_kg_m3.value
+        )
+        longest_mm = float(tree.length_mm[tree.level == level].max(initial=0.0))
+        if longest_mm > span_mm:
+            notes.append(
+                f"Self-weight: branches of level {level} are up to {longest_mm:.0f} mm long; from "
+                f"about {span_mm:.0f} mm without support they fold at {build.pressure_kpa:g} kPa "
+                f"(computed; density of the film {film.density_kg_m3.standing})."
+            )
+    return notes
 
 
 def headlines(
@@ -409,6 +438,7 @@ def _measured(
         measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
     )
     interval = f"95 % interval {low} to {high}" if spread.has_interval else NO_INTERVAL
+    interval += f" over {spread.over}"
     over = "" if spread.count < 2 else f"; 90 % of the deployments {p05} to {p95}"
     width = ""
     if contacts is not None:

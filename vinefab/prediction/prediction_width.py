@@ -18,7 +18,7 @@ from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.model.deployment import Stop
+from vinefab.model.deployment import STUCK_STOPS, Stop
 from vinefab.model.design import Design
 from vinefab.pages.page_svg import page_svg
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
@@ -30,11 +30,11 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
-    STUCK_STOPS,
     TIGHT_PRESSURE,
     Measure,
     MeasureTable,
     means_by_map,
+    samples_text,
 )
 from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
@@ -52,6 +52,7 @@ class ContactValue:
     # 95 % interval of it over maps (over poses where there is one map)
     low: float
     high: float
+    over: str  # how many independent samples that is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +91,7 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         at_angle = options.changed(head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
         for measure, values in zip(CONTACT_MEASURES, table, strict=True):
-            columns[measure.key].append(contact_value(values, names))
+            columns[measure.key].append(contact_value(values, names, measure))
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
@@ -118,11 +119,16 @@ def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthO
     return np.concatenate(list(batch.each(measured)), axis=1)
 
 
-def contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+def contact_value(
+    values: Floats, names: Sequence[str], measure: Measure | None = None
+) -> ContactValue:
     """Return the mean of values with its interval, each under the name of its map."""
     means = means_by_map(values, names)
     low, high = mean_interval(means)
-    return ContactValue(mean=float(means.mean()), low=low, high=high)
+    if measure is not None:
+        low, high = measure.within(low, high)
+    over = samples_text(len(means), names)
+    return ContactValue(mean=float(means.mean()), low=low, high=high, over=over)
 
 
 # --- Pressure -----------------------------------------------------------------------------------
@@ -266,7 +272,7 @@ def width_blocks(
         "each half-angle, with 95 % intervals over maps (simulated)",
         headings=("measure", *(f"{angle:g} deg" for angle in contacts.angles_deg)),
         rows=tuple(
-            (m.label, *(m.of(v.mean, v.low, v.high) for v in contacts.values[m.key]))
+            (m.label, *(m.of(v.mean, v.low, v.high, over=v.over) for v in contacts.values[m.key]))
             for m in CONTACT_MEASURES
         ),
     )

@@ -228,14 +228,17 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     standing = angles_standing(found)
     signed = partial(Number, form="+.3f")
     placed = Rows(
-        caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
-        "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
+        caption=f"Change of the mean {found.get('title', found['task'])} score on "
+        f"{found['unseen']['label']} when the body is placed "
+        "elsewhere than meant, with its 95 % interval over maps (simulated)",
         headings=("placed off by", "change", "95 % interval", "deployments"),
         rows=tuple(
             (
                 f"{row['knob']} {row['step']:+g} {row['unit']}",
                 signed(row["change"]),
-                "-" if row["low"] is None else f"{row['low']:+.3f} to {row['high']:+.3f}",
+                "-"
+                if row["low"] is None
+                else f"{row['low']:+.3f} to {row['high']:+.3f}; {row.get('over', '')}",
                 row["deployments"],
             )
             for row in found["placed_off"]

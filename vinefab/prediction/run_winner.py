@@ -14,7 +14,6 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.pieces.partition import partition_of
@@ -157,25 +156,22 @@ class WinnerTrial:
         ]
         free = np.array([bool(pose) for row in poses for pose in row])
         if not free.any():
-            return {"deployments": 0, "change": None, "low": None, "high": None}
+            return {"deployments": 0, "change": None, "low": None, "high": None, "over": ""}
         kept = tuple(tuple(pose for pose in row if pose) for row in poses)
         values = np.full(len(exact), np.nan)
         values[free] = self.scores(replace(family, poses=kept))
-        means = group_means(values - exact, names_of(family))
-        low, high = mean_interval(means)
+        change = contact_value(values - exact, names_of(family))
         return {
             "deployments": int(free.sum()),
-            "change": float(means.mean()),
-            **_ends(low, high),
+            "change": change.mean,
+            **_ends(change.low, change.high),
+            "over": change.over,
         }
 
 
 def names_of(family: PreparedFamily) -> list[str]:
-    """Return by what deployments are alike: their maps, or nothing where there is one map."""
-    indices = family.launches().terrain.tolist()
-    if len(family.maps) == 1:
-        return [str(index) for index in range(len(indices))]
-    return [family.names[index] for index in indices]
+    """Return the map of each deployment."""
+    return [family.names[index] for index in family.launches().terrain.tolist()]
 
 
 def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
@@ -197,6 +193,7 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     angles = {} if standing == "assumed" else {"head_on_half_angles_standing": standing}
     content = {
         "task": settings.task.name,
+        "title": result.score.title_of_task,
         "head_on_half_angles_deg": list(settings.growth.contact_angles_deg),
         **angles,
         "trained_half_angle_deg": settings.growth.half_angle_deg,
@@ -225,8 +222,8 @@ def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any
     }
 
 
-def _value(value: ContactValue) -> dict[str, float | None]:
-    return {"mean": value.mean, **_ends(value.low, value.high)}
+def _value(value: ContactValue) -> dict[str, float | str | None]:
+    return {"mean": value.mean, **_ends(value.low, value.high), "over": value.over}
 
 
 def _ends(low: float, high: float) -> dict[str, float | None]:

@@ -10,7 +10,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Picture, Rows, Section
@@ -35,6 +35,8 @@ from vinefab.prediction.measures import (
     SEEN,
     STUCK,
     Measure,
+    means_by_map,
+    samples_text,
     shares_percent,
     worst_pressures_of,
 )
@@ -44,24 +46,21 @@ from vinefab.tasks.evaluate import Poses
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
 
-ENOUGH_GROUPS = 6
-"""With fewer maps a bootstrap interval says too little: 2^-5 is the least p-value of five."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanDifference:
     """A mean paired difference and its interval."""
 
     mean: float  # mean over deployments of value with the change minus value without
-    # low, high: its 95 % bootstrap interval over maps, or over poses where there is one map
+    # low, high: its 95 % interval over maps, or over poses where there is one map
     low: float
     high: float
-    groups: int  # how many maps (or poses) that is
+    over: str  # how many maps (or poses) that is
 
     @property
     def is_clear(self) -> bool:
-        """Whether the interval leaves out 0; never with fewer than `ENOUGH_GROUPS`."""
-        return self.groups >= ENOUGH_GROUPS and (self.low > 0.0 or self.high < 0.0)
+        """Whether the interval leaves out 0."""
+        return self.low > 0.0 or self.high < 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,10 +166,8 @@ class VariantEvaluator:
         self.design, self.plan = design, plan
         self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
         self.launches = self.prepared.launches()
-        # Deployments on one map are alike; where there is one map, poses have to do.
         self._workspaces = list[Workspace]()  # of all batches: what one allocated, others use
-        alike = self.launches.terrain if len(maps) > 1 else np.arange(len(self.launches))
-        self.groups = [str(index) for index in alike.tolist()]
+        self.maps = [str(index) for index in self.launches.terrain.tolist()]
         self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
 
     def grow(
@@ -210,11 +207,14 @@ class VariantEvaluator:
         differences = values - self.exact
         changes = {}
         for column, measure in enumerate(QUICK_MEASURES):
-            means = group_means(differences[:, column], self.groups)
+            means = means_by_map(differences[:, column], self.maps)
             if len(means):
-                low, high = mean_interval(means)
+                low, high = mean_interval(means, tails=PAIRED_TAILS)
                 changes[measure.key] = MeanDifference(
-                    mean=float(means.mean()), low=low, high=high, groups=len(means)
+                    mean=float(means.mean()),
+                    low=low,
+                    high=high,
+                    over=samples_text(len(means), self.maps),
                 )
         return Effect(
             knob=variant.knob,
@@ -358,11 +358,11 @@ def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -
     def cell(change: MeanDifference | None, measure: Measure) -> str:
         if change is None:
             return "-"
-        text = measure.interval(change.mean, change.low, change.high)
+        text = measure.interval(change.mean, change.low, change.high, change.over)
         return f"{text}{'*' if change.is_clear else ''}"
 
     table = Rows(
-        caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
+        caption="Mean change, in square brackets its 95 % interval over maps (poses "
         "where there is one map); an "
         "asterisk where the interval leaves out 0 (simulated)",
         headings=("changed", "by", *(m.label for m in measures), "poses"),

@@ -16,7 +16,7 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import LONG_WIDTHS, Feed, Plan, Plans, Spans
+from vinefab.growth.plan import Feed, Plan, Plans, Spans
 from vinefab.model.design import MOST_BRANCHES, Build, Design
 from vinefab.model.tree import BranchTree
 
@@ -156,7 +156,6 @@ class _PlannedTrees(Sequence[Plan]):
             turn=self.arrays.turn[one:two],
             edges=(0, *edges),
             radii_mm=self.radii_mm[:depth] if wide else self.radii_mm,
-            long_mm=LONG_WIDTHS * np.array(build.widths_mm)[level - 1],
             limit_kpa=self.arrays.limit[one:two],
             store_kpa=self.arrays.store[one:two],
             build=build,

@@ -27,6 +27,7 @@ from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.search.penalty_batch import BatchPenalty
@@ -46,6 +47,7 @@ class ManufacturabilityPenalty:
     def __call__(self, design: Design) -> float:
         """Return the penalty of the cheap rules, under the recipe's limits.
 
+        Rules about the sheet see the pattern of a compensated design, by `quick_pattern`.
         The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut,
         and grow along its planned paths at a pressure that its seams withstand.
         """
@@ -54,7 +56,7 @@ class ManufacturabilityPenalty:
         return window_penalty(design, self.profile, limits) + fabrication_penalty(
             design,
             limits,
-            film_mm=material.plies * material.ply_mm.value,
+            material=material,
             taken_mm=taken_mm(self.profile),
             sheet_mm=self.sheet_mm,
             pieces=self._pieces(design),
@@ -63,7 +65,8 @@ class ManufacturabilityPenalty:
     def cuts(self, design: Design) -> QuickCuts | None:
         """Return where a design is cut in pieces; None if it must be one, or is too large."""
         limits = self._pieces(design)
-        return None if limits is None else quick_cuts(design, limits)
+        flat = quick_pattern(design, self.profile.material).flat
+        return None if limits is None else quick_cuts(flat, limits)
 
     def _pieces(self, design: Design) -> PieceLimits | None:
         """Return what the pieces of a design must keep; None if it may have but one."""

@@ -23,6 +23,7 @@ from vinefab.fabrication.pieces.quick_cuts import (
     MOST_STEPS,
 )
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
+from vinefab.fabrication.rules.inflation_rules import BODIES
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
@@ -33,8 +34,10 @@ from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRan
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
+from vinefab.inflation.law import FANS, LEAST_LENGTH, MOST_CHILDREN, MOST_TURN_RAD, level_law
+from vinefab.inflation.pattern import stretch_at
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Material
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.design_batch import DesignBatch, batch_branches
 from vinefab.search.space import Space
@@ -79,6 +82,13 @@ class LevelTables(NamedTuple):
     pouch_first: Ints  # first of the pouch's capsules; with the total at the end
     # capsules of the pouch in the frame of the tip: both ends and half the width, mm, shape (k, 5)
     pouch: Floats
+    # how fans are cut; no rows where they are cut as designed
+    # of each level below the trunk and number of children, by deployed fan: `FanLaw.rows`
+    law: Floats
+    least: Floats  # smallest deployed fan among the simulated ones, rad
+    stretch: Floats  # by which each level's tubes grow longer under pressure
+    most_turn: float  # by which children are turned so that their tips come near, rad
+    least_length: float  # share of a planned length that is always cut
 
 
 class PenaltyLimits(NamedTuple):
@@ -86,6 +96,7 @@ class PenaltyLimits(NamedTuple):
 
     angle_deg: float  # least angle between neighbours
     crotch: float  # most of a branch that may lie in the crotch
+    sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
     clearance_mm: float  # least distance of lumens
@@ -116,6 +127,12 @@ class PenaltyLimits(NamedTuple):
 class Scratch(NamedTuple):
     """Memory for one design: its branches, then its capsules."""
 
+    # as cut, of each level and child, the trunk first
+    angle: Floats  # from the parent's heading, rad, shape (levels, children)
+    run: Floats  # length, mm, shape (levels, children)
+    gap: Floats  # before each child and after the last, rad, shape (levels, children + 1)
+    short: Floats  # of each level the length of the shortest child, mm
+    passage: Floats  # of the joint that each level sprouts from
     heading: Floats  # of each branch, rad
     riding: Floats  # film inside each branch, mm
     factor: Floats  # on the store's tension, of each branch
@@ -187,6 +204,7 @@ class BatchPenalty:
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
+            sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
@@ -213,7 +231,10 @@ class BatchPenalty:
             beside_mm=beside_mm(size, reach_mm(profile)),
             on_stub=size.socket_on_stub,
         )
-        tables = _tables(builds, fit.diameter_mm, limits, changed)
+        most = _most_children(space)
+        tables = _tables(
+            builds, fit.diameter_mm, limits, changed, _laws(builds[-1], material, most)
+        )
         return cls(tables=tables, limits=limits)
 
     def __call__(self, designs: DesignBatch) -> Floats:
@@ -250,14 +271,15 @@ class BatchPenalty:
         flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
         pouches = np.diff(self.tables.pouch_first)[designs.depth - 1]
         capsules, largest = int((flat * (1 + pouches)).max()), int(designs.sizes.max())
+        children = int(designs.branches.max(initial=1))
         penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
         if self.limits.most_cuts == 0:
-            scratch = _scratch(largest, capsules)
+            scratch = _scratch(largest, capsules, children)
             penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
             return penalty, joints
         parts = min(int(flat.max()), MOST_PIECE_BRANCHES)
-        scratch = _scratch(largest, capsules + 3 * parts)
-        cutting = _cut_scratch(parts, capsules, int(designs.branches.max(initial=1)))
+        scratch = _scratch(largest, capsules + 3 * parts, children)
+        cutting = _cut_scratch(parts, capsules, children)
         penalty_kernel.penalize_pieces(
             arrays, self.tables, self.limits, scratch, cutting, penalty, joints
         )
@@ -300,10 +322,15 @@ def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
     )
 
 
-def _scratch(branches: int, capsules: int) -> Scratch:
-    """Return memory for the largest design."""
+def _scratch(branches: int, capsules: int, children: int) -> Scratch:
+    """Return memory for the largest design, with at most so many children in a fan."""
     turns = np.arange(TURNS) * np.pi / TURNS
     return Scratch(
+        angle=np.zeros((MOST_LEVELS, children)),
+        run=np.zeros((MOST_LEVELS, children)),
+        gap=np.zeros((MOST_LEVELS, children + 1)),
+        short=np.zeros(MOST_LEVELS),
+        passage=np.ones(MOST_LEVELS),
         heading=np.empty(branches),
         riding=np.empty(branches),
         factor=np.empty(branches),
@@ -321,8 +348,41 @@ def _error(rule: Rule, changed: LimitChanges) -> float:
     return rule.limits_with(changed.get(rule.id, {}))["error"]
 
 
+class _Laws(NamedTuple):
+    """How the fans of each level are cut, as in `LevelTables`."""
+
+    law: Floats
+    least: Floats
+    stretch: Floats
+
+
+def _most_children(space: Space) -> int:
+    """Return the most children that a fan of a space's designs has."""
+    below = range(2, int(space.settings.levels.high) + 1)
+    return max((int(space.settings.bounds(level, "branches").high) for level in below), default=1)
+
+
+def _laws(build: Build, material: Material, most: int) -> _Laws:
+    """Return how fans of a build are cut, of at most so many children; the build is the deepest."""
+    levels, children = len(build.widths_mm), min(most, MOST_CHILDREN)
+    if build.compensation == "none":
+        return _Laws(np.zeros((0, 1, 2, 2)), np.zeros((0, 1)), np.ones(levels))
+    law = np.zeros((levels - 1, children + 1, FANS, 2 * MOST_CHILDREN + 2))
+    least = np.zeros((levels - 1, children + 1))
+    for place in range(levels - 1):
+        for count in range(1, children + 1):
+            found = level_law(build, material, place, count)
+            law[place, count], least[place, count] = found.rows, found.least_rad
+    stretch = [stretch_at(build, material, width_mm) for width_mm in build.widths_mm]
+    return _Laws(law, least, np.array(stretch))
+
+
 def _tables(
-    builds: list[Build], diameter_mm: float, limits: PenaltyLimits, changed: LimitChanges
+    builds: list[Build],
+    diameter_mm: float,
+    limits: PenaltyLimits,
+    changed: LimitChanges,
+    laws: _Laws,
 ) -> LevelTables:
     """Return what depends on a level or a depth alone; the last build is the deepest."""
     deepest = builds[-1]
@@ -344,4 +404,9 @@ def _tables(
         leaf_width=np.maximum(leaves_mm, pouch_mm),
         pouch_first=np.cumsum([0, *map(len, pouches)]),
         pouch=np.array(rows).reshape(-1, 5),
+        law=laws.law,
+        least=laws.least,
+        stretch=laws.stretch,
+        most_turn=MOST_TURN_RAD,
+        least_length=LEAST_LENGTH,
     )

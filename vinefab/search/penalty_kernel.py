@@ -1,6 +1,7 @@
 """The compiled penalty of designs that branch alike on each level.
 
-The readable twin is `vinefab.fabrication.rules.penalty`: this file computes the same for many even
+The readable twins are `vinefab.fabrication.rules.penalty` and, for the pattern of a compensated
+design, `vinefab.inflation.law`: this file computes the same for many even
 designs (no tapers, no collar) without building a design, a tree or an array for any of them. Like
 `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`.
 """
@@ -27,7 +28,8 @@ def penalize(designs, tables, limits, scratch, penalty):
     """
     for d in range(len(designs.depth)):
         count = designs.first[d + 1] - designs.first[d]
-        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
+        beyond = _cut_fans(designs, d, tables, limits, scratch)
+        penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
         if count > limits.most_branches:
             penalty[d] += math.log1p(float(count) ** 2)
         else:
@@ -49,7 +51,8 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
     """
     for d in range(len(designs.depth)):
         count, joints[d] = designs.first[d + 1] - designs.first[d], 0
-        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
+        beyond = _cut_fans(designs, d, tables, limits, scratch)
+        penalty[d] = _of_levels(designs, d, beyond, tables, limits, scratch)
         if count > limits.most_branches:
             penalty[d] += math.log1p(float(count) ** 2)
             continue
@@ -65,12 +68,107 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
 
 
 @inlined
-def _of_levels(designs, d, tables, limits, scratch):
-    """Return the penalty of the rules that need no flat layout."""
+def _of_levels(designs, d, beyond, tables, limits, scratch):
+    """Return the penalty of the rules that need no flat layout.
+
+    ``beyond`` is how far fans are from any that was simulated, and inflated siblings from apart.
+    """
     penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
     penalty += math.log1p(tables.widths[designs.depth[d] - 1])
-    penalty += math.log1p(_joints(designs, d, tables, limits))
-    return penalty + math.log1p(_packing(designs, d, tables, limits))
+    penalty += math.log1p(_joints(designs, d, tables, limits, scratch) + beyond)
+    return penalty + math.log1p(_packing(designs, d, tables, limits, scratch))
+
+
+# --- The pattern --------------------------------------------------------------------------------
+
+
+@inlined
+def _cut_fans(designs, d, tables, limits, scratch):
+    """Write the flat angles and lengths of each level's children, gaps and passages.
+
+    They are the planned ones where nothing is compensated, else those of
+    `vinefab.inflation.law.quick_pattern`. Returns by how much fans are narrower than any that was
+    simulated, and by how much too far inflated siblings lie on each other.
+    """
+    row, beyond = designs.first[d], 0.0
+    scratch.passage[0] = 1.0
+    scratch.run[0, 0] = scratch.short[0] = designs.trunk[d] / tables.stretch[0]
+    children, count = 1, 1
+    row += 1
+    for below in range(designs.depth[d] - 1):
+        children = designs.branches[d, below]
+        fan = designs.fan[d, below] if children > 1 else 0.0
+        compensated = tables.law.shape[0] > 0 and children < tables.law.shape[1]
+        if tables.law.shape[0] > 0 and children > 1:
+            beyond += _touching(designs, d, below, fan / (children - 1), tables, limits)
+        if compensated:
+            beyond += _compensate(designs, d, row, below, children, fan, tables, scratch)
+        else:
+            _keep(designs, d, row, below, children, fan, scratch)
+        count *= children
+        row += count
+    return beyond
+
+
+@inlined
+def _touching(designs, d, below, gap, tables, limits):
+    """Return by how much too far siblings of a deployed fan lie on each other, as VF-I04."""
+    if gap >= math.pi:
+        return 0.0
+    contact_mm = math.inf
+    if gap > 0.0:
+        contact_mm = 2.0 * tables.half[below + 1] / math.pi / math.sin(gap / 2.0)
+    shortest_mm = designs.size[d, below] * min(1.0, designs.growth[d, below])
+    return _excess(contact_mm / shortest_mm, limits.sibling_share, limits.most)
+
+
+@inlined
+def _keep(designs, d, row, below, children, fan, scratch):
+    """Write the children of a level as they are designed."""
+    level = below + 1
+    for child in range(children):
+        scratch.angle[level, child] = designs.offset[row + child]
+        scratch.run[level, child] = designs.length[row + child]
+        scratch.gap[level, child] = fan / max(children - 1, 1)
+    scratch.gap[level, 0] = scratch.gap[level, children] = math.pi - fan / 2.0
+    scratch.passage[level] = 1.0
+    scratch.short[level] = designs.size[d, below] * min(1.0, designs.growth[d, below])
+
+
+@inlined
+def _compensate(designs, d, row, below, children, fan, tables, scratch):
+    """Write the children of a level as the law cuts them."""
+    level, law, most = below + 1, tables.law[below, children], (tables.law.shape[3] - 2) // 2
+    width, least, away_mm = 2.0 * tables.half[below], tables.least[below, children], 0.0
+    for further in range(below, designs.depth[d] - 1):
+        # Lengths of one fan are even: their mean is that of the first and the last.
+        last = designs.growth[d, further] if designs.branches[d, further] > 1 else 1.0
+        away_mm += designs.size[d, further] * (1.0 + last) / 2.0
+    # Children stand beside their designed axes: turned a little, their tips come nearer.
+    offset_mm = width * _at(law, fan, 2 * most)
+    most_rad = min(tables.most_turn, fan / 10.0)
+    cut = fan - 2.0 * min(max(offset_mm / away_mm, -most_rad), most_rad)
+    shortest_mm = math.inf
+    for child in range(children):
+        scratch.angle[level, child] = _at(law, cut, child)
+        back_mm = width * _at(law, cut, most + child)
+        run_mm = designs.length[row + child]
+        run_mm = max(run_mm + back_mm, tables.least_length * run_mm) / tables.stretch[level]
+        scratch.run[level, child] = run_mm
+        shortest_mm = min(shortest_mm, run_mm)
+        before = scratch.angle[level, child - 1] if child > 0 else -math.pi
+        scratch.gap[level, child] = scratch.angle[level, child] - before
+    scratch.gap[level, children] = math.pi - scratch.angle[level, children - 1]
+    scratch.passage[level], scratch.short[level] = _at(law, cut, 2 * most + 1), shortest_mm
+    return (least - fan) / least if fan < least else 0.0
+
+
+@inlined
+def _at(law, fan, column):
+    """Return a column of a law at a deployed fan, between those of whole degrees."""
+    place = min(math.degrees(fan), law.shape[0] - 1.0)
+    row = min(int(place), law.shape[0] - 2)
+    return law[row, column] + (place - row) * (law[row + 1, column] - law[row, column])
 
 
 # --- Pressure for growth ------------------------------------------------------------------------
@@ -109,30 +207,39 @@ def _growth_excess(designs, d, tables, limits, scratch):
 
 
 @inlined
-def _joints(designs, d, tables, limits):
+def _joints(designs, d, tables, limits, scratch):
     """Return the summed violations by angles, crotches, and branches too short for their ends."""
-    found, above_mm = 0.0, designs.trunk[d]
-    base_mm, length_mm = 0.0, designs.trunk[d] + limits.tail_mm
+    found, above_mm = 0.0, scratch.short[0]
+    base_mm, length_mm = 0.0, scratch.short[0] + limits.tail_mm
     for below in range(designs.depth[d] - 1):
         wide, narrow = tables.half[below], tables.half[below + 1]
-        branches, size = designs.branches[d, below], designs.size[d, below]
-        fan = designs.fan[d, below] if branches > 1 else 0.0
-        beside, between = math.pi - fan / 2.0, fan / max(branches - 1, 1)
-        shortest_mm = size * min(1.0, designs.growth[d, below])
-        disc = max(wide, narrow)
+        branches, gap, run = (
+            designs.branches[d, below],
+            scratch.gap[below + 1],
+            scratch.run[below + 1],
+        )
+        shortest_mm, fillet, disc = (
+            scratch.short[below + 1],
+            tables.fillet[below + 1],
+            max(wide, narrow),
+        )
+        beside = min(gap[0], gap[branches])
         reach_mm = _bare_reach(beside, wide, narrow, disc)
         within_mm = shortest_mm if reach_mm <= disc else min(shortest_mm, above_mm)
         found += _narrow(beside, limits) + _excess(reach_mm / within_mm, limits.crotch, limits.most)
-        fillet = tables.fillet[below + 1]
         parent_mm, child_mm = _straight_begins(beside, wide, narrow, fillet, 0.0)
         if branches > 1:
-            share = _bare_reach(between, narrow, narrow, disc) / shortest_mm
+            between, share = math.inf, 0.0
+            for child in range(1, branches):
+                between = min(between, gap[child])
+                shorter_mm = min(run[child - 1], run[child])
+                share = max(share, _bare_reach(gap[child], narrow, narrow, disc) / shorter_mm)
             found += _narrow(between, limits) + _excess(share, limits.crotch, limits.most)
             sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
             child_mm = max(child_mm, sibling_mm)
         found += _crowded(length_mm - base_mm - parent_mm, length_mm, limits)
         above_mm, base_mm = shortest_mm, child_mm
-        length_mm = shortest_mm if branches > 1 else size
+        length_mm = shortest_mm if branches > 1 else run[0]
     tip_mm = tables.tip[designs.depth[d] - 1]
     return found + _crowded(length_mm - base_mm - tip_mm, length_mm, limits)
 
@@ -182,8 +289,11 @@ def _straight_begins(angle, one, two, fillet, least_disc):
 
 
 @inlined
-def _packing(designs, d, tables, limits):
-    """Return the summed excesses of folded film in the lumens that it rides in."""
+def _packing(designs, d, tables, limits, scratch):
+    """Return the summed excesses of folded film in the lumens that it rides in.
+
+    What rides in a child comes through its joint's passage.
+    """
     levels, found = designs.depth[d] - 1, 0.0
     for above in range(levels):
         count, most_mm = 1.0, 0.0
@@ -193,8 +303,9 @@ def _packing(designs, d, tables, limits):
             wide = tables.leaf_width[levels] if leaf else 2.0 * tables.half[below + 1]
             most_mm = max(most_mm, count * wide)
         percent = 100.0 * most_mm * limits.film_mm / tables.area[above]
+        percent /= scratch.passage[above]
         found += _excess(percent, limits.packing_percent, limits.most)
-    own_percent = 100.0 * tables.pouch_share[levels]
+    own_percent = 100.0 * tables.pouch_share[levels] / scratch.passage[levels]
     return found + _excess(own_percent, limits.packing_percent, limits.most)
 
 
@@ -206,16 +317,20 @@ def _lay_out(designs, d, tables, limits, scratch):
     """Write the capsules of a flat robot, pouches last, and their boxes; return their number."""
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
     depth, capsule, heading = designs.depth[d], scratch.capsule, scratch.heading
+    above, child = -2, 0
     for k in range(branches):
-        parent, length = designs.parent[base + k], designs.length[base + k]
+        parent, level = designs.parent[base + k], designs.level[base + k] - 1
+        # The children of a branch follow each other.
+        child, above = child + 1 if parent == above else 0, parent
+        length = scratch.run[level, child]
         heading[k], x, y = 0.0, 0.0, 0.0
         if parent >= 0:
-            heading[k] = heading[parent] + designs.offset[base + k]
+            heading[k] = heading[parent] + scratch.angle[level, child]
             x, y = capsule[parent, 2], capsule[parent, 3]
         capsule[k, 0], capsule[k, 1] = x, y
         capsule[k, 2] = x + length * math.cos(heading[k])
         capsule[k, 3] = y + length * math.sin(heading[k])
-        capsule[k, 4] = tables.half[designs.level[base + k] - 1]
+        capsule[k, 4] = tables.half[level]
         scratch.owner[k] = k
     capsule[0, 0] -= limits.tail_mm
     count = branches
@@ -388,14 +503,16 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
     """Write which branches have room for a sleeve, and the capsules of their parts."""
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
     capsule, levels = scratch.capsule, designs.depth[d]
-    _find_straight_sides(designs, d, tables, limits, cutting)
+    _find_straight_sides(designs, d, tables, limits, scratch, cutting)
     cutting.stop[levels - 1] = tables.tip_cut[levels - 1]
     first, children = 0, 1
     for k in range(branches):
-        level, length = designs.level[base + k] - 1, designs.length[base + k]
+        level = designs.level[base + k] - 1
         if k > 0 and level > designs.level[base + k - 1] - 1:
             first, children = k, designs.branches[d, level - 1]
-        begin = cutting.begin[level, (k - first) % children] + limits.before_mm
+        child = (k - first) % children
+        length = scratch.run[level, child]
+        begin = cutting.begin[level, child] + limits.before_mm
         needed = begin + limits.lap_mm + limits.blend_mm + limits.after_mm + cutting.stop[level]
         cutting.can[k] = 1 if k > 0 and needed <= length + limits.least_depth else 0
         if cutting.can[k] == 0:
@@ -410,28 +527,26 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
 
 
 @inlined
-def _find_straight_sides(designs, d, tables, limits, cutting):
+def _find_straight_sides(designs, d, tables, limits, scratch, cutting):
     """Write where the sides of each child of each level begin to be straight, and where they stop.
 
     Corners in place of small fillets lie farther from the joint where the cut runs.
     """
-    begin, stop, first, above_mm = cutting.begin, cutting.stop, 1, designs.trunk[d]
-    count = 1
+    begin, stop, above_mm = cutting.begin, cutting.stop, scratch.run[0, 0]
     begin[0, 0] = 0.0
     for below in range(designs.depth[d] - 1):
         wide, narrow = tables.half[below], tables.half[below + 1]
         children, disc = designs.branches[d, below], max(wide, narrow)
-        fan = designs.fan[d, below] if children > 1 else 0.0
+        run = scratch.run[below + 1]
         stop[below], shortest_mm = 0.0, math.inf
         for child in range(children):
             begin[below + 1, child] = 0.0
         for gap in range(children + 1):
             after, before = gap > 0, gap < children
-            angle = fan / (children - 1) if after and before else math.pi - fan / 2.0
+            angle = scratch.gap[below + 1, gap]
             one, two = narrow if after else wide, narrow if before else wide
-            row = designs.first[d] + first + gap
-            one_mm = designs.length[row - 1] if after else above_mm
-            two_mm = designs.length[row] if before else above_mm
+            one_mm = run[gap - 1] if after else above_mm
+            two_mm = run[gap] if before else above_mm
             reach_mm = max(0.5 * min(one_mm, two_mm), disc)
             fillet = min(tables.fillet[below + 1], _largest_fillet(angle, one, two, reach_mm))
             for place in range(3):
@@ -450,8 +565,6 @@ def _find_straight_sides(designs, d, tables, limits, cutting):
                     begin[below + 1, gap] = max(begin[below + 1, gap], b - less)
                 else:
                     stop[below] = max(stop[below], b - none)
-        count *= children
-        first += count
         above_mm = shortest_mm
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from annotated_types import Ge, Le, Unit
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, located, nearest, values_hidden
@@ -342,10 +342,11 @@ def plain_settings(settings: object) -> object:  # noqa: PLR0911  one for each k
         return plain_settings({**dict(settings.__repr_args__()), "lap": settings.lap})
     if isinstance(settings, OperationSettings):
         return plain_settings(settings.record())
-    if isinstance(settings, BaseModel):
+    if isinstance(settings, Table):
         declared = {n: f for n, f in type(settings).model_fields.items() if n != "schema_"}
         values = {name: getattr(settings, name) for name in declared}
         later = {name: field.default for name, field in declared.items() if LATER in field.metadata}
+        later |= type(settings).before()
         return {
             name: plain_settings(value)
             for name, value in values.items()
@@ -364,8 +365,9 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `plain_settings`, also of a record of an older vinefab."""
     known = {name: record[name] for name in RunSettings.model_fields if name in record}
     # Before pressure stopped growth, records did not speak of it.
-    growth = {"pressure_stop": False, **record["growth"]}
-    return RunSettings(**{**known, "growth": growth})
+    growth = {"pressure_stop": False, **GrowthOptions.before(), **record["growth"]}
+    build = {**BuildSettings.before(), **record.get("build", {})}
+    return RunSettings(**{**known, "growth": growth, "build": build})
 
 
 # --- Run files ------------------------------------------------------------------------------------

@@ -18,9 +18,10 @@ from pydantic import (
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.table import LATER, Table
+from vinefab.core.table import LATER, LaterThan, Table
 from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, number
 from vinefab.model.design import (
+    DEFAULT_COMPENSATION,
     DEFAULT_MOUNTING,
     DEFAULT_PRESSURE_KPA,
     DEFAULT_TAIL_MM,
@@ -28,6 +29,7 @@ from vinefab.model.design import (
     DEFAULT_WIDTH_RATIO,
     MOST_LEVELS,
     Build,
+    Compensation,
     Design,
     Level,
     Mounting,
@@ -224,6 +226,14 @@ class BuildSettings(Table):
         LATER,
     ] = ()
     mounting: Annotated[Mounting, Doc("as in a design"), LATER] = DEFAULT_MOUNTING
+    compensation: Annotated[
+        Compensation,
+        Doc(
+            "as in a design; with inflation the rules about the sheet see the flat angles and "
+            "lengths that deploy as designed"
+        ),
+        LaterThan("none"),
+    ] = DEFAULT_COMPENSATION
 
     @property
     def widths_key(self) -> str:
@@ -251,6 +261,7 @@ class BuildSettings(Table):
             pouch=self.pouch,
             pieces=self.pieces,
             mounting=self.mounting,
+            compensation=self.compensation,
         )
 
 
@@ -330,7 +341,7 @@ class Space:
             if variable.is_fixed
         }
         self._builds: dict[int, Build] = {}
-        self._row = np.array([variable.bounds.low for variable in every])
+        self._row = np.array([variable.bounds.low for variable in every], dtype=np.float64)
         self._free = np.array([index for index, v in enumerate(every) if not v.is_fixed], dtype=int)
         self._low = self._row[self._free]
         self._high = np.array([variable.bounds.high for variable in self.variables])

@@ -1,26 +1,25 @@
 """Optimizers against each other on the same problems, at equal numbers of evaluations."""
 
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import wilcoxon
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.core.plain_text import counted
-from vinefab.core.rng import child
-from vinefab.core.statistics import holm
+from vinefab.core.statistics import LEVEL, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.validation import Floats, whole
-from vinefab.core.view import Block, Notes, Number, Rows, Value
+from vinefab.core.view import Block, Number, Rows, Value
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.page_svg import page_svg
@@ -32,8 +31,6 @@ from vinefab.search.run import fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
-
-_SIGNIFICANT = 0.05
 
 FIRST_CONTEST_SEED = 500_001
 """Seed of the first map for testing; runs train on maps with much smaller seeds."""
@@ -250,11 +247,6 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
     return {row.key: row for row in rows}
 
 
-_RESAMPLES = 10_000
-
-_STREAM = 1702
-
-
 def comparison_json(contest: Contest, rows: Sequence[ContestRow]) -> str:
     """Return a comparison as JSON: ``vinefab/comparison-1``."""
     content = {
@@ -274,9 +266,8 @@ def comparison_table(contest: Contest, rows: Sequence[ContestRow]) -> list[dict[
     """Return one entry per problem and contender, and over all problems together.
 
     Scores are those of the winners on unseen maps. ``difference`` is to the first contender,
-    paired by seed; its p-value is that of Wilcoxon's signed-rank test, and ``p_holm`` the same
-    corrected for the number of contenders (Holm). Intervals are 95 % bootstrap intervals over
-    seeds.
+    paired by seed; interval and p-value are those of one t test over seeds, both corrected for the
+    number of contenders (Bonferroni): ``p_adjusted`` is below 0.05 where the interval leaves out 0.
     """
     names = [problem.name for problem in contest.problems]
     table = []
@@ -299,15 +290,13 @@ def _scores(rows: Sequence[ContestRow], problem: str, label: str) -> Floats:
 def _block(
     contest: Contest, problem: str, scores: Sequence[Floats], rows: Sequence[ContestRow]
 ) -> list[dict[str, Any]]:
-    chances = [_chance(values - scores[0]) for values in scores]
-    held = holm(chances[1:])
-    block = []
+    block, others = [], max(1, len(scores) - 1)
     for place, (contender, values) in enumerate(zip(contest.contenders, scores, strict=True)):
         mine = [r for r in rows if r.contender == contender.label and problem in (r.problem, "all")]
         entry: dict[str, Any] = {
             "problem": problem,
             "optimizer": contender.label,
-            "unseen": _interval(values),
+            "unseen": _interval(values, LEVEL),
             "fresh": float(np.mean([r.fresh for r in mine])),
             "lucky": float(np.mean([r.lucky for r in mine])),
             "evaluations": float(np.mean([r.evaluations for r in mine])),
@@ -315,41 +304,38 @@ def _block(
             "can_be_made": float(np.mean([r.penalty == 0.0 for r in mine])),
         }
         if place > 0:
-            difference = _interval(values - scores[0])
-            entry["difference"] = {**difference, "p": chances[place], "p_holm": held[place - 1]}
+            difference, p = values - scores[0], _chance(values - scores[0])
+            entry["difference"] = {
+                **_interval(difference, 1.0 - SIGNIFICANT / others),
+                "p": p,
+                "p_adjusted": min(1.0, others * p),
+            }
         block.append(entry)
     return block
 
 
-def _interval(values: Floats) -> dict[str, float]:
-    """Return a mean with its 95 % percentile bootstrap interval."""
-    draws = child(0, _STREAM).integers(0, len(values), (_RESAMPLES, len(values)))
-    low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
-    return {"mean": float(values.mean()), "low": float(low), "high": float(high)}
+def _interval(values: Floats, level: float) -> dict[str, float | None]:
+    """Return a mean over seeds with its interval: means over many maps are nearly normal."""
+    low, high = mean_interval(values, level, tails=0.0)
+    known = math.isfinite(low)
+    return {
+        "mean": float(values.mean()),
+        "low": low if known else None,
+        "high": high if known else None,
+    }
 
 
 def _chance(differences: Floats) -> float:
     """Return the two-sided p-value of no difference, 1 when there is none or one pair only."""
-    if len(differences) < 2 or not differences.any():
-        return 1.0
-    return float(wilcoxon(differences).pvalue)
-
-
-def least_seeds(comparisons: int) -> int:
-    """Return how many seeds a corrected p-value below 0.05 takes, if all pairs agree.
-
-    >>> [least_seeds(comparisons) for comparisons in (1, 2, 6)]
-    [6, 7, 8]
-    """
-    return next(n for n in range(1, 64) if comparisons * 2.0 ** (1 - n) < _SIGNIFICANT)
+    return mean_p(differences, tails=0.0) if len(differences) > 1 else 1.0
 
 
 def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[Block]:
     """Yield the table of a comparison, and whether there are too few seeds."""
     maps, seeds = counted(contest.unseen, "unseen map"), counted(contest.seeds, "seed")
     yield Rows(
-        caption=f"mean score of {seeds} on {maps} each (simulated) [95 % interval over seeds]; "
-        "differences are paired by seed, p by Wilcoxon and Holm",
+        caption=f"mean score of {seeds} on {maps} each (simulated) [95 % interval]; differences "
+        "are paired by seed, p of the paired t test, both adjusted for the number of contenders",
         headings=(
             "problem",
             "optimizer",
@@ -357,25 +343,22 @@ def comparison_blocks(contest: Contest, rows: Sequence[ContestRow]) -> Iterator[
             f"difference to {contest.contenders[0].label}",
             "p",
         ),
-        rows=tuple(map(_cells, comparison_table(contest, rows))),
+        rows=tuple(_cells(entry, seeds) for entry in comparison_table(contest, rows)),
     )
-    others = len(contest.contenders) - 1
-    if others and contest.seeds < (least := least_seeds(others)):
-        note = (
-            f"note: with {seeds} and {counted(others, 'comparison')} no p can be below "
-            f"{_SIGNIFICANT:g}, whatever the difference: --seeds {least} or more"
-        )
-        yield Notes((note,))
 
 
-def _cells(entry: Mapping[str, Any]) -> tuple[Value, ...]:
+def _cells(entry: Mapping[str, Any], over: str) -> tuple[Value, ...]:
     """Return an entry of the table as cells; the first contender has no difference."""
     unseen, more = entry["unseen"], entry.get("difference")
-    score = Number(unseen["mean"], form=".4f", interval=(unseen["low"], unseen["high"]))
+    number = partial(Number, over=over)
+    score = number(unseen["mean"], form=".4f", interval=(unseen["low"], unseen["high"]))
     above: tuple[Value, Value] = ("", "")
     if more:
         ends = more["low"], more["high"]
-        above = Number(more["mean"], form="+.4f", interval=ends), Number(more["p_holm"], form=".3f")
+        above = (
+            number(more["mean"], form="+.4f", interval=ends),
+            Number(more["p_adjusted"], form=".3f"),
+        )
     return entry["problem"], entry["optimizer"], score, *above
 
 

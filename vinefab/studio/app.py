@@ -22,6 +22,7 @@ from vinefab.studio.connections import DROP, Connections
 from vinefab.studio.door import SUBPROTOCOL, Door
 from vinefab.studio.gate import Gate
 from vinefab.studio.lanes import ProcessLane, Question, ThreadLane, first_answer
+from vinefab.studio.panels import CUT
 from vinefab.studio.workplace import TIP, Workplace
 
 PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
@@ -43,7 +44,7 @@ _MOST_UNREAD_BYTES = 16 << 20
 _KINDS = {".js": "text/javascript", ".css": "text/css"}
 """What browsers ask for, with its media type; a table of the system may have another."""
 
-_LANES = ("rules", "fix", "family", "export")
+_LANES = ("rules", "fix", "family", "export", "inflated")
 
 
 def live_scripts() -> tuple[str, str]:
@@ -64,7 +65,11 @@ class Studio:
     def __init__(self, workplace: Workplace) -> None:
         self.workplace = workplace
         self.live = ThreadLane()
-        self.lanes = {name: ProcessLane(name) for name in _LANES}
+        self.lanes: dict[str, ThreadLane | ProcessLane] = {
+            # A thread of its own: loading the simulation of joints must not hold up a robot.
+            CUT: ThreadLane(),
+            **{name: ProcessLane(name) for name in _LANES},
+        }
         self._tabs: set[Tab] = set()
 
     def tell_all(self, event: Mapping[str, Any]) -> None:

@@ -28,7 +28,7 @@ def front_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[st
     """
     world, final = deployed_robot(state)
     history = History(
-        design=state.design,
+        design=state.grown_now,
         terrain=prepared_map(world).terrain,
         options=state.growth,
         final=final,

@@ -1,4 +1,4 @@
-"""What follows the pointer: the robot grown on the open map, its scores, its flat outline."""
+"""What follows the pointer: the robot grown on the open map, and its scores."""
 
 import math
 from collections.abc import Mapping
@@ -8,13 +8,13 @@ from typing import Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
-from vinefab.pages.plan_svg import ground_svg, outline_svg, pose_svg, robot_svg, view_box
+from vinefab.model.score import IDEAL_CASE
+from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
@@ -24,9 +24,6 @@ from vinefab.studio.warming import engine_now
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import TASKS, make_task
 from vinefab.tasks.task import Task, check_on_map
-
-MOST_FLAT = 1500
-"""Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
 MOST_LIVE_INTERPRETED = 1500
 """More branches than this grow once the simulator is compiled: interpreted they take a second."""
@@ -39,7 +36,7 @@ COMPILED_TASKS = ("anchoring",)
 
 
 def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:
-    """Return growth, scores and outline of what is open.
+    """Return growth and scores of what is open.
 
     Parameters
     ----------
@@ -47,7 +44,7 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
         dragged, whose element the page moves itself.
     """
-    answer = {"engine": engine_now(), **_outline(state.design)}
+    answer: dict[str, Any] = {"engine": engine_now()}
     if state.world is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
     key = _ground_key(state.world)
@@ -59,16 +56,6 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         "map_size_mm": list(state.world.size_mm),
     }
     return answer | _grown(state, state.world)
-
-
-def _outline(design: Design) -> dict[str, Any]:
-    if design.branch_count > MOST_FLAT:
-        return {"outline_svg": "", "outline_box": None}
-    try:
-        contour = body_outline(design).contour
-    except BadInputError as error:  # a tree that no sheet could hold
-        return {"outline_svg": "", "outline_box": None, "outline_problem": str(error)}
-    return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
 
 
 def _grown(state: StudioState, world: Map) -> dict[str, Any]:
@@ -84,16 +71,17 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     prepared = prepared_map(world)
     try:
         deployment = grow_on(
-            state.design, prepared.terrain, start, state.growth, engine=engine_now()
+            state.grown_now, prepared.terrain, start, state.growth, engine=engine_now()
         )
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
-    scores, problems = _scores(deployment, prepared)
+    scores, titles, problems = _scores(deployment, prepared)
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return place | {
         "robot_svg": robot_svg(deployment, widths_mm),
         "front_full_mm": deployment.full_mm,
         "scores": scores,
+        "titles": titles,
         "facts": _facts(state.design, deployment),
         "problems": problems + _troubles(state, deployment),
     }
@@ -124,9 +112,12 @@ def _not_grown(design: Design, problem: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, Any], list[str]]:
-    """Return the score on each task (simulated), None where a map cannot be scored, and why."""
+def _scores(
+    deployment: Deployment, prepared: PreparedMap
+) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+    """Return score and title of each task (simulated), None where a map has none, and why."""
     scores: dict[str, Any] = {}
+    titles: dict[str, str] = {}
     problems = []
     for name in TASKS:
         if name in COMPILED_TASKS and engine_now() != "kernel":
@@ -136,11 +127,12 @@ def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, An
         task = _task(name)
         try:
             check_on_map(task, prepared.world, prepared.context)
-            scores[name] = task.evaluate(deployment, prepared.context)[0]
+            scores[name], terms = task.evaluate(deployment, prepared.context)
+            titles[name] = f"{name}, ideal case" if terms.get(IDEAL_CASE) else name
         except VinefabError as error:
             scores[name] = None
             problems.append(f"{name}: {error}")
-    return scores, problems
+    return scores, titles, problems
 
 
 def _planned(design: Design) -> dict[str, Any]:
@@ -163,7 +155,13 @@ def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
 def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
     """Return what a user should know about how the robot grew, as `vinefab grow` says it."""
     lost = without_room(state.design, deployment, state.growth)
+    unknown = [
+        f"level {number}: grown at its designed angles; no table says what it deploys as"
+        for number, level in enumerate(state.grown_now.levels, start=2)
+        if state.design.build.compensation == "none" and not isinstance(level, UnevenLevel)
+    ]
     return [
+        *unknown,
         *stayed_text([bool(deployment.deployed[0])], state.design, state.growth),
         *places_text("no room for the body of", lost),
         *places_text("stuck in a corner", wedged(state.design, deployment, state.growth)),

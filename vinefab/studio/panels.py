@@ -14,8 +14,8 @@ Tell = Callable[[float, str], None]
 AnswerFunction = Callable[[StudioState, Mapping[str, Any], Tell], dict[str, Any]]
 """Takes what is open on the page and what the panel asks; returns plain values."""
 
-LIVE = "live"
-"""The lane that is a thread of the server: what must follow the pointer."""
+LIVE, CUT = "live", "cut"
+"""Lanes that are threads of the server: what must follow the pointer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +36,8 @@ PANELS = {
     "live": Question(module="live_answer", lane=LIVE),
     "before": Question(module="live_answer", lane=LIVE),  # of the version that is compared with
     "front": Question(module="front_answer", lane=LIVE),
+    "cut": Question(module="cut_answer", lane=CUT),
+    "inflated": Question(module="inflated_answer", lane="inflated"),
     "rules": Question(module="rules_answer", lane="rules"),
     "fix": Question(module="fix_answer", lane="fix"),
     "family": Question(module="family_answer", lane="family"),

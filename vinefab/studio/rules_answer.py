@@ -25,10 +25,12 @@ from vinefab.fabrication.rules.pressure_limits import WINDOW, WorstBranch, press
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
+from vinefab.inflation.pattern import Pattern, pattern_of
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import growth_on_maps
+from vinefab.studio.cut_answer import cut_notes
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import StudioState
 
@@ -54,7 +56,16 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict
         "bill": _bill_content(subject, state.profile),
         "deployed": [name for name, _ in deployed],
         "deployed_problem": problem,
+        "cut": cut_notes(subject.pattern or _uncompensated(state), state.profile),
     }
+
+
+def _uncompensated(state: StudioState) -> Pattern:
+    """Return how a design that is cut as it is deploys, simulated where the table is silent."""
+    known = pattern_of(state.design, state.profile, known_only=True)
+    if all(joint.is_known for joint in known.joints):
+        return known
+    return pattern_of(state.design, state.profile)
 
 
 def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
@@ -67,7 +78,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
         grown = grow_on(
-            state.design, terrain_of(state.world), state.start, options, engine="interpreted"
+            state.grown, terrain_of(state.world), state.start, options, engine="interpreted"
         )
     except BadInputError as error:
         return (), f"not grown on map {state.world.name}: {error}"

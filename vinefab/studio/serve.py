@@ -36,6 +36,9 @@ def serve(
     say
         Takes the line with the address.
     """
+    # Matrices of the page are small: threads of BLAS would wait for each other, on busy computers
+    # for seconds. Read when SciPy is first imported, here or in a lane.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     workplace = Workplace(opened)
     bound = bound_socket(port)
     door = Door(port=bound.getsockname()[1])

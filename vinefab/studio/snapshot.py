@@ -95,7 +95,7 @@ def write_snapshot(
     options, say = options or SnapshotOptions(), tell or _silent
     say(0.0, "loading the simulator")
     load_kernel()  # what has to wait for it on the page is in the file
-    panels = ("live", "rules", *(("family",) if options.family else ()))
+    panels = ("live", "cut", "rules", *(("family",) if options.family else ()))
     answers = {}
     for number, panel in enumerate(panels):
         say(0.1 + 0.5 * number / len(panels), panel)

@@ -26,6 +26,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
+from vinefab.prediction.deploy import as_grown
 
 PAGE = "the page"
 """What messages call the source of a value that was set on the page."""
@@ -105,6 +106,16 @@ class StudioState:
             growth=GrowthChoice.of([design], _mapping("growth", given.get("growth") or {})).options,
             locks=frozenset(_texts("locks", given.get("locks") or [])),
         )
+
+    @property
+    def grown(self) -> Design:
+        """The design as it deploys."""
+        return as_grown(self.design, self.profile)
+
+    @property
+    def grown_now(self) -> Design:
+        """The design as it deploys, by what is known without simulating joints."""
+        return as_grown(self.design, self.profile, known_only=True)
 
     @property
     def start(self) -> Pose | None:

@@ -64,7 +64,7 @@ def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
     if problem := not_followed(state.design):
         raise VinefabError(problem)
     terrain = prepared_map(state.world).terrain
-    grown = grow_on(state.design, terrain, state.start, state.growth, engine=engine_now())
+    grown = grow_on(state.grown_now, terrain, state.start, state.growth, engine=engine_now())
     return state.world, grown
 
 

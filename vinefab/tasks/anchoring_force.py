@@ -18,6 +18,7 @@ from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build
+from vinefab.model.score import IDEAL_CASE
 from vinefab.model.tree import BranchTree
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
@@ -247,7 +248,8 @@ class AnchoredRobots:
     grown: GrownBatch
     turns: Turns
     leaves: Leaves  # the leaves that deployed, m of them
-    engaged: NDArray[np.bool_]  # which of them hold, shape (m,)
+    engaged: NDArray[np.bool_]  # which of them hold, shape (m,); without pouches all
+    has_pouches: NDArray[np.bool_]  # which robots have pouches, shape (j,)
     press_n: Floats  # force of each leaf's pouch on both its walls, shape (m,); 0 where unknown
     limit_n: Floats | None  # largest pull that each branch stands, shape (n,); None where unknown
 
@@ -276,6 +278,16 @@ class AnchoredRobots:
         free_n, held_n, _ = self.pulls_n(friction, share)
         kept = np.divide(held_n, free_n, out=np.ones_like(found), where=free_n > 0.0)
         return np.asarray(found * kept)
+
+    def amplification_range(self, frictions: Sequence[float]) -> tuple[Floats, Floats]:
+        """Return least and greatest amplification over friction and idle leaves, shape (j,) each.
+
+        With friction one pouch alone holds more, but no branch more than its film and seam stand:
+        where they limit, the amplification falls with friction, and its ends lie anywhere.
+        """
+        some_idle = [self.amplification(mu, 1.0 - IDLE_SHARE) for mu in frictions]
+        every = [self.amplification(mu) for mu in frictions]
+        return np.min([*some_idle, *every], axis=0), np.max([*some_idle, *every], axis=0)
 
     def pulls_n(self, friction: float, share: float = 1.0) -> tuple[Floats, Floats, Floats]:
         """Return what each robot would hold if nothing failed, what it holds, and limited branches.
@@ -325,6 +337,9 @@ class AnchoredRobots:
         np.maximum.at(largest, self.leaves.growth, self.leaves.turn_rad * self.engaged)
         return largest
 
+
+FRICTION_STEPS = 7
+"""From the least to the greatest friction, where film or seam may limit in between."""
 
 IDLE_SHARE = 1.0 / 3.0
 """Share of engaged branches that may hold nothing: two of six in the paper's test."""
@@ -413,8 +428,10 @@ class Anchoring(Table):
 
     def parts(self, score: float, terms: Mapping[str, float]) -> dict[str, float]:
         """Return what the engaged pouches hold alone, and what turns on the way to them add."""
-        alone = terms["engaged"]
-        return {"engaged pouches, each alone": alone, "turns at contacts": score - alone}
+        name, alone = "engaged pouches, each alone", terms["engaged"]
+        if terms[IDEAL_CASE]:
+            name, alone = "leaves that came out, each alone (ideal case)", terms["leaves"]
+        return {name: alone, "turns at contacts": score - alone}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""
@@ -451,6 +468,7 @@ class Anchoring(Table):
             turns=turns,
             leaves=leaves,
             engaged=engaged,
+            has_pouches=pouches.width_mm > 0.0,
             press_n=press_n,
             limit_n=limit_n,
         )
@@ -458,28 +476,39 @@ class Anchoring(Table):
     def outcomes(self, found: AnchoredRobots) -> TaskOutcomes:
         """Return the amplification, its interval over friction and idle branches, and other terms.
 
-        Terms: ``leaves`` that deployed; ``engaged`` of them; ``mean_turn_rad`` and
-        ``largest_turn_rad`` of those; ``low``, the amplification at the low friction with a third
-        of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
-        ``ideal``, with every leaf that deployed engaged and nothing limited; ``force_n``, their
-        total force, 0 where pouch or pressure is unknown; ``capped``, how many branches film or
-        seam limit.
+        Terms: ``leaves`` that deployed; ``engaged``, pouches of them that jam, none without any;
+        ``mean_turn_rad`` and ``largest_turn_rad`` of the leaves that count; ``low`` and ``high``,
+        least and greatest amplification over the range of friction, with all engaged leaves and
+        with a third of them idle, those that turned most; ``ideal``, with every leaf that deployed
+        engaged and nothing limited; ``ideal_case``, 1 where that is the score, since the robot has
+        no pouches; ``force_n``, their total force, 0 where pouch or pressure is unknown;
+        ``capped``, how many branches film or seam limit.
         """
         leaves, engaged = found.leaves, found.engaged
         count = found.summed(engaged)
         _, force_n, capped = found.pulls_n(self.friction)
+        low, high = found.amplification_range(self._frictions(found))
         terms = {
             "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
-            "engaged": count,
+            "engaged": count * found.has_pouches,
             "mean_turn_rad": found.summed(leaves.turn_rad * engaged) / np.maximum(count, 1.0),
             "largest_turn_rad": found.largest_turn_rad(),
-            "low": found.amplification(self.friction_low, 1.0 - IDLE_SHARE),
-            "high": found.amplification(self.friction_high),
+            "low": low,
+            "high": high,
             "ideal": found.ideal(self.friction),
+            IDEAL_CASE: (~found.has_pouches).astype(np.float64),
             "force_n": force_n,
             "capped": capped,
         }
         return TaskOutcomes(found.amplification(self.friction), terms)
+
+    def _frictions(self, found: AnchoredRobots) -> tuple[float, ...]:
+        """Return the frictions that the ends are looked for at: between them film may give way."""
+        ends = (self.friction_low, self.friction, self.friction_high)
+        if found.limit_n is None:
+            return ends
+        steps = np.linspace(self.friction_low, self.friction_high, FRICTION_STEPS)
+        return tuple(sorted({*ends, *steps.tolist()}))
 
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
         """Return flat length and width of the pouches, zeros without any."""

@@ -90,7 +90,8 @@ def filled(contour):
 
 
 def test_the_pieces_put_together_are_the_whole_robot(made):
-    one, prepared, files = made
+    _, prepared, files = made
+    one = prepared.cut
     job = json.loads(files["job.json"])
     layout = flat_layout(one)
     rows = {name: row for row, name in enumerate(layout.tree.ids)}

@@ -81,6 +81,15 @@ def test_angles_are_compared_around_the_circle(simulated: Subject) -> None:
     assert found(with_joint(simulated, deployed_deg=around), "VF-I01") == ()
 
 
+def test_children_turned_on_purpose_deploy_as_designed(make: Make, profile: LaserProfile) -> None:
+    # Wide children of a narrow fan stand aside: turned by 1.1 degrees, their tips come near.
+    turned = subject_of(make((2, 150.0, 60.0), (2, 90.0, 26.0), compensation="inflation"), profile)
+    joint = turned.pattern.joints[1]
+    assert 0.6 < joint.wanted_deg[1] - joint.aimed_deg[1] <= 1.5
+    assert joint.found.deployed_deg == pytest.approx(joint.aimed_deg, abs=0.6)
+    assert found(turned, "VF-I01") == ()
+
+
 def test_a_robot_cut_as_designed_is_told_so_and_its_verdict_stays(
     make: Make, profile: LaserProfile
 ) -> None:

@@ -379,6 +379,7 @@ def inflated(*fans: tuple[int, float, float], off_deg: float = 0.0, **figures: o
             width_mm=build.widths_mm[place],
             count=1,
             wanted_deg=wanted,
+            aimed_deg=wanted,
             found=FlatJoint(
                 flat=flat,
                 deployed_deg=(*wanted[:-1], wanted[-1] + off_deg),

@@ -50,7 +50,6 @@ def test_a_deployment_has_the_agreed_form(deployment: Deployment) -> None:
         "contact_turn_deg": 32.6,
         "joint_deg": -30.0,
         "contacts_mm": [[100.0, 60.0]],
-        "tight_exit": False,
     }
     assert (second["stop"], second["points_mm"], second["joint_deg"]) == ("not_deployed", [], 30.0)
     assert (second["planned_mm"], second["grown_mm"]) == (25.0, 0.0)

@@ -24,6 +24,7 @@ from vinefab.search.record.result import (
     map_to_text,
     plain_summary,
     records_in,
+    resumed_limits,
 )
 from vinefab.search.record.store import RunStore
 from vinefab.search.run_pages import list_runs
@@ -130,6 +131,26 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
     assert "widths_mm" not in json.dumps(plain_settings(small))
     assert "pieces" not in json.dumps(plain_settings(small))
     assert "joint_weight" not in json.dumps(plain_settings(small))
+
+
+def test_records_without_compensation_are_of_runs_that_were_cut_as_designed(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    """Their ids stay, and run files that leave it out resume them, whatever the default is."""
+    old, new = (small.changed(build=BuildSettings(compensation=c)) for c in ("none", "inflation"))
+    plain = json.loads(json.dumps(plain_settings(old)))
+    assert "compensation" not in plain["build"]
+    assert settings_from_plain(plain) == old
+    assert settings_from_plain(json.loads(json.dumps(plain_settings(new)))) == new
+    assert RunIdentity.of(old, maps).run_id != RunIdentity.of(new, maps).run_id
+    for settings in (old, new):
+        folder = tmp_path / settings.build.compensation
+        folder.mkdir()
+        with RunStore.open(folder, RunIdentity.of(settings, maps), maps=maps):
+            pass
+        left_out = small.changed(build=BuildSettings())
+        assert resumed_limits(folder, left_out) == settings
+        assert resumed_limits(folder, old) == old
 
 
 def test_maps_read_back_to_the_last_bit(maps: Maps) -> None:

@@ -1,8 +1,9 @@
 """Every setting of a job as JSON: ``vinefab/job-1``."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from vinefab.core.jsontext import json_text
+from vinefab.core.view import Block, Data, document
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
 from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
@@ -10,6 +11,7 @@ from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.fabrication.package.mounting import face_words
 from vinefab.inflation.pattern import Pattern
+from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
@@ -72,7 +74,7 @@ def job_text(
                     },
                 },
             },
-            **({"pattern": pattern.content} if pattern else {}),
+            **({"pattern": document(_pattern_blocks(pattern))} if pattern else {}),
             "units": "mm",
             "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
             "offsets": "applied to the paths; the machine's own kerf stays at 0",
@@ -106,6 +108,11 @@ def job_text(
             **_sheets(job, colours),
         },
     )
+
+
+def _pattern_blocks(pattern: Pattern) -> Iterator[Block]:
+    yield Data({"standing": "simulated"})
+    yield from pattern_blocks(pattern)
 
 
 def _sheets(job: Job, colours: Colours) -> dict[str, object]:

@@ -16,8 +16,9 @@ from vinefab.fabrication.package.piece_joining import (
     order_reasons,
     pieces_words,
 )
-from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan
+from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan, pattern_plan
 from vinefab.inflation.pattern import Pattern
+from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.job import Job
@@ -108,19 +109,30 @@ def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ..
 
 
 def pattern_section(pattern: Pattern) -> Section:
-    """Return the flat angles and lengths that are cut for the designed ones, level by level."""
-    table = Rows(
-        caption="Angles of each child to its parent in degrees, lengths in mm (simulated, "
-        "unverified): under pressure the cut angles become the expected ones",
-        headings=("level", "designed", "cut", "expected", "designed mm", "cut mm"),
-        rows=pattern.rows,
-    )
+    """Return the flat pattern that is cut and the shape that it deploys as, side by side."""
+    blocks = tuple(pattern_blocks(pattern))
+    made = "makes up for it: its angles and lengths are those that deploy as designed"
+    if pattern.design.build.compensation == "none":
+        made = "is cut as designed all the same, and deploys as another shape"
     words = (
         "Two welded sheets do not keep their flat angles when they inflate, and soft film grows "
-        "longer. The flat pattern is cut so that it deploys as designed. The simulation knows no "
-        "contact of siblings, no stiffness of film and weld, and no gravity.",
+        f"longer. The pattern {made}. The simulation knows no contact of siblings, no "
+        "stiffness of film and weld, and no gravity.",
+        *(one.rstrip(".") + "." for one in pattern.problems),
     )
-    return Section(title="Cut, and what it deploys as", paragraphs=words, tables=(table,))
+    picture = Picture(
+        image=lambda: page_svg(pattern_plan(pattern)),
+        caption="The flat outline that is cut, and the shape that it deploys as: joints are "
+        f"simulated one by one, tubes straight ({pattern.standing}); vinefab inflate simulates "
+        "the whole robot.",
+        wide=True,
+    )
+    return Section(
+        title="Flat and deployed",
+        paragraphs=words,
+        pictures=(picture,),
+        tables=tuple(one for one in blocks if isinstance(one, Rows)),
+    )
 
 
 def pressure_section(design: Design, profile: LaserProfile) -> Section:

@@ -348,7 +348,7 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
             for design, report in zip(designs, reports, strict=True)
         ),
         sheet_section(job, [finding for report in reports for finding in report.findings]),
-        *([pattern_section(prepared.pattern)] if prepared.pattern else []),
+        pattern_section(prepared.pattern or pattern_of(prepared.design, prepared.profile)),
         *_piece_sections(prepared),
         bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
     )

@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted, one_line
+from vinefab.core.view import Rows, Value
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
     metadata,
@@ -27,6 +28,7 @@ from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words
 from vinefab.inflation.pattern import Pattern
+from vinefab.inflation.pattern_view import pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
@@ -116,7 +118,8 @@ def readme_text(
         "face_words": face_words(design.build),
         "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
-        "pattern": pattern,
+        "standing": "" if pattern is None else pattern.standing,
+        "pattern": [] if pattern is None else _branches(pattern_table(pattern)),
     }
     if partition and partition.sleeves:
         widest_mm = max(sleeve.width_mm for sleeve in partition.sleeves)
@@ -133,6 +136,11 @@ def readme_text(
             "test_share": piece_joining.TEST_SHARE,
         }
     return filled_document("README.txt.j2", **filled)
+
+
+def _branches(table: Rows) -> list[dict[str, Value]]:
+    """Return the rows of a table by the keys that they have in JSON."""
+    return [dict(zip(table.keys, row, strict=True)) for row in table.rows]
 
 
 def _layers(

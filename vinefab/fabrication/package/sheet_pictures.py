@@ -1,6 +1,7 @@
 """Pictures of a laser job: the sheet, findings at their places, the laser's path in motion."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -9,13 +10,27 @@ import shapely
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.package.machine_time import PathPass, schedule
+from vinefab.fabrication.rules.inflation_rules import deployed_capsules
+from vinefab.inflation.pattern import Pattern
+from vinefab.inflation.robot import with_short_tail
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.pages.colours import ALERT, INK, ROCK_EDGE, SOFT
+from vinefab.pages.colours import ALERT, INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import Box, longer_mm
-from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
+from vinefab.pages.panel import (
+    Ink,
+    Marks,
+    Page,
+    Panel,
+    Shape,
+    page_of,
+    page_of_rows,
+    plan_panel,
+)
 
 OPERATION_COLOURS = {
     Operation.MARK: "#000000",
@@ -180,6 +195,44 @@ def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Page:
     if len(findings) > MOST_NUMBERS:
         panel.title, panel.title_colour = f"the first {MOST_NUMBERS} are numbered", SOFT
     return page_of(panel)
+
+
+_CUT = Ink(fill=ROCK, fill_alpha=0.45, line=ROCK_EDGE, width_pt=0.7)
+
+
+def pattern_plan(pattern: Pattern) -> Page:
+    """Return the flat outline that is cut beside the shape that it deploys as (simulated).
+
+    The deployed shape is put together from the joints, each of which was simulated alone.
+    """
+    outline = body_outline(with_short_tail(pattern.flat)).contour.flattened_mm()
+    bodies = deployed_capsules(replace(pattern, deployed=with_short_tail(pattern.deployed)))
+    begins, ends = (
+        shapely.buffer(shapely.points(at_mm), half_mm)
+        for at_mm, half_mm in (
+            (bodies.start_mm, bodies.half_mm),
+            (bodies.end_mm, bodies.end_half_mm),
+        )
+    )
+    tubes = np.asarray(shapely.convex_hull(shapely.union(begins, ends)))
+    designed = flat_layout(pattern.design)
+    axes = np.stack([designed.start_mm, designed.end_mm], axis=1)
+    corners = np.concatenate([outline, axes.reshape(-1, 2), shapely.get_coordinates(tubes)])
+    (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    flat, deployed = (plan_panel((x0, y0, x1, y1), 340.0) for _ in range(2))
+    flat.title, deployed.title = "flat, as cut", "deployed (simulated, unverified)"
+    flat.add(Shape([outline], _CUT, closed=True))
+    levels = designed.tree.level[bodies.branch]
+    for level in range(int(levels.max()), 0, -1):
+        colour = level_colour(level)
+        body = shapely.union_all(tubes[levels == level])
+        ink = Ink(fill=colour, fill_alpha=0.3, line=colour)
+        deployed.polygons([body], ink, rank=3.0, label=f"level {level}, inflated")
+    deployed.lines(list(axes), Ink(line=INK, width_pt=0.9, dash_pt=(4.0, 3.0)), rank=4.0,
+                   label="as designed")  # fmt: skip
+    # A plan that is wider than high stands above the other one.
+    is_wide = x1 - x0 > 1.3 * (y1 - y0)
+    return page_of_rows([[flat], [deployed]] if is_wide else [[flat, deployed]])
 
 
 LONGEST_S = 20.0

@@ -31,7 +31,7 @@ from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import least_gap_rad, widest_turn_rad
+from vinefab.model.tree import fan_offsets_rad
 
 LEAST_DEPTH = 1e-9
 """Pairs less deep in each other's clearance count as clear of each other."""
@@ -143,9 +143,10 @@ def _joint_takes(
     wide, narrow = build.widths_mm[level - 1] / 2.0, build.widths_mm[level] / 2.0
     lengths, disc = level_lengths_mm(design, level + 1), max(wide, narrow)
     around = [None, *range(below.branches), None]
+    headings = [-math.pi, *fan_offsets_rad(below).tolist(), math.pi]
     takes: dict[int | None, float] = dict.fromkeys(around, 0.0)
-    for pair in pairwise(around):
-        angle = math.pi - widest_turn_rad(below) if None in pair else least_gap_rad(below)
+    for pair, (before, after) in zip(pairwise(around), pairwise(headings), strict=True):
+        angle = after - before
         halves = tuple(wide if one is None else narrow for one in pair)
         parent = min(level_lengths_mm(design, level))
         shorter = min(parent if one is None else lengths[one] for one in pair)

@@ -28,6 +28,7 @@ from vinefab.fabrication.rules.pressure_limits import (
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
 from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import child_lengths_mm, widest_turn_rad
@@ -231,7 +232,7 @@ class FixTargets:
         found = fabrication_penalty(
             design,
             self.limits,
-            film_mm=material.ply_mm.value * material.plies,
+            material=material,
             taken_mm=taken_mm(self.profile),
             sheet_mm=sheet_mm,
             pieces=PieceLimits.of(design.build, self.profile, self.limits, sheet_mm)
@@ -239,6 +240,7 @@ class FixTargets:
             else None,
         )
         build, least_mm = design.build, self.least_fillet_mm()
+        flat = quick_pattern(design, material).flat
         least_side_mm = 1.001 * self.of_rule(PATHS)["segment_error"]
         wide = relative_excess(build.mouth_width_mm, self.of_rule(CLAMP)["error"])
         return found + math.log1p(
@@ -248,8 +250,8 @@ class FixTargets:
                 self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0
             )
             + self._window(design)
-            + math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(design))
-            + math.fsum(short_share(*room, least_side_mm) for room in rooms_mm(design))
+            + math.fsum(relative_excess(least_mm, drawn) for drawn in _drawn_fillets_mm(flat))
+            + math.fsum(short_share(*room, least_side_mm) for room in rooms_mm(flat))
         )
 
     def least_pouch_mm(self, build: Build) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,9 +21,15 @@ from vinefab.fabrication.rules.rule import (
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Design
+from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.finding import Severity
-from vinefab.model.tree import BranchTree, child_lengths_mm, least_gap_rad, widest_turn_rad
+from vinefab.model.tree import (
+    BranchTree,
+    child_lengths_mm,
+    fan_offsets_rad,
+    least_gap_rad,
+    widest_turn_rad,
+)
 from vinefab.physics.growth_pressure import FITTED, capstan_factor
 
 PARALLEL_RAD = 1e-6
@@ -97,34 +104,47 @@ def gap_angles_rad(design: Design, number: int) -> tuple[float, ...]:
     Tapered parents count with the side that leans most, tapered children with the one that leans
     least. A single child has a gap beside its parent only.
     """
+    beside, *between = _gaps_rad(design, number)
+    return (beside, min(between)) if between else (beside,)
+
+
+def _gaps_rad(design: Design, number: int) -> list[float]:
+    """Return the least angle beside the parent, and that of each gap between children."""
     level, lean = design.levels[number - 1], least_lean_rad(design, number + 1)
     beside = math.pi - widest_turn_rad(level) - max(level_tapers_rad(design, number)) + lean
-    return (beside, least_gap_rad(level) + 2.0 * lean) if level.branches > 1 else (beside,)
+    if isinstance(level, UnevenLevel):
+        between = np.diff(fan_offsets_rad(level)).tolist()
+    else:  # all alike, and equal to the last digit
+        between = [least_gap_rad(level)] * (level.branches - 1) if level.branches > 1 else []
+    return [beside, *(angle + 2.0 * lean for angle in between)]
 
 
 def bare_gaps(design: Design) -> list[tuple[float, float]]:
     """Return angle and share in the crotch of every kind of gap, in closed form, without fillets.
 
-    For each level that is the gap beside the parent and, between children, the one between the two
-    shortest neighbours. Fillets are drawn no larger than the crotch allows, so these shares exceed
-    one half exactly when those of `share_in_crotch` do.
+    For each level that is the gap beside the parent and, between children, the least angle and the
+    largest share. Fillets are drawn no larger than the crotch allows, so these shares exceed one
+    half exactly when those of `share_in_crotch` do.
     """
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
+        lengths_mm = child_lengths_mm(level).tolist()
         # A single child counts with its level's growth too, as in the compiled penalty.
-        shortest_mm = min(float(child_lengths_mm(level).min()), level.length_mm * level.growth)
+        shortest_mm = min(*lengths_mm, level.length_mm * level.growth)
         disc = max(wide, narrow)
-        beside, *between = gap_angles_rad(design, number)
+        beside, *between = _gaps_rad(design, number)
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
         length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
         found.append((beside, reach / length_mm))
-        found += [
-            (angle, _bare_reach_mm(angle, (narrow, narrow), disc) / shortest_mm)
-            for angle in between
+        shares = [
+            _bare_reach_mm(angle, (narrow, narrow), disc) / min(pair)
+            for angle, pair in zip(between, pairwise(lengths_mm), strict=True)
         ]
+        if shares:
+            found.append((min(between), max(shares)))
         above_mm = shortest_mm
     return found
 

@@ -1,7 +1,7 @@
 """How far a design is from being manufacturable, as one number for a search."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.gap import straight_begins_mm
@@ -10,6 +10,7 @@ from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
+from vinefab.fabrication.rules.inflation_rules import BODIES, contact_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, gap_angles_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
@@ -20,9 +21,10 @@ from vinefab.fabrication.rules.spacing import (
     spacing,
 )
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Build, Design
-from vinefab.model.laser import LaserProfile
-from vinefab.model.tree import branch_tree
+from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.tree import branch_tree, child_lengths_mm, least_gap_rad
 from vinefab.physics.growth_pressure import planned_growth_kpa
 
 Pair = tuple[float, float]
@@ -111,7 +113,7 @@ def fabrication_penalty(
     design: Design,
     limits: LimitChanges | None = None,
     *,
-    film_mm: float = DEFAULT_FILM_MM,
+    material: Material | None = None,
     taken_mm: float = DEFAULT_TAKEN_MM,
     sheet_mm: tuple[float, float] | None = None,
     pieces: PieceLimits | None = None,
@@ -125,6 +127,11 @@ def fabrication_penalty(
 
     Parameters
     ----------
+    material
+        The film. A compensated design counts as its pattern by `quick_pattern`; fans narrower than
+        any that was simulated and siblings that lie on each other when inflated (VF-I04, of which
+        the check only warns: nothing that grows knows it) add to the penalty. Without it every
+        design counts as it is, cut of film of `DEFAULT_FILM_MM`.
     taken_mm
         How far outside its lumen the beams of each branch take film.
     sheet_mm
@@ -140,15 +147,31 @@ def fabrication_penalty(
         to its limit. It falls steadily as branches part, also while they still cross, so that a
         search can follow it; the logarithm keeps a hopeless tree below about 100.
     """
-    changed = limits or {}
+    changed, film_mm = limits or {}, DEFAULT_FILM_MM
+    passages, beyond = (1.0,) * len(design.levels), 0.0
+    if material is not None:
+        pattern, film_mm = quick_pattern(design, material), material.film_mm
+        beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
+        design, passages = pattern.flat, pattern.passages
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
     narrow = _short_of(angles_deg, _limit(ANGLE, changed))
     webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
-    shares = occupancies(design, film_mm, _limit(PACKING, changed, "packing"))
+    # What rides in a child comes through the passage of its joint.
+    shares = [
+        share / passage
+        for share, passage in zip(
+            occupancies(design, film_mm, _limit(PACKING, changed, "packing")),
+            (1.0, *passages),
+            strict=False,
+        )
+    ]
     kinds = (
         width_violations(design.build, changed),
-        narrow + webbed + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
+        beyond
+        + narrow
+        + webbed
+        + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
         _over((100.0 * share for share in shares), _limit(PACKING, changed)),
         _on_sheet(design, changed, sheet_mm, taken_mm)
         if pieces is None
@@ -157,6 +180,16 @@ def fabrication_penalty(
         else _on_sheet(design, changed, pieces.sheet_mm, taken_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
+
+
+def _contacts(design: Design) -> Iterator[float]:
+    """Yield the share of the shortest sibling that lies on another, of each deployed fan."""
+    if design.build.compensation == "none":
+        return
+    for width_mm, level in zip(design.build.widths_mm[1:], design.levels, strict=True):
+        if level.branches > 1:
+            gap_deg = math.degrees(least_gap_rad(level))
+            yield contact_mm(gap_deg, width_mm) / float(child_lengths_mm(level).min())
 
 
 def _limit(rule: Rule, changed: LimitChanges, name: str = "error") -> float:

@@ -63,5 +63,4 @@ def _branch(deployment: Deployment, names: tuple[str, ...], index: int) -> dict[
         "contact_turn_deg": deg(float(deployment.contact_turn_rad[index])),
         "joint_deg": deg(float(tree.offset_rad[index])),
         "contacts_mm": deployment.contacts_mm(index).tolist(),
-        "tight_exit": bool(deployment.tight_exit[index]),
     }

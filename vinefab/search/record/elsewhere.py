@@ -30,16 +30,16 @@ def contact_ends(content: Mapping[str, Any], family: str = "unseen") -> tuple[fl
     return min(means), max(means)
 
 
-def mean_score(score: Mapping[str, float | None]) -> Number:
+def mean_score(score: Mapping[str, Any]) -> Number:
     """Return a mean score with its 95 % interval, where it has one."""
     low, high = score["low"], score["high"]
     interval = None if low is None or high is None else (low, high)
-    return Number(score["mean"], form=".3f", interval=interval)
+    return Number(score["mean"], form=".3f", interval=interval, over=score.get("over", ""))
 
 
 def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
     """Return what a winner is expected to score elsewhere, and how sure that is."""
-    task, unseen = content["task"], content["unseen"]
+    task, unseen = content.get("title", content["task"]), content["unseen"]
     angles, standing = content["head_on_half_angles_deg"], angles_standing(content)
     (least, most), (low, high) = contact_ends(content), placed_off_range(content)
     return (
@@ -73,7 +73,7 @@ def angles_standing(content: Mapping[str, Any]) -> str:
 def contacts_table(content: Mapping[str, Any]) -> Rows:
     """Return the mean scores over the head-on half-angle, on unseen and on training maps."""
     return Rows(
-        caption=f"mean {content['task']} score over the head-on half-angle "
+        caption=f"mean {content.get('title', content['task'])} score over the head-on half-angle "
         f"({angles_standing(content)}), with 95 % intervals over maps, from the same poses "
         "(simulated)",
         headings=("where", *(f"{angle:g} deg" for angle in content["head_on_half_angles_deg"])),

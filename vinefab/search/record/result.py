@@ -158,7 +158,7 @@ class RunResult(Result):
         fresh = counted(len(self.score.evaluations), "fresh pose")
         scores = {
             kind: Fact(
-                f"{kind} {self.score.task} on the training maps",
+                f"{kind} {self.score.title_of_task} on the training maps",
                 Number(value, form=".4f"),
                 f"composite.{kind}",
                 detail=f"{made}; {fresh}; simulated"
@@ -247,7 +247,8 @@ class RunResult(Result):
         size = "; ".join(filter(None, (size_words(self.best), self.pieces_words)))
         made = self.made if self.checked else "not checked whether it is manufacturable"
         return Answer(
-            f"found {self.best.name}: {self.score.task} {mean} (simulated); {size}; {made}",
+            f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
+            f"{made}",
             "good" if self.checked and self.fabricable else "caution",
         )
 
@@ -478,7 +479,8 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
     """Return the settings of a run with the limits that its record has, if it has one.
 
     A run file says what was asked for first, also after the limits were raised. One that says
-    neither that nor what holds now is left as it is, to be refused when the record is opened.
+    neither that nor what holds now is left as it is, to be refused when the record is opened. One
+    that leaves out ``build.compensation`` means that of the record: its default was another once.
     """
     path = folder / RECORD_FILE
     if not path.is_file():
@@ -488,7 +490,11 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
         if "run" not in tables:
             return settings
         entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
-        limits = recorded_identity(entries, path).limits
+        identity = recorded_identity(entries, path)
+        limits, build = identity.limits, settings.build
+        if "compensation" not in build.model_fields_set:
+            was = settings_from_plain(identity.settings).build.compensation
+            settings = settings.changed(build=build.changed(compensation=was))
         known = [limits, *(one.before for one in read_extensions(connection))]
         if {name: getattr(settings.search, name) for name in limits} not in known:
             return settings

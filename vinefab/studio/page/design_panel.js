@@ -1,5 +1,6 @@
 // The design: every value with a slider, an exact number, its unit and range, and a lock.
 
+import { patternOf } from "studio/deployed.js";
 import { el, number, setAt, valueAt } from "studio/dom.js";
 
 /** Return the number rows of a table with their whole keys; lists are the levels'. */
@@ -245,11 +246,45 @@ export function mount(root, app) {
     body.replaceChildren(...parts.map((part) => part.box));
   }
 
+  // ---- what must be cut for an angle: from the table at once, from the rules exactly
+
+  let notes = {};
+  let exact = { of: "", notes: {} };
+
+  /** Show the notes on values, by key: below the slider of each. */
+  function showNotes(found) {
+    notes = found ?? {};
+    for (const slider of body.querySelectorAll("input[type=range]")) {
+      const { key } = slider.dataset;
+      const line = slider.closest(".parameter");
+      let box = line.querySelector(".value-note");
+      if (!notes[key]) {
+        box?.remove();
+        continue;
+      }
+      if (!box) {
+        box = el("p", { id: `note-${key.replaceAll(".", "-")}` });
+        line.append(box);
+        slider.setAttribute("aria-describedby", box.id);
+      }
+      box.className = `value-note ${notes[key].kind}`;
+      box.textContent = notes[key].text;
+      box.title = notes[key].about;
+    }
+  }
+
+  app.onAnswer("cut", (found, state) => showNotes(exact.of === patternOf(state) ? exact.notes : found.cut));
+  app.onAnswer("rules", (found, state) => {
+    exact = { of: patternOf(state), notes: found.cut };
+    if (exact.of === patternOf(app.shown())) showNotes(exact.notes);
+  });
+
   function show(state) {
     const wanted = shape(form, state.design);
     if (wanted !== built) {
       built = wanted;
       build(state);
+      showNotes(notes);
     }
     for (const part of parts) part.show(state);
     if (document.activeElement !== name) name.value = state.design.name;

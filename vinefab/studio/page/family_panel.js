@@ -7,8 +7,6 @@ const AGAIN_MS = 1500;
 const COMPILED_MS = 120_000;
 const MOST_GROUNDS = 600;
 const CHART = { height: 96, left: 16, right: 16, top: 8, base: 66 };
-/** The interval of so few maps is narrower than it should be. */
-const FEW = 10;
 /** Scores that differ by less look the same. */
 const LEAST = 5e-4;
 const SORTS = [["seed", "in order"], ["worst", "worst first"], ["best", "best first"], ["change", "most changed first"]];
@@ -501,7 +499,7 @@ export function mount(root, app) {
 
   function showSummary() {
     const { mean, low, high, maps, quantiles } = answer.distribution;
-    const interval = low === null ? "one map: no interval" : `95 % interval ${range(low, high)} over ${maps} maps${maps < FEW ? " (too narrow for so few)" : ""}`;
+    const interval = low === null ? `${maps} ${maps === 1 ? "map" : "maps"}: no interval` : `95 % interval ${range(low, high)} over ${maps} maps`;
     const about = answer.quick ? "≈ " : "";
     const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
     summary.replaceChildren(
@@ -518,7 +516,7 @@ export function mount(root, app) {
       change.replaceChildren(
         el("span", { class: `value ${kind}` }, signed(difference.mean)),
         el("span", { class: "facts" }, ` to the version before, map by map: ${verdict}`
-          + (difference.low === null ? "" : ` (95 % interval ${signed(difference.low)} to ${signed(difference.high)})`)
+          + (difference.low === null ? "" : ` (95 % interval ${signed(difference.low)} to ${signed(difference.high)} over ${difference.maps} maps)`)
           + ` · better on ${difference.better}, worse on ${difference.worse} of ${difference.maps} maps`),
       );
     }

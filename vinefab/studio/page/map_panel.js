@@ -5,7 +5,8 @@ import { createView, ZOOM } from "studio/view.js";
 
 const STOPS = {
   full_length: ["○", "grown in full"], head_on: ["✕", "head-on"], corner: ["▲", "in a corner"],
-  pressure: ["■", "out of pressure"], not_deployed: ["–", "never emerged"],
+  pressure: ["■", "out of pressure"], branch: ["◆", "at another branch"],
+  not_everted: ["○", "did not come out"], not_deployed: ["–", "never emerged"],
 };
 const PLAY_S = 4;
 
@@ -163,7 +164,7 @@ export function mount(root, app) {
     const { facts: found } = answer;
     scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
       el("div", { class: "score", "data-task": task },
-        el("span", { class: "name" }, task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
+        el("span", { class: "name" }, answer.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
         el("span", { class: "standing" }, "simulated"))));
     const stops = Object.entries(found.stops ?? {}).filter(([, count]) => count)
       .map(([stop, count]) => `${STOPS[stop]?.[0] ?? ""} ${count} ${STOPS[stop]?.[1] ?? stop}`);

@@ -1,6 +1,7 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
 import { el, fillSvg, number, svgEl } from "studio/dom.js";
+import { deployedView, patternOf } from "studio/deployed.js";
 import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
@@ -103,6 +104,10 @@ function sheetView(app, onMarker) {
     else layer.removeAttribute("transform");
   }
 
+  function around([x0, y0, x1, y1]) {
+    view.whole([x0 - RIM_MM, -y1 - RIM_MM, x1 - x0 + 2 * RIM_MM, y1 - y0 + 2 * RIM_MM].join(" "));
+  }
+
   return {
     svg,
     view,
@@ -116,17 +121,20 @@ function sheetView(app, onMarker) {
       view.whole(rules.sheet_box.join(" "));
     },
     /** Draw the flat outline that follows the pointer, on the bed of the last job if there is one. */
-    outline(live, rules, ghost) {
+    outline(cut, rules, ghost) {
       const transform = onSheet(rules);
       layers.job.replaceChildren();
       fillSvg(layers.beds, transform ? rules.beds_svg : "");
       flat(layers.ghost, ghost, transform);
-      flat(layers.outline, live.outline_svg, transform);
+      flat(layers.outline, cut.outline_svg, transform);
       if (transform) view.whole(rules.sheet_box.join(" "));
-      else if (live.outline_box) {
-        const [x0, y0, x1, y1] = live.outline_box;
-        view.whole([x0 - RIM_MM, -y1 - RIM_MM, x1 - x0 + 2 * RIM_MM, y1 - y0 + 2 * RIM_MM].join(" "));
-      }
+      else if (cut.outline_box) around(cut.outline_box);
+    },
+    /** Draw the inflated body over the flat outline, without a bed. */
+    inflated(found) {
+      for (const layer of [layers.beds, layers.job, layers.ghost]) layer.replaceChildren();
+      flat(layers.outline, found.svg, null);
+      around(found.box);
     },
     /** Mark one finding, and look at its place. */
     select(index, look) {
@@ -239,6 +247,7 @@ export function mount(root, app) {
   const list = el("ol", { class: "findings", id: "findings", "aria-label": "Findings" });
   const more = el("div", { class: "more" });
   const fix = fixView(app, () => answer);
+  const deployed = deployedView(app, () => draw());
   root.append(
     el("div", { class: "top" },
       el("div", { class: "head" }, verdict, busy),
@@ -246,16 +255,18 @@ export function mount(root, app) {
         button("+", () => drawing.view.zoom(1 / ZOOM), { "aria-label": "Zoom in on the sheet" }),
         button("−", () => drawing.view.zoom(ZOOM), { "aria-label": "Zoom out of the sheet" }),
         button("Whole sheet", () => drawing.view.fit()),
+        deployed.toggle,
         el("span", { class: "gap" }), fix.start),
       drawing.svg),
-    fix.box, gauge, bill, list, more,
+    deployed.box, fix.box, gauge, bill, list, more,
   );
 
   let answer = null;
   let answered = "";
   let asked = "";
   let timer = 0;
-  let live = null;
+  let cut = null;
+  let cutAsked = "";
   let present = null;
   let selected = null; // fingerprint
   let waiving = "";
@@ -283,8 +294,22 @@ export function mount(root, app) {
     });
   }
 
+  /** Ask for the flat outline and angles, which follow the pointer. */
+  function askCut() {
+    const state = app.shown();
+    const wanted = patternOf(state);
+    if (!app.live || wanted === cutAsked) return;
+    cutAsked = wanted;
+    app.ask("cut", {}, { state }).catch((error) => {
+      if (cutAsked === wanted) cutAsked = "";
+      if (!error?.stale && !error?.stopped) app.say(error.message, "error");
+    });
+  }
+
   /** Ask when the state has been still for a while. */
   function follow() {
+    askCut();
+    deployed.follow();
     showFreshness();
     if (!app.live || isFresh()) return;
     clearTimeout(timer);
@@ -309,8 +334,9 @@ export function mount(root, app) {
 
   function draw() {
     const ghost = app.previewed ? present?.outline_svg : "";
+    if (deployed.shown()) return drawing.inflated(deployed.shown());
     if (isFresh() && answer.sheet_svg) drawing.job(answer, ghost);
-    else if (live?.outline_svg) drawing.outline(live, answer, ghost);
+    else if (cut?.outline_svg) drawing.outline(cut, answer, ghost);
     else if (answer?.sheet_svg) drawing.job(answer, ghost);
     const index = answer?.findings.findIndex((finding) => finding.fingerprint === selected) ?? -1;
     drawing.select(index, false);
@@ -442,16 +468,16 @@ export function mount(root, app) {
     show();
     draw();
   });
-  app.onAnswer("live", (found, state) => {
+  app.onAnswer("cut", (found, state) => {
     if (same(state.design, app.store.get().design)) present = found;
-    live = found;
+    cut = found;
     if (!isFresh()) draw();
   });
   app.onProgress?.("rules", (_, text) => { if (!isFresh()) busy.textContent = `checking: ${text}`; });
   app.store.subscribe(() => { follow(); });
   app.onPreview?.((design) => { fix.previewed(design); follow(); draw(); });
   for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, release, true);
-  app.on?.("again", () => { asked = ""; ask(); });
+  app.on?.("again", () => { asked = cutAsked = ""; askCut(); ask(); });
   follow();
   ask();
 }

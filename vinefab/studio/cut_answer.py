@@ -1,0 +1,114 @@
+"""What must be cut for what is designed: flat angles by the table, while a pointer drags them."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.rules.inflation_rules import SENSITIVITY, degrees_text
+from vinefab.inflation.compensation import FlatJoint
+from vinefab.inflation.pattern import LevelJoint, Pattern, pattern_of
+from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.laser import LaserProfile
+from vinefab.pages.plan_svg import outline_svg
+from vinefab.studio.panels import Tell
+from vinefab.studio.state import StudioState
+
+MOST_FLAT = 1500
+"""Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
+
+_WIDER_RAD, _FAN_STEP_RAD = math.radians(120.0), math.radians(1.0)
+"""How far and how finely the nearest possible fan is looked for."""
+
+
+def cut_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
+    """Return the flat outline and what is cut for each level, without any simulation.
+
+    Joints come from the table or the user's cache. The rules, once the pointer rests, simulate what
+    neither knows, and say all of it exactly.
+    """
+    if state.design.branch_count > MOST_FLAT:
+        return {"cut": {}, "outline_svg": "", "outline_box": None}
+    pattern = pattern_of(state.design, state.profile, known_only=True)
+    return {"cut": cut_notes(pattern, state.profile), **_outline(pattern.flat)}
+
+
+def _outline(flat: Design) -> dict[str, Any]:
+    try:
+        contour = body_outline(flat).contour
+    except BadInputError as error:  # a tree that no sheet could hold
+        return {"outline_svg": "", "outline_box": None, "outline_problem": str(error)}
+    return {"outline_svg": outline_svg(contour), "outline_box": list(contour.box_mm)}
+
+
+def cut_notes(pattern: Pattern, profile: LaserProfile) -> dict[str, dict[str, str]]:
+    """Return what stands at the angle of each level, by its key: kind, words and more words.
+
+    Kinds are ``known``, ``sensitive`` (errors are multiplied), ``bad`` (nothing deploys so), and
+    ``pending`` (a simulation will tell).
+    """
+    notes = {}
+    for place, joint in enumerate(pattern.joints):
+        if any(joint.wanted_deg) or joint.problem:
+            compensated = pattern.design.build.compensation != "none"
+            note = _note(joint, compensated=compensated)
+            if note[0] == "bad" and joint.found is None:
+                kind, text, about = note
+                note = kind, f"{text}{_nearest(pattern.design, profile, place)}", about
+            notes[f"level.{place}.angle_deg"] = dict(
+                zip(("kind", "text", "about"), note, strict=True)
+            )
+    return notes
+
+
+def _note(joint: LevelJoint, *, compensated: bool) -> tuple[str, str, str]:
+    """Return kind, words and more words on one level."""
+    if not joint.is_known:
+        why = "This joint is not in the table: it is simulated once the design rests."
+        return "pending", "simulated when you pause", why
+    why = joint.problem.partition(": ")[2]
+    if joint.problem or (found := joint.found) is None:
+        nearest = "" if joint.found is None else f": nearest {_fan(joint.found.deployed_deg)}°"
+        return "bad", f"✕ not possible{nearest}", f"{why or 'siblings pass through each other'}."
+    shown = found.flat.angles_deg if compensated else found.deployed_deg
+    how = "cut" if compensated else "deploys at"
+    kind = "sensitive" if found.sensitivity > SENSITIVITY.limits["warning"] else "known"
+    text = f"{how} {_fan(shown)}°, x{found.sensitivity:.1f} sensitive"
+    return kind, text, _about(found)
+
+
+def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
+    """Return the narrowest fan of a level, wider than its own, that the table knows, as words."""
+    level = design.levels[place]
+    if isinstance(level, UnevenLevel) or level.branches == 1:
+        return ""
+
+    def is_known(fan_rad: float) -> bool:
+        levels = list(design.levels)
+        levels[place] = level.changed(fan_rad=fan_rad)
+        wider = pattern_of(design.changed(levels=tuple(levels)), profile, known_only=True)
+        return not wider.joints[place].problem
+
+    low, high = level.fan_rad, min(level.fan_rad + _WIDER_RAD, math.tau)
+    if not is_known(high):
+        return ""
+    while high - low > _FAN_STEP_RAD:
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if is_known(middle) else (middle, high)
+    return f": nearest about {math.degrees(high):.0f}°"
+
+
+def _fan(angles_deg: tuple[float, ...]) -> str:
+    """Return the angle from the first to the last child; of a single one, its own."""
+    fan = angles_deg[-1] - (angles_deg[0] if len(angles_deg) > 1 else 0.0)
+    return f"{fan:.1f}"
+
+
+def _about(found: FlatJoint) -> str:
+    source = "from the table" if found.source == "table" else "simulated joint"
+    return (
+        f"Children cut at {degrees_text(found.flat.angles_deg)}° deploy at "
+        f"{degrees_text(found.deployed_deg)}° ({source}, good for {found.within_deg:.1f}°; "
+        f"unverified). 1° of error in the flat angles becomes {found.sensitivity:.1f}°."
+    )

@@ -1,0 +1,91 @@
+// The inflated body in place of the flat sheet: simulated off the live path, dropped by a change.
+
+import { el, shownBlocks } from "studio/dom.js";
+
+const STILL_MS = 400;
+
+/** What flat pattern and deployed shape depend on, of a state. */
+export const patternOf = ({ design, recipe, recipe_stamp }) => JSON.stringify([design, recipe, recipe_stamp]);
+
+/** Return the toggle, what stands below the drawing, and what is to be drawn. */
+export function deployedView(app, redraw) {
+  const toggle = el("button", {
+    type: "button", id: "deployed-toggle", "aria-pressed": "false",
+    title: "Flat: the sheet as it is cut. Deployed: its shape under pressure (simulated, some seconds)",
+    onclick: () => turn(!isOn),
+  }, "Deployed");
+  const bar = el("progress", { max: 1, value: 0, "aria-label": "Simulating the shape under pressure" });
+  const step = el("span", { class: "step" });
+  const box = el("section", { class: "deployed", id: "deployed", "aria-label": "Deployed shape", hidden: true });
+  let isOn = false;
+  let found = null;
+  let foundOf = "";
+  let asked = "";
+  let timer = 0;
+
+  const isFresh = () => found !== null && foundOf === patternOf(app.shown());
+
+  function turn(on) {
+    isOn = on;
+    toggle.setAttribute("aria-pressed", String(on));
+    box.hidden = !on;
+    if (on) follow(0);
+    else drop();
+    redraw();
+  }
+
+  /** Drop what is being simulated. */
+  function drop() {
+    clearTimeout(timer);
+    if (asked) app.cancel("inflated");
+    asked = "";
+  }
+
+  /** Follow the state: what was simulated of another one is neither shown nor finished. */
+  function follow(wait_ms = STILL_MS) {
+    if (!isOn || (asked && asked === patternOf(app.shown()))) return;
+    drop();
+    if (isFresh()) return show();
+    if (!app.live) return say("A snapshot: nothing is simulated here");
+    bar.removeAttribute("value");
+    step.textContent = "when the design rests";
+    box.replaceChildren(el("div", { class: "progress" }, bar, step));
+    timer = setTimeout(ask, wait_ms);
+  }
+
+  async function ask() {
+    const state = app.shown();
+    const wanted = (asked = patternOf(state));
+    try {
+      const answer = await app.ask("inflated", {}, { state });
+      if (asked !== wanted) return;
+      [found, foundOf, asked] = [answer, wanted, ""];
+      show();
+      redraw();
+    } catch (error) {
+      if (asked !== wanted) return;
+      asked = "";
+      if (!error?.stale && !error?.stopped) say(error?.message ?? "the shape could not be simulated", "note warning");
+    }
+  }
+
+  function say(text, kind = "note") {
+    box.replaceChildren(el("p", { class: kind }, text));
+  }
+
+  function show() {
+    const [answer, ...rest] = shownBlocks(found.blocks);
+    box.replaceChildren(
+      answer,
+      el("p", { class: "note" }, "Filled: deployed (simulated, unverified). Dashed: flat, as cut. Lines: as designed."),
+      el("details", {}, el("summary", {}, "Angles, lengths, loads"), el("div", { class: "wide" }, ...rest)),
+    );
+  }
+
+  app.onProgress?.("inflated", (share, text) => {
+    bar.value = share;
+    step.textContent = text;
+  });
+  app.on?.("again", () => { if (isOn) { asked = ""; follow(0); } });
+  return { toggle, box, follow: () => follow(), shown: () => (isOn && isFresh() ? found : null) };
+}

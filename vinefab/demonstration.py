@@ -19,7 +19,7 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
-from vinefab.prediction.measures import REACH, Spread
+from vinefab.prediction.measures import REACH, MeasureSpread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
@@ -194,7 +194,9 @@ def run_demo(
 
 def demo_interval_text(score: Score) -> str:
     """Return a mean with its 95 % interval over maps, as reports have it."""
-    spread = Spread.of(score.scores, [evaluation.map_name for evaluation in score.evaluations])
+    spread = MeasureSpread.of(
+        score.scores, [evaluation.map_name for evaluation in score.evaluations]
+    )
     if spread is None:
         return "-"
     ends = (spread.low, spread.high)

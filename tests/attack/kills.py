@@ -118,7 +118,7 @@ SMALL_BENCH = """
 from vinefab.cli.main import run
 from vinefab.studies import benchmark
 benchmark.SIZES, benchmark.BATCH_SIZES, benchmark.MEMORY_AFTER = (300,), (1,), (100,)
-benchmark.SEARCHES, benchmark.GROWTHS, benchmark.GENERATIONS = ("cmaes",), 20, 3
+benchmark.SEARCHES, benchmark.GROWTHS, benchmark.BENCH_GENERATIONS = ("cmaes",), 20, 3
 benchmark.FIRST_GROWTHS = {"interpreted": ""}
 """
 """The benchmark in seconds: nothing but its sizes is changed."""

@@ -62,7 +62,7 @@ def vine_of(width_mm: float = 20.0, pressure_kpa: float = 30.0, **changes: float
     vine = Vine(
         radius_mm=tubes.inflated_radius_mm(width_mm),
         bending_n_mm2=bending,
-        collapse_n_mm=tubes.collapse_moment_n_mm(pressure_kpa, width_mm),
+        collapse_n_mm=tubes.collapse_moment_n_mm(pressure_kpa, width_mm, 1.0),
         mass_t_mm=mass_t_mm,
         drag_n_s_mm2=2e-7,
         joint_n_mm_s=0.02 * mass_t_mm * link_mm**3 / step_s,

@@ -60,7 +60,7 @@ class Push(NamedTuple):
         film = (self.ply_mm, self.modulus_mpa, self.modulus_mpa / 3.0)
         axial_n = tubes.axial_buckling_n(span_mm, self.pressure_kpa, self.width_mm, *film)
         across_n_mm = push_n * math.sin(from_normal_rad) * span_mm
-        collapse_n_mm = tubes.collapse_moment_n_mm(self.pressure_kpa, self.width_mm)
+        collapse_n_mm = tubes.collapse_moment_n_mm(self.pressure_kpa, self.width_mm, 1.0)
         return push_n >= axial_n or across_n_mm >= collapse_n_mm
 
 

@@ -38,9 +38,19 @@ def test_axial_buckling_of_long_and_of_short_spans():
 
 
 def test_moments_grow_with_pressure_and_with_the_cube_of_the_radius():
-    assert tube.collapse_moment_n_mm(30.0, 20.0) == pytest.approx(24.317, abs=1e-3)
-    assert tube.collapse_moment_n_mm(60.0, 40.0) == pytest.approx(16.0 * 24.317, abs=0.02)
+    assert tube.collapse_moment_n_mm(30.0, 20.0, 1.0) == pytest.approx(24.317, abs=1e-3)
+    assert tube.collapse_moment_n_mm(60.0, 40.0, 1.0) == pytest.approx(16.0 * 24.317, abs=0.02)
+    assert tube.collapse_moment_n_mm(30.0, 20.0) == pytest.approx(0.83 * 24.317, abs=1e-3)
     assert tube.wrinkle_moment_n_mm(30.0, 20.0) == pytest.approx(0.5 * 24.317, abs=1e-3)
+
+
+def test_a_cantilever_folds_where_its_weight_bends_it_to_the_collapse_moment():
+    span_mm = tube.self_weight_span_mm(30.0, 20.0, 0.0375, 1200.0)
+    # Tube of circumference 40 mm and as much film inside, over half the span.
+    weight_n = 2.0 * 40.0 * 0.0375 * span_mm * 1200e-9 * 9.80665
+    assert weight_n * span_mm / 2.0 == pytest.approx(tube.collapse_moment_n_mm(30.0, 20.0))
+    simple_mm = 2.0 * 20.0 / math.pi * math.sqrt(30e3 / (8.0 * 1200.0 * 9.80665 * 37.5e-6))
+    assert span_mm == pytest.approx(math.sqrt(0.83) * simple_mm)
 
 
 def test_without_pressure_to_spare_a_tip_does_not_push():

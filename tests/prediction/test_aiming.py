@@ -139,7 +139,7 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
         "the search's own estimate",
         "worst tenth",
         "from 20.00,100.00,0.00",
-        "over tree_as_plain_vine, each at its best pose",
+        "over tree_as_plain_vine, each at the best pose found",
         "1 - 1/e",
         "2 robots tree_as_plain_vine",
     ):
@@ -249,4 +249,4 @@ def test_the_front_door_writes_a_page_and_returns_poses(tmp_path):
     assert (tmp_path / "aim.png").read_bytes().startswith(b"\x89PNG")
     assert result.poses == (result.pose,)
     assert seen.shares == sorted(seen.shares)
-    assert repr(result).startswith("<AimResult>\nPut the base of tree at ")
+    assert repr(result).startswith("<AimResult>\nBest found: put the base of tree at ")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
-from vinefab.core.statistics import mean_interval, mean_p
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval, mean_p
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.pages.panel import Marks, Shape
@@ -71,8 +71,8 @@ def test_differences_are_paired_by_map():
     assert difference.mean == pytest.approx((better - base).mean())
     assert difference.low > 0.5
     means = (better - base).reshape(12, 2).mean(axis=1)
-    assert (difference.low, difference.high) == mean_interval(means)
-    assert (difference.p, difference.over) == (mean_p(means), "12 maps")
+    assert (difference.low, difference.high) == mean_interval(means, tails=PAIRED_TAILS)
+    assert (difference.p, difference.over) == (mean_p(means, PAIRED_TAILS), "12 maps")
     assert (difference.winner, difference.won_percent, difference.is_clear) == ("a", 100.0, True)
 
 

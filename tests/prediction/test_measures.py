@@ -24,8 +24,8 @@ from vinefab.prediction.measures import (
     TIGHT,
     TIGHT_PRESSURE,
     UNDEPLOYED,
+    MeasureSpread,
     MeasureTable,
-    Spread,
     constants_by_level,
     growth_pressures_kpa,
     shares_percent,
@@ -75,7 +75,7 @@ def test_spread_of_means_is_taken_over_maps(result):
 
 def test_every_number_of_a_spread_is_what_its_name_says():
     values = np.append(np.arange(101.0)[::-1], np.nan)
-    spread = Spread.of(values, ["only map"] * 102)
+    spread = MeasureSpread.of(values, ["only map"] * 102)
     assert spread.count == 101
     assert (spread.p05, spread.median, spread.p95) == (5.0, 50.0, 95.0)
     assert (spread.least, spread.greatest, spread.mean) == (0.0, 100.0, 50.0)
@@ -87,15 +87,15 @@ def test_every_number_of_a_spread_is_what_its_name_says():
 
 def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
     # Means of the maps are 2 and 10.
-    spread = Spread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
+    spread = MeasureSpread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
     assert (spread.mean, spread.over) == (6.0, "2 maps")
     assert (spread.low, spread.high) == mean_interval([2.0, 10.0])
     assert spread.median == 2.5
-    alike = Spread.of(np.array([4.0, 4.0]), ["a", "b"])
+    alike = MeasureSpread.of(np.array([4.0, 4.0]), ["a", "b"])
     assert (alike.has_interval, alike.deviation) == (False, 0.0)
-    shares = Spread.of(np.array([2.0, 90.0]), ["a", "b"], SEEN)
+    shares = MeasureSpread.of(np.array([2.0, 90.0]), ["a", "b"], SEEN)
     assert (shares.low, shares.high) == (0.0, 100.0)  # no share lies outside
-    assert Spread.of(np.array([np.nan]), ["a"]) is None
+    assert MeasureSpread.of(np.array([np.nan]), ["a"]) is None
 
 
 def test_a_table_counts_maps_and_refuses_columns_of_another_length():

@@ -15,7 +15,7 @@ from vinefab.growth.simulator import grow_on
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.pose_search import (
-    LAST_DRAWS,
+    JUDGED_DRAWS,
     BaseRegion,
     PoseErrors,
     PoseTrial,
@@ -138,7 +138,7 @@ def test_a_mirrored_map_has_the_mirrored_best_pose():
     turned = (math.pi - heading - one.pose[2]) % (2.0 * math.pi)
     assert min(turned, 2.0 * math.pi - turned) == pytest.approx(0.0, abs=1e-6)
     assert other.estimate == pytest.approx(one.estimate, abs=1e-9)
-    assert one.draws == LAST_DRAWS
+    assert one.draws == JUDGED_DRAWS
     # The whole landscape is mirrored, not only its top.
     assert np.sort(one.landscape.best_scores) == pytest.approx(
         np.sort(other.landscape.best_scores), abs=1e-9
@@ -149,7 +149,7 @@ def test_in_a_corridor_the_base_stands_at_one_end_and_looks_along_it():
     corridor = Map(name="corridor", bounds=shapely.box(0.0, 0.0, 400.0, 24.0))
     trial = trial_on(corridor, VINE)
     region = BaseRegion.of(trial, "border")
-    found = search_poses(trial, Reach(buffer_mm=30.0, area="fast"), region, ERRORS, 4000)
+    found = search_poses(trial, Reach(buffer_mm=30.0, area="fast"), region, ERRORS, 6000)
     x, _, heading = found.pose
     inward = 0.0 if x < 200.0 else math.pi
     # The body is 300 mm and reaches 30 mm on: from a base 30 to 70 mm inside 360 mm are reached.
@@ -228,3 +228,19 @@ def test_starts_in_words_are_searched_and_keep_their_headings():
     found = search_poses(trial_on(ROOM), Reach(area="fast"), region, ERRORS, 1500)
     assert found.pose[0] == pytest.approx(15.0)
     assert math.radians(-10.1) < found.pose[2] < math.radians(30.1)
+
+
+def test_a_longer_search_contains_the_shorter_ones_and_keeps_the_best_of_them():
+    """The poses of a search on 1,024 draws are no worse than those of any shorter one."""
+    trial, task = trial_on(ROOM), Reach(buffer_mm=30.0, area="fast")
+    region = BaseRegion.of(trial, "anywhere")
+    draws = ERRORS.even(JUDGED_DRAWS)
+    found = [search_poses(trial, task, region, ERRORS, most) for most in (5000, 9999, 20_000)]
+    assert [one.starts for one in found] == [1, 1, 3]
+    assert found[0].pose.tolist() == found[1].pose.tolist()
+    means = [float(trial.scores(task, one.pose[None], draws).mean()) for one in found]
+    assert means == sorted(means)
+    assert [one.estimate for one in found] == pytest.approx(means)
+    # Each search has a grid of its own.
+    assert found[2].landscape.spacing_mm < found[0].landscape.spacing_mm
+    assert found[2].deployments <= 20_000 * 1.3

@@ -11,11 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     HeldForces,
@@ -24,7 +25,7 @@ from vinefab.prediction.anchoring_prediction import (
 )
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
-from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
+from vinefab.prediction.predict import cautions, headlines, predict, span_notes, verdict_on
 from vinefab.prediction.prediction_width import CONTACT_MEASURES, ContactRange, ContactValue
 from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
 from vinefab.prediction.provenance import origin_of
@@ -318,7 +319,10 @@ def test_cautions_name_counts_and_pressures():
     profile = read_profile(DEFAULT_RECIPE)
     skipped = tuple(RuleSkipped(rule=f"VF-{n}", reason="no map") for n in range(3))
     warnings = (found_rule("VF-C01", Severity.WARNING), found_rule("VF-C02", Severity.INFO))
-    prepared = SimpleNamespace(report=check(*warnings, skipped=skipped), profile=profile)
+    design = Design.read("plain_vine")
+    prepared = SimpleNamespace(
+        report=check(*warnings, skipped=skipped), profile=profile, design=design
+    )
     window = window_of_needs(10.0, 40.0, 30.0, 15.0)
     sentences = cautions(prepared, window, known_outcomes())
     assert profile.recipe.status is RecipeStatus.UNVERIFIED
@@ -329,3 +333,16 @@ def test_cautions_name_counts_and_pressures():
     assert sentences[4].startswith("Predictions rest on 2 maps")
     assert sentences[5] == "Design rules: 1 warning, 3 rules not checked."
     assert len(sentences) == 6
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.99, False), (1.01, True)])
+def test_branches_that_fold_under_their_own_weight_are_named(share, noted):
+    profile = read_profile(DEFAULT_RECIPE)
+    film, build = profile.material, Build.standard(1).changed(pressure_kpa=30.0)
+    span_mm = self_weight_span_mm(
+        30.0, build.widths_mm[0], film.ply_mm.value, film.density_kg_m3.value
+    )
+    design = Design(name="v", trunk_length_mm=share * span_mm, build=build)
+    notes = span_notes(SimpleNamespace(design=design, profile=profile))
+    assert len(notes) == noted
+    assert all(f"from about {span_mm:.0f} mm without support" in note for note in notes)

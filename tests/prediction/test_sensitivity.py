@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
-from vinefab.core.statistics import mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.view import document
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
@@ -109,7 +109,7 @@ def test_changes_are_means_over_maps_with_their_interval(straight, monkeypatch):
     effect = evaluator.effect(variant)
     change = effect.changes[SEEN.key]
     assert (effect.count, change.over, change.mean) == (8, "8 maps", pytest.approx(5.0))
-    assert (change.low, change.high) == mean_interval(differences)
+    assert (change.low, change.high) == mean_interval(differences, tails=PAIRED_TAILS)
     assert change.is_clear
 
 

@@ -8,7 +8,7 @@ import shapely
 
 import vinefab as vf
 from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.core.statistics import mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.maps import generate
@@ -122,7 +122,7 @@ def test_a_version_is_compared_map_by_map(answer):
     difference = after["difference"]
     assert difference["maps"] == 4
     assert difference["mean"] == pytest.approx(gains.sum() / 4)
-    assert (difference["low"], difference["high"]) == mean_interval(gains)
+    assert (difference["low"], difference["high"]) == mean_interval(gains, tails=PAIRED_TAILS)
     assert difference["better"] == sum(gain > 0 for gain in gains)
     assert difference["worse"] == sum(gain < 0 for gain in gains) > 0
     same = answered(state_of(family=TWICE), before=before)["difference"]

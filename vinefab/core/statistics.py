@@ -15,9 +15,12 @@ from vinefab.core.validation import Floats
 LEVEL, SIGNIFICANT = 0.95, 0.05
 """Confidence level of intervals that are shown, and p-values below which a difference is clear."""
 
-TAILS = 4.0
+LONG_TAILS = 4.0
 """Excess kurtosis that scores of maps are taken to have: on bench Grids and Caves it was -2 to 16
 (simulated), and with 4 the intervals over 5 to 50 maps hold the truth often enough."""
+
+PAIRED_TAILS = 1.0
+"""The same of differences of two designs on the same maps: what stops both cancels."""
 
 _ALIKE = 1e-12
 """Values that differ by no more, over the largest of them, are equal up to rounding."""
@@ -44,7 +47,7 @@ def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:
 
 
 def mean_interval(
-    values: ArrayLike, level: float = LEVEL, tails: float = TAILS
+    values: ArrayLike, level: float = LEVEL, tails: float = LONG_TAILS
 ) -> tuple[float, float]:
     """Return Student's interval of the mean of independent values; NaN twice where there is none.
 
@@ -70,7 +73,7 @@ def mean_interval(
     return mean - half, mean + half
 
 
-def mean_p(differences: ArrayLike, tails: float = TAILS) -> float:
+def mean_p(differences: ArrayLike, tails: float = LONG_TAILS) -> float:
     """Return the two-sided p-value of a mean of 0 by Student's t; NaN for one value.
 
     Values that are all alike have no spread: p is that of as many flips of their sign.
@@ -89,7 +92,7 @@ def mean_p(differences: ArrayLike, tails: float = TAILS) -> float:
     return 2.0 * float(stdtr(degrees_of(len(sample), tails), -abs(mean) / error))
 
 
-def degrees_of(count: int, tails: float = TAILS) -> float:
+def degrees_of(count: int, tails: float = LONG_TAILS) -> float:
     """Return Satterthwaite's degrees of freedom for the standard error of so many scores.
 
     Now and then a robot hardly gets into a map: scores have longer tails than the normal law, and

@@ -78,7 +78,7 @@ class Number:
             low, high = self.interval
             known = self._is_known(low) and self._is_known(high)
             ends = (self._shown(low), self._shown(high)) if known else None
-            words += f" {interval_text(ends, self.over)}"
+            words += f" {bracketed(ends, self.over)}"
         return f"{words} {self.unit}".rstrip()
 
     @property
@@ -101,10 +101,10 @@ class Number:
         return f"{value if self.per == 1.0 else value / self.per:{self.form}}"
 
 
-def interval_text(ends: tuple[str, str] | None, over: str) -> str:
+def bracketed(ends: tuple[str, str] | None, over: str) -> str:
     """Return the ends of an interval with the samples that it is over, or that there is none.
 
-    >>> interval_text(("0.80", "0.86"), "24 maps"), interval_text(None, "1 map")
+    >>> bracketed(("0.80", "0.86"), "24 maps"), bracketed(None, "1 map")
     ('[0.80, 0.86; 24 maps]', '(1 map: no interval)')
     """
     if ends is None:

@@ -8,7 +8,9 @@ the formulas: published, standard results. They hold while the hoop strain
 import math
 from typing import TypeVar
 
+from vinefab.core.units import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
+from vinefab.model.laser import Quantity, Standing
 from vinefab.physics.seam import N_MM2_PER_KPA
 
 Widths = TypeVar("Widths", float, Floats)
@@ -47,15 +49,57 @@ def wrinkle_moment_n_mm(pressure_kpa: float, width_mm: float) -> float:
     >>> round(wrinkle_moment_n_mm(30.0, 20.0), 1)
     12.2
     """
-    return 0.5 * collapse_moment_n_mm(pressure_kpa, width_mm)
+    return 0.5 * collapse_moment_n_mm(pressure_kpa, width_mm, 1.0)
 
 
-def collapse_moment_n_mm(pressure_kpa: float, width_mm: float) -> float:
-    """Return the moment pi P R^3 that an inflated tube cannot exceed: a fold bears it (published).
+EVERTED_SHARE = Quantity(
+    value=0.83,
+    standing=Standing.PUBLISHED,
+    source="arXiv 2107.05748, abstract: everted tubes buckle at 0.83 of the theory, straight ones "
+    "at 1.09",
+)
+"""Collapse moment of a tube that was everted, over the theory's."""
+
+
+def collapse_moment_n_mm(
+    pressure_kpa: float, width_mm: float, share: float = EVERTED_SHARE.value
+) -> float:
+    """Return the moment s pi P R^3 that folds an inflated tube (published).
 
     A transverse load at the tip of a free span of length L folds it at this moment over L.
+
+    Parameters
+    ----------
+    share
+        What was measured over the theory: 0.83 for everted tubes, 1.09 for straight ones.
     """
-    return math.pi * pressure_kpa * N_MM2_PER_KPA * inflated_radius_mm(width_mm) ** 3
+    moment_n_mm = math.pi * pressure_kpa * N_MM2_PER_KPA * inflated_radius_mm(width_mm) ** 3
+    return share * moment_n_mm
+
+
+def self_weight_span_mm(
+    pressure_kpa: float, width_mm: float, ply_mm: float, density_kg_m3: float
+) -> float:
+    """Return the free span, held at one end, that folds under its own weight (computed).
+
+    About D sqrt(P / (8 rho g t)): the weight is that of the tube and of as much film inside it,
+    which still has to evert; the moment is that of everted tubes.
+
+    Parameters
+    ----------
+    pressure_kpa, width_mm, ply_mm
+        Gauge pressure, lay-flat lumen width and film thickness.
+    density_kg_m3
+        Density rho of the film.
+
+    Examples
+    --------
+    >>> round(self_weight_span_mm(30.0, 20.0, 0.0375, 1200.0))
+    1069
+    """
+    film_mm2 = 2.0 * 2.0 * width_mm * ply_mm
+    weight_n_mm = film_mm2 * density_kg_m3 * 1e-9 * STANDARD_GRAVITY_M_S2
+    return math.sqrt(2.0 * collapse_moment_n_mm(pressure_kpa, width_mm) / weight_n_mm)
 
 
 def bending_stiffness_n_mm2(width_mm: float, ply_mm: float, modulus_mpa: float) -> float:

@@ -2,7 +2,7 @@
 
 Other rooms may use `deploy` (one deployment: `deploy`, `growth_options`, `deploy_from_starts`),
 `scoring` (`score_design_on_task`), `family_deployments` (`MapFamily`, `unseen_maps`,
-`PredictionPlan`, `deploy_family`), `measures` (the measures and their `Spread`), `predict`
+`PredictionPlan`, `deploy_family`), `measures` (the measures and their `MeasureSpread`), `predict`
 (`predict` and its page), `comparison` (`compare_designs`), `map_info`,
 `aiming` (`aim_robots`), `fix_proposal` (`propose_fix`) and `provenance` (`origin_of`).
 """

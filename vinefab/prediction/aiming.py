@@ -15,7 +15,7 @@ from vinefab.core.limits import MOST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_values
 from vinefab.core.rng import child
-from vinefab.core.statistics import mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number, whole
 from vinefab.core.view import (
@@ -271,7 +271,7 @@ class AimedRobot:
 def paired_gain(one: PoseEstimate, other: PoseEstimate) -> tuple[float, float, float]:
     """Return the mean of one estimate minus another's, and its 95 % interval."""
     differences = one.scores - other.scores
-    return float(differences.mean()), *mean_interval(differences)
+    return float(differences.mean()), *mean_interval(differences, tails=PAIRED_TAILS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -313,7 +313,7 @@ class AimResult(Result):
     def view(self) -> Iterator[Block]:
         """Yield the best pose, its expected score, and how the designs compare."""
         plan, first, best = self.plan, self.first, self.first.best
-        gains = [(f"over {other.name}, each at its best pose", paired_gain(best, other.best))
+        gains = [(f"over {other.name}, each at the best pose found", paired_gain(best, other.best))
                  for other in self.robots[1:]]  # fmt: skip
         if first.gain is not None:
             gains.insert(0, ("over the map's start", first.gain))
@@ -321,14 +321,14 @@ class AimResult(Result):
             best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
         )
         yield Answer(
-            f"Put the base of {first.name} at {best.pose.text}: expected {self.task.name} score "
-            f"{score}."
+            f"Best found: put the base of {first.name} at {best.pose.text}: expected "
+            f"{self.task.name} score {score}."
         )
         yield Picture(
             image=lambda: page_svg(page_of(landscape_panel(self, first))),
             caption=f"{first.name}: expected score of "
             f"{counted(len(first.search.landscape.places_mm), 'place')}, each at the best of its "
-            "headings (arrows). Ring: the best robust pose (simulated).",
+            "headings (arrows). Ring: the best robust pose that was found (simulated).",
         )
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")
@@ -357,7 +357,7 @@ class AimResult(Result):
             lead=True,
         )
         yield Rows(
-            caption=f"Expected {self.task.name} score at the best pose of each: mean of "
+            caption=f"Expected {self.task.name} score at the best pose found for each: mean of "
             f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
             "estimate is the best of many, so biased",
             headings=("design", "X,Y,DEG", "score", "worst tenth", "in the search",
@@ -452,9 +452,12 @@ class AimResult(Result):
             yield Section(title="Several robots", pictures=(*teams, union))
         low, high = (f"{deg(angle):g}" for angle in plan.options.half_angle_range_rad)
         words = (
-            f"{first.search.deployments:,} deployments of {first.name} were simulated for the "
-            "search: all over the region at first, then at the best poses there, then around the "
-            "best of these, with the same contacts and placing errors at every pose. Head-on "
+            f"{first.search.deployments:,} deployments of {first.name} were simulated in "
+            f"{counted(first.search.starts, 'search')} on grids of their own: all over "
+            "the region at first, then at the best poses there, then around the best of these, "
+            "with the same contacts and placing errors at every pose. The pose of an earlier "
+            "search is kept unless a later one finds a clearly better one: more deployments "
+            "never give a clearly worse pose; a better one may still exist. Head-on "
             f"half-angles are even from {low} to {high} deg "
             f"({plan.options.contact_angles_standing}), bases are even within {plan.placing_mm:g} "
             f"mm of their place and {plan.placing_deg:g} deg of their heading (assumed). The best "
@@ -474,7 +477,7 @@ class AimResult(Result):
 
     @property
     def pose(self) -> Pose:
-        """The best robust pose."""
+        """The best robust pose that was found."""
         return self.first.best.pose
 
     @property

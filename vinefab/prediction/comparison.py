@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import SIGNIFICANT, mean_interval, mean_p
+from vinefab.core.statistics import PAIRED_TAILS, SIGNIFICANT, mean_interval, mean_p
 from vinefab.core.view import (
     Answer,
     Block,
@@ -366,8 +366,8 @@ def paired_differences(
             found.append((names[one], names[two], means))
     made = list[PairedDifference]()
     for first, second, means in found:
-        p = mean_p(means)
-        low, high = mean_interval(means, 1.0 - SIGNIFICANT / len(found))
+        p = mean_p(means, PAIRED_TAILS)
+        low, high = mean_interval(means, 1.0 - SIGNIFICANT / len(found), PAIRED_TAILS)
         better = means > 0.0 if measure.better == "more" else means < 0.0
         won = np.mean(better + 0.5 * (means == 0.0))
         made.append(

@@ -21,7 +21,6 @@ from vinefab.prediction.measures import (
     MEASURES,
     Measure,
     MeasureTable,
-    Spread,
     spreads_content,
 )
 from vinefab.prediction.pictures import spread_chart
@@ -72,7 +71,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
             headings=("measure", *_NUMBER_HEADINGS, "count"),
             rows=tuple(
                 (measure.label, spread.shown(measure),
-                 *(measure.of(getattr(spread, name)) for name in Spread.NUMBERS[3:]), spread.count)
+                 *(measure.of(getattr(spread, name)) for name in spread.NUMBERS[3:]), spread.count)
                 for measure in MEASURES
                 if (spread := outcomes.spread(measure)) is not None
             ),

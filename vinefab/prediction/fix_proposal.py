@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
@@ -257,7 +257,7 @@ def score_change_lines(
         names = [evaluation.map_name for evaluation in old.evaluations]
         several = len(set(names)) > 1
         means = group_means(new.scores - old.scores, names if several else range(len(names)))
-        low, high = mean_interval(means)
+        low, high = mean_interval(means, tails=PAIRED_TAILS)
         pairs = counted(len(means), "map" if several else "pose")
         interval = f"95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
         interval = f"{pairs}: {NO_INTERVAL}" if math.isnan(low) else interval

@@ -41,7 +41,7 @@ from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 from vinefab.prediction.pictures import passage_plan
 
-SHARES = (0.9, 0.5)
+PASSAGE_SHARES = (0.9, 0.5)
 """Shares of the free area for which the widest body is computed."""
 
 _HALVINGS = 7
@@ -105,7 +105,7 @@ def start_room(free: BaseGeometry, pose: Pose) -> StartRoom:
 def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[float, float | None]:
     """Return the lay-flat width of the widest body that sweeps each share of the free area."""
     if not starts or starts[0].clearance_mm <= 0.0:
-        return dict.fromkeys(SHARES)
+        return dict.fromkeys(PASSAGE_SHARES)
     start = starts[0]
     home = shapely.simplify(_home(free, start), COARSE * start.clearance_mm)
 
@@ -114,7 +114,7 @@ def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[flo
         return float(_swept(home, start, radius_mm).area / free.area)
 
     found = dict[float, float | None]()
-    for share in SHARES:
+    for share in PASSAGE_SHARES:
         low_mm, high_mm = 0.0, start.clearance_mm
         if share_of(high_mm) >= share:
             low_mm = high_mm

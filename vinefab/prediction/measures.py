@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
-from vinefab.core.view import Number, interval_text
+from vinefab.core.view import Number, bracketed
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import STUCK_STOPS, Deployment
 from vinefab.model.design import Design
@@ -78,7 +78,7 @@ class Measure:
         """Return a mean with its interval and the samples behind it, without unit."""
         known = np.isfinite(low) and np.isfinite(high)
         ends = (self.number(low), self.number(high)) if known else None
-        return f"{self.number(mean)} {interval_text(ends, over)}"
+        return f"{self.number(mean)} {bracketed(ends, over)}"
 
     def within(self, low: float, high: float) -> tuple[float, float]:
         """Return the ends of an interval without what no value of this measure can be."""
@@ -217,7 +217,7 @@ def means_by_map(values: Floats, maps: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class MeasureSpread:
     """How a measure is spread over deployments."""
 
     count: int  # deployments that have a value
@@ -250,7 +250,7 @@ class Spread:
     @classmethod
     def of(
         cls, values: Floats, groups: Sequence[str], measure: Measure | None = None
-    ) -> "Spread | None":
+    ) -> "MeasureSpread | None":
         """Return the spread of some values, or None if there is not one number among them."""
         known = values[np.isfinite(values)]
         if len(known) == 0:
@@ -299,9 +299,9 @@ class MeasureTable:
         """Number of different maps."""
         return len(set(self.maps))
 
-    def spread(self, measure: Measure) -> Spread | None:
+    def spread(self, measure: Measure) -> MeasureSpread | None:
         """Return how a measure is spread, or None where no deployment has it."""
-        return Spread.of(self.values[measure.key], self.maps, measure)
+        return MeasureSpread.of(self.values[measure.key], self.maps, measure)
 
 
 def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
@@ -310,7 +310,9 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     for measure in MEASURES:
         spread = outcomes.spread(measure)
         if spread is not None:
-            numbers = {name: measure.content(getattr(spread, name)) for name in Spread.NUMBERS}
+            numbers = {
+                name: measure.content(getattr(spread, name)) for name in MeasureSpread.NUMBERS
+            }
             spreads[measure.key] = {"count": spread.count, "over": spread.over, **numbers}
     return spreads
 

@@ -342,11 +342,14 @@ class BaseRegion:
         root = math.sqrt(length_mm**2 + 4.0 * count * area_mm2)
         return max((length_mm + root) / (2.0 * count), 1e-3)
 
-    def places_mm(self, spacing_mm: float) -> Floats:
-        """Return places all over it, so far apart, shape (n, 2)."""
-        starts = [_places_along([line], spacing_mm) for line in shapely.get_parts(self.starts)]
-        border = _places_along(list(shapely.get_parts(self.border)), spacing_mm)
-        return np.concatenate([border, *starts, _places_in(self.areas, spacing_mm)])
+    def places_mm(self, spacing_mm: float, phase: float = 0.0) -> Floats:
+        """Return places all over it, shape (n, 2); ``phase`` shifts them, in steps."""
+        lines = [[line] for line in shapely.get_parts(self.starts)]
+        along = [
+            _places_along(some, spacing_mm, phase)
+            for some in (list(shapely.get_parts(self.border)), *lines)
+        ]
+        return np.concatenate([*along, _places_in(self.areas, spacing_mm, phase)])
 
     def allow(self, poses: Floats) -> NDArray[np.bool_]:
         """Tell which poses of places in it may be: all, but on the border those that point in."""
@@ -382,7 +385,7 @@ class BaseRegion:
         return found
 
 
-def _places_along(lines: Sequence[BaseGeometry], spacing_mm: float) -> Floats:
+def _places_along(lines: Sequence[BaseGeometry], spacing_mm: float, phase: float) -> Floats:
     """Return places along some lines, one after the other, or points themselves."""
     spots = [line for line in lines if line.geom_type == "Point"]
     lines = [line for line in lines if line.length > 0.0]
@@ -390,14 +393,14 @@ def _places_along(lines: Sequence[BaseGeometry], spacing_mm: float) -> Floats:
         return np.asarray(shapely.get_coordinates(spots))
     ends = np.cumsum([line.length for line in lines])
     count = max(1, round(float(ends[-1]) / spacing_mm))
-    along_mm = (np.arange(count) + 0.5) * ends[-1] / count
+    along_mm = (np.arange(count) + (0.5 + phase) % 1.0) * ends[-1] / count
     which = np.minimum(np.searchsorted(ends, along_mm, side="right"), len(lines) - 1)
     on_line = along_mm - np.concatenate([[0.0], ends])[which]
     found = shapely.line_interpolate_point(np.array(lines, dtype=np.object_)[which], on_line)
     return np.asarray(shapely.get_coordinates(found))
 
 
-def _places_in(areas: BaseGeometry, spacing_mm: float) -> Floats:
+def _places_in(areas: BaseGeometry, spacing_mm: float, phase: float) -> Floats:
     """Return the points of a square grid, laid evenly over the areas' box, that are in them."""
     found = [np.empty((0, 2))]
     if areas.is_empty:
@@ -406,7 +409,7 @@ def _places_in(areas: BaseGeometry, spacing_mm: float) -> Floats:
     axes = []
     for low, high in ((x_min, x_max), (y_min, y_max)):  # as far from the ends at both
         count = max(1, round((high - low) / spacing_mm))
-        half = np.arange(count) - 0.5 * (count - 1)
+        half = np.arange(count) - 0.5 * (count - 1) + phase
         axes.append(0.5 * (low + high) + (high - low) / count * half)
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     for part in shapely.get_parts(areas):
@@ -474,6 +477,15 @@ LAST_DRAWS = 256
 
 LAST_POSES, ROUNDS = 5, 3
 
+FIRST_SEARCH = 5_000
+"""Deployments of the first search, and of the second."""
+
+JUDGED_DRAWS = 1_024
+"""Draws at which the poses of several searches are held against each other."""
+
+_GOLDEN = 0.618034
+"""Multiples of the golden section shift the grids of searches evenly."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseLandscape:
@@ -514,12 +526,13 @@ class PoseLandscape:
 class PoseSearch:
     """What a search has found."""
 
-    landscape: PoseLandscape
-    pose: Floats  # the best: x and y (mm), heading (rad); shape (3,)
+    landscape: PoseLandscape  # of its finest round all over the region
+    pose: Floats  # the best found: x and y (mm), heading (rad); shape (3,)
     estimate: float  # mean score that the search chose it by: better than it is
     draws: int  # deployments behind that
     deployments: int  # of the whole search
     words: str  # where bases may stand
+    starts: int = 1  # searches of their own that it consists of
 
 
 @dataclass(slots=True)
@@ -562,28 +575,81 @@ def search_poses(
     deployments: int,
     count: DeploymentCounter = _count_nothing,
 ) -> PoseSearch:
-    """Search a region for the pose with the best mean score: all over it, then around the best.
+    """Search a region for the pose with the best mean score, in searches from several starts.
+
+    The searches have 1, 1, 2, 3, 5, ... times `FIRST_SEARCH` deployments, each a grid of its own.
+    So a longer search contains every shorter one, and it keeps the pose of that unless another is
+    clearly better at the same draws: more deployments never find a pose that is clearly worse.
 
     Parameters
     ----------
     task
         In the form for searching.
     deployments
-        About so many in all.
+        At most about so many in all; one search is always made.
     """
-    draws, done = errors.even(LAST_DRAWS), [0]
+    draws, done = errors.even(JUDGED_DRAWS), [0]
 
-    def counted(some: int) -> None:
-        done[0] += some
-        count(some)
+    def scored(poses: Floats, draws: PoseDraws) -> Floats:
+        found = trial.scores(task, poses, draws, count)
+        done[0] += found.size
+        return found
+
+    budgets, scores = _budgets(deployments), np.empty(0)
+    for start, budget in enumerate(budgets):
+        left = max(budget - JUDGED_DRAWS, budget // 2)
+        landscape, pose = _search_from(scored, region, errors, left, start)
+        (judged,) = scored(pose[None], draws)
+        if start == 0 or _clearly_better(judged, scores):
+            best, scores = pose, judged
+    return PoseSearch(
+        landscape=landscape,
+        pose=best,
+        estimate=float(scores.mean()),
+        draws=JUDGED_DRAWS,
+        deployments=done[0],
+        words=region.words,
+        starts=len(budgets),
+    )
+
+
+def _budgets(deployments: int) -> list[int]:
+    """Return how many deployments each search has: a longer row begins with the shorter one.
+
+    >>> _budgets(8_000), _budgets(20_000), _budgets(100_000)
+    ([5000], [5000, 5000, 10000], [5000, 5000, 10000, 15000, 25000, 40000])
+    """
+    found, budget, following = [min(deployments, FIRST_SEARCH)], FIRST_SEARCH, 2 * FIRST_SEARCH
+    while sum(found) + budget <= deployments:
+        found.append(budget)
+        budget, following = following, budget + following
+    return found
+
+
+def _clearly_better(scores: Floats, than: Floats) -> bool:
+    """Tell whether a pose is better than another, by more than two errors of the difference."""
+    gains = scores - than
+    return float(gains.mean()) > 2.0 * float(gains.std()) / math.sqrt(len(gains))
+
+
+_Scored = Callable[[Floats, PoseDraws], Floats]
+"""Returns the scores of poses at draws, shape (n, k)."""
+
+
+def _search_from(
+    scored: _Scored, region: BaseRegion, errors: PoseErrors, deployments: int, start: int
+) -> tuple[PoseLandscape, Floats]:
+    """Search all over a region, then around the best; ``start`` numbers the grid."""
+    draws = errors.even(LAST_DRAWS)
 
     def tried(field_: _Field, until: int) -> _Field:
         if until <= field_.draws:
             return field_
-        more = trial.scores(task, field_.poses, draws.part(field_.draws, until), counted)
+        more = scored(field_.poses, draws.part(field_.draws, until))
         return _Field(field_.poses, field_.total + more.sum(axis=1), until)
 
-    landscape = _landscape(trial, task, region, draws, OVERALL * deployments, counted)
+    phase = start * _GOLDEN % 1.0
+    landscape = _landscape(scored, region, draws, OVERALL * deployments, phase)
     flat = landscape.scores.ravel()
     known = np.isfinite(flat)
     found = _Field(landscape.poses[known], flat[known] * landscape.draws, landscape.draws)
@@ -593,38 +659,27 @@ def search_poses(
             found = tried(found.best(max(LAST_POSES, int(share / (until - found.draws)))), until)
     found = _refined(found, region, landscape, REFINED * deployments, tried)
     last = tried(found.best(LAST_POSES), LAST_DRAWS).best(1)
-    return PoseSearch(
-        landscape=landscape,
-        pose=last.poses[0],
-        estimate=float(last.mean[0]),
-        draws=last.draws,
-        deployments=done[0],
-        words=region.words,
-    )
+    return landscape, last.poses[0]
 
 
 def _landscape(
-    trial: PoseTrial,
-    task: Task,
-    region: BaseRegion,
-    draws: PoseDraws,
-    deployments: float,
-    count: DeploymentCounter,
+    scored: _Scored, region: BaseRegion, draws: PoseDraws, deployments: float, phase: float
 ) -> PoseLandscape:
-    """Return the mean scores all over a region."""
+    """Return the mean scores all over a region, on a grid that is shifted by a phase."""
     headings = region.headings_rad
+    headings = headings + phase * (headings[1] - headings[0])
     # On the border half of the headings point outward.
     per_place = HEADINGS * FEWEST_DRAWS * (1.0 if region.border.is_empty else 0.5)
     finest_mm = max(0.5 * float(np.abs(draws.offset_mm).max()), LEAST_LOOK_MM)
     spacing_mm = max(region.spacing_mm(max(1, int(deployments / per_place))), finest_mm)
-    places = region.places_mm(spacing_mm)
+    places = region.places_mm(spacing_mm, phase)
     poses = np.column_stack([np.repeat(places, HEADINGS, axis=0), np.tile(headings, len(places))])
     allowed = region.allow(poses)
     most = int(deployments / max(1, allowed.sum()))
     number_of_draws = int(np.clip(most, FEWEST_DRAWS, MOST_DRAWS))
     scores = np.full(len(poses), np.nan)
     some = draws.part(0, number_of_draws)
-    scores[allowed] = trial.scores(task, poses[allowed], some, count).mean(axis=1)
+    scores[allowed] = scored(poses[allowed], some).mean(axis=1)
     return PoseLandscape(
         places_mm=places,
         spacing_mm=spacing_mm,

@@ -37,6 +37,8 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.tree import branch_tree
+from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
     anchoring_blocks,
@@ -366,11 +368,36 @@ def cautions(
             f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are wide; "
             "--environment deploys it on many more."
         )
+    sentences += span_notes(prepared)
     if warnings or skipped:
         sentences.append(
             f"Design rules: {counted(warnings, 'warning')}, {counted(skipped, 'rule')} not checked."
         )
     return tuple(sentences)
+
+
+def span_notes(prepared: Prepared) -> list[str]:
+    """Return which levels have branches that fold under their own weight where nothing holds them.
+
+    Branches that lie on a floor, or on obstacles, do not.
+    """
+    design, film = prepared.design, prepared.profile.material
+    build, notes = design.build, list[str]()
+    if build.pressure_kpa <= 0.0:
+        return notes
+    tree = branch_tree(design)
+    for level, width_mm in enumerate(build.widths_mm, start=1):
+        span_mm = self_weight_span_mm(
+            build.pressure_kpa, width_mm, film.ply_mm.value, film.density_kg_m3.value
+        )
+        longest_mm = float(tree.length_mm[tree.level == level].max(initial=0.0))
+        if longest_mm > span_mm:
+            notes.append(
+                f"Self-weight: branches of level {level} are up to {longest_mm:.0f} mm long; from "
+                f"about {span_mm:.0f} mm without support they fold at {build.pressure_kpa:g} kPa "
+                f"(computed; density of the film {film.density_kg_m3.standing})."
+            )
+    return notes
 
 
 def headlines(

@@ -10,7 +10,7 @@ import shapely
 
 from vinefab.core.plain_text import counted
 from vinefab.core.rng import child
-from vinefab.core.statistics import mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.core.view import Data, Picture, Rows, Section
@@ -209,7 +209,7 @@ class VariantEvaluator:
         for column, measure in enumerate(QUICK_MEASURES):
             means = means_by_map(differences[:, column], self.maps)
             if len(means):
-                low, high = mean_interval(means)
+                low, high = mean_interval(means, tails=PAIRED_TAILS)
                 changes[measure.key] = MeanDifference(
                     mean=float(means.mean()),
                     low=low,

@@ -232,7 +232,7 @@ def peak_mb() -> float | None:
 SEARCHES = ("particleswarm", "islands", "manufacturable")
 """The paper's optimizer, the default, and the default for designs that can be cut."""
 
-MAPS, DESIGNS = 5, 100
+BENCH_MAPS, BENCH_DESIGNS = 5, 100
 
 
 def search_split(search: str, threads: int, generations: int) -> TimeSplit:
@@ -240,10 +240,10 @@ def search_split(search: str, threads: int, generations: int) -> TimeSplit:
     fabricable = search == "manufacturable"
     settings = RunSettings(
         name="bench",
-        maps=MapSettings(count=MAPS),
+        maps=MapSettings(count=BENCH_MAPS),
         growth=GrowthOptions.published(),
         optimizer=PartSettings(name="islands" if fabricable else search),
-        search=SearchSettings(population=DESIGNS, generations=generations),
+        search=SearchSettings(population=BENCH_DESIGNS, generations=generations),
         evaluation=EvaluationSettings(fabricable=fabricable, finalists_by="training"),
     )
     with tempfile.TemporaryDirectory() as folder:
@@ -267,14 +267,14 @@ def search_evaluation(world: Map) -> SearchEvaluation:
         maps=MapSettings(count=1),
         growth=BENCH_GROWTH,
         space=space,
-        evaluation=EvaluationSettings(fabricable=False, poses_per_map=MAPS),
+        evaluation=EvaluationSettings(fabricable=False, poses_per_map=BENCH_MAPS),
     )
     evaluator = Evaluator.of(EvaluatorSpec(settings=settings, maps=(world,)))
     conditions = evaluator.training_conditions(1, 1)
     evaluator.prepare_launches([conditions])
-    x, parts = np.linspace(0.0, 1.0, DESIGNS)[:, None], list[Work]()
+    x, parts = np.linspace(0.0, 1.0, BENCH_DESIGNS)[:, None], list[Work]()
     taken_s = least_s(lambda: parts.append(evaluator.evaluate(x, conditions)[1]))
-    trees = DESIGNS * MAPS
+    trees = BENCH_DESIGNS * BENCH_MAPS
     return SearchEvaluation(
         trees_per_s=trees / taken_s,
         growth_us=1e6 * min(part.growth_s for part in parts) / trees,
@@ -294,11 +294,11 @@ def penalty_times() -> PenaltyTimes:
     profile = read_profile(DEFAULT_RECIPE)
     three = SpaceSettings(levels=_fixed(4), branches=_fixed(3))
     space, penalty = Space(three, BuildSettings()), ManufacturabilityPenalty(profile=profile)
-    x = np.random.default_rng(1).random((DESIGNS, len(space)))
+    x = np.random.default_rng(1).random((BENCH_DESIGNS, len(space)))
     at_once, batch = penalty.within(space), space.batch(x)
     designs = [space.design(point) for point in x]
     taken_s = least_each_s((lambda: at_once(batch), lambda: [penalty(one) for one in designs]))
-    return PenaltyTimes(*(1e6 * each_s / DESIGNS for each_s in taken_s))
+    return PenaltyTimes(*(1e6 * each_s / BENCH_DESIGNS for each_s in taken_s))
 
 
 def _fixed(value: float) -> Bounds:
@@ -355,7 +355,7 @@ THREADS = (1, 2)
 MEMORY_AFTER = (10_000, 100_000)
 GROWTHS = 500
 FORESEEN_GROWTHS = 10
-GENERATIONS = 100
+BENCH_GENERATIONS = 100
 FLOOR_GROWTHS = 100
 """So many that the processor cannot learn the outcome of their tests by heart."""
 
@@ -488,7 +488,7 @@ def run_benchmark(
         threads={count: _threaded(site, poses, count) for count in THREADS},
         batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
         memory=memory,
-        searches={name: search_split(name, max(THREADS), GENERATIONS) for name in SEARCHES},
+        searches={name: search_split(name, max(THREADS), BENCH_GENERATIONS) for name in SEARCHES},
     )
 
 
@@ -605,7 +605,8 @@ def bench_blocks(result: BenchmarkResult) -> Iterator[Block]:
         )
     )
     yield Rows(
-        caption=f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps",
+        caption=f"a search of the paper's size, {BENCH_DESIGNS} designs a generation on "
+        f"{BENCH_MAPS} Grid maps",
         headings=("", ""),
         rows=tuple((name, split.summary) for name, split in result.searches.items()),
     )

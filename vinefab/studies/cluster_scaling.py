@@ -44,7 +44,7 @@ class Network:
     bytes_per_s: float = 125e6  # of the search's own connection, which all results share
 
 
-GENERATIONS, FEW = 3, 64
+CLUSTER_GENERATIONS, FEW = 3, 64
 """Generations of random designs that are simulated, and designs that are evaluated to time them."""
 
 
@@ -64,7 +64,7 @@ def load_of(name: str, settings: RunSettings) -> SearchLoad:
     search = Search.of(settings, training_maps(settings), penalty_of(settings))
     evaluator, seed, population = search.evaluator, settings.search.seed, settings.search.population
     conditions, rng = evaluator.training_conditions(seed, 0), np.random.default_rng(seed)
-    x = rng.random((GENERATIONS, population, len(evaluator.space)))
+    x = rng.random((CLUSTER_GENERATIONS, population, len(evaluator.space)))
     weights = [point_weights(evaluator, each, conditions) for each in x]
     few = x[0, : min(population, FEW)]
     evaluator.warm_up(conditions)

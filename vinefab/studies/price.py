@@ -63,7 +63,7 @@ _WAYS = {"free": "free", "pieces": "pieces", "fabricable": "one outline"}
 """What winners must be, as data and pages call it: nothing, or manufacturable, either in pieces or
 in one flat outline."""
 
-FREE, PIECES, OUTLINE = _WAYS
+FREE_SEARCH, PIECES, OUTLINE = _WAYS
 
 _MOST_PIECES = 6
 
@@ -90,7 +90,7 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
 
 def run_of_way(free: RunSettings, way: str) -> RunSettings:
     """Return a run that asks of its winner what a way asks."""
-    if way == FREE:
+    if way == FREE_SEARCH:
         return free
     run = with_evaluation(free, fabricable=True)
     if way == OUTLINE:
@@ -169,7 +169,7 @@ def _three_ways(store: JobStore, home: str, task: str) -> ThreeWays:
 def _rows(name: str, ways: ThreeWays, size: StudySize) -> list[PaperNumber]:
     digits = 2 if "anchoring" in name else 3
     scores = ways.scores
-    cost = difference(scores[FREE], scores[OUTLINE], same_runs=True)
+    cost = difference(scores[FREE_SEARCH], scores[OUTLINE], same_runs=True)
     back = difference(scores[PIECES], scores[OUTLINE], same_runs=True)
     return [
         PaperNumber(

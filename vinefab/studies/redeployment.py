@@ -59,7 +59,7 @@ from vinefab.studies.study_runs import (
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.reach import near_chains
 
-FAN_DEG = 120.0
+FANNED_DEG = 120.0
 """Headings are spread evenly over so much, around the start's own."""
 
 SAME_MM = 10.0
@@ -111,7 +111,7 @@ class RedeploymentJob:
         if self.headings == 1:
             return [grow_on(design_from(self.design), terrain, start, self.growth)]
         middle_rad = place.world.starts[0].pose.heading_rad
-        half_rad = math.radians(FAN_DEG / 2.0)
+        half_rad = math.radians(FANNED_DEG / 2.0)
         design = design_from(self.design)
         poses = [
             Pose(x_mm=start.x_mm, y_mm=start.y_mm, heading_rad=middle_rad + offset)
@@ -266,8 +266,8 @@ def redeployment_study(store: JobStore) -> StudyResult:
         title="Reachability (Fig. 4)",
         protocol=(
             f"A plain vine of {LONG_MM:g} mm was deployed {size.headings} times from one place "
-            f"with headings spread over {FAN_DEG:g} degrees; what lies within {BUFFER_MM:g} mm of "
-            "any of its bodies counts as reached. The branching design was trained on the same "
+            f"with headings spread over {FANNED_DEG:g} degrees; what lies within {BUFFER_MM:g} mm "
+            "of any of its bodies counts as reached. The branching design was trained on the same "
             f"measure ({size.training_maps} maps, {size.seeds} seeds, no cost for film or "
             f"branches) and deployed once from that place. {size.reach_maps} unseen maps of 500 mm "
             "in each environment, areas exact.",

@@ -11,9 +11,9 @@ from vinefab.pages.html import page
 from vinefab.search.record.identity import package_versions
 from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
 from vinefab.studies.experiments import EXPERIMENTS
-from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, Tell
+from vinefab.studies.study_jobs import QUICK_SIZE, JobStore, StudySize, StudyTell
 
-PAGE, NUMBERS = "reproduction.html", "reproduction.json"
+STUDY_PAGE, NUMBERS = "reproduction.html", "reproduction.json"
 
 REPRODUCTION_SCHEMA = "vinefab/reproduction-1"
 
@@ -40,7 +40,7 @@ def do_experiments(
     size: StudySize,
     *,
     workers: int = 1,
-    tell: Tell = lambda _, __: None,
+    tell: StudyTell = lambda _, __: None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Reproduction:
     """Do some experiments, and write all that the folder holds into one page and one JSON file."""
@@ -48,7 +48,7 @@ def do_experiments(
     for name in wanted:
         EXPERIMENTS[name]
     with JobStore(folder, size, workers, tell) as store:
-        ensure_writable(folder / PAGE)
+        ensure_writable(folder / STUDY_PAGE)
         ensure_writable(folder / NUMBERS)
         here = set(store.finished()) | set(wanted)
         findings = []
@@ -60,7 +60,7 @@ def do_experiments(
     done = Reproduction(size=size, findings=tuple(findings), spent_s=store.spent_s)
     write_text(folder / NUMBERS, numbers_text(done))
     blocks = study_blocks(done.findings, done.size)
-    write_text(folder / PAGE, page("The paper's experiments, done again", blocks))
+    write_text(folder / STUDY_PAGE, page("The paper's experiments, done again", blocks))
     return done
 
 

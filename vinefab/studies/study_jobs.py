@@ -286,13 +286,13 @@ _FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
 
 _PART_SCHEMA = "vinefab/reproduction-part-1"
 
-Tell = Callable[[float, str], None]
+StudyTell = Callable[[float, str], None]
 
 
 class JobStore:
     """A folder of finished jobs, and processes to do more; closed at the end of its block."""
 
-    def __init__(self, folder: Path, size: StudySize, workers: int, tell: Tell) -> None:
+    def __init__(self, folder: Path, size: StudySize, workers: int, tell: StudyTell) -> None:
         self.folder = folder
         self.size = size
         self.workers = workers

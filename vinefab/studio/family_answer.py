@@ -16,7 +16,7 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -296,7 +296,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
-    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws_half_angle)
+    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws)
     launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
@@ -468,7 +468,7 @@ def _difference(pairs: Sequence[tuple[float, float]], within: float) -> dict[str
     if not pairs:
         return None
     gains = np.array([after - before for before, after in pairs])
-    low, high = mean_interval(gains)
+    low, high = mean_interval(gains, tails=PAIRED_TAILS)
     return {
         "maps": len(gains),
         "mean": float(gains.mean()),

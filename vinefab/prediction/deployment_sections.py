@@ -180,7 +180,7 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
         "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "out of pressure", "grown when stuck (median)",
+            "out of pressure", "at a branch", "not everted", "grown when stuck (median)",
         ),
         rows=rows,
     )  # fmt: skip

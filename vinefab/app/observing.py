@@ -44,6 +44,8 @@ def observe(
     film_colour: Annotated[tuple[int, int, int] | None, several_numbers("R,G,B")] = None,
     outline: PathText | None = None,
     growth: GrowthLike | None = None,
+    results: PathText | None = None,
+    pressure_kpa: Annotated[float, Within(0.1, 1000.0, "kPa")] = 20.0,
     out: Annotated[PathText | None, written(".html", ".htm", ".json")] = None,
     force: Force = False,
 ) -> Observation:
@@ -69,6 +71,11 @@ def observe(
         The film outlined by hand: GeoJSON in map millimetres, or SVG in pixels of the photo.
     growth
         Growth options of the prediction by name: pressure_stop=false.
+    results
+        Of a photo of a joint coupon: the table, from `coupon`, that its angle is entered in for
+        `calibrate`. ``design`` is the coupon's name then, PAIR-80-W20.
+    pressure_kpa
+        Pressure in the joint coupon.
     out
         A page (.html) to write, or the numbers (.json), which `fit_observations` reads.
 
@@ -91,6 +98,9 @@ def observe(
     $ vinefab observe examples/arena/grown_1.jpg --map arena.geojson
       --design examples/arena/sprig.toml --pose 152,132,2 --obstacle-height 30 --json seen.json
 
+    $ vinefab observe photo.jpg --map coupons/joints_W20.geojson --design PAIR-80-W20
+      --results coupons/results.csv
+
     >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP
     """
@@ -104,7 +114,12 @@ def observe(
     picture = as_path("photo", photo)
     if page is not None:
         ensure_apart("out", page, picture, "the photo")
-    world, robot = as_map(map), as_design(design)
+    world = as_map(map)
+    if results is not None:
+        from vinefab.fabrication.calibration.coupons import joint_coupon
+
+        design = joint_coupon(str(getattr(design, "name", design)))
+    robot = as_design(design)
     [robot], _, given = growth_choice([design], [robot], growth)
     eight, three = (
         "columns and rows of four corners, eight numbers",
@@ -127,10 +142,27 @@ def observe(
         map_file=world.name if isinstance(map, Map) else str(map),
         design_file=robot.name if not isinstance(design, str | Path) else str(design),
     )
+    if results is not None:
+        seen = _with_reading(seen, as_path("results", results), pressure_kpa)
     if page is not None:
         is_json = page.suffix.lower() == ".json"
         write_page(page, seen.json_text() if is_json else seen.page(), force=force)
     return replace(seen, path=page)
+
+
+def _with_reading(seen: Observation, table: Path, pressure_kpa: float) -> Observation:
+    """Enter the angle of a joint coupon in a table of coupon results, which may be a new file."""
+    from vinefab.fabrication.calibration.coupon_results import read_results
+    from vinefab.model.files.shipped import read_text
+    from vinefab.observation.joint_angles import joint_reading
+
+    before = ""
+    if table.exists():
+        read_results(table)  # nothing is added to a file that `calibrate` does not read
+        before = read_text(table, 16 << 20)
+    reading = joint_reading(seen, pressure_kpa)
+    write_page(table, reading.entered(before), force=True)
+    return replace(seen, reading=reading)
 
 
 @verb

@@ -524,7 +524,7 @@ def reproduce(
     from vinefab.studies.experiments import EXPERIMENTS
     from vinefab.studies.reproduction import (
         NUMBERS,
-        PAGE,
+        STUDY_PAGE,
         claims_table,
         do_experiments,
         numbers_text,
@@ -544,7 +544,7 @@ def reproduce(
     blocks = (
         claims_table(done.findings, columns=6),
         Answer(f"{held} of {claims} claims of the paper hold; {spent}"),
-        _written_facts({"read this first": folder / PAGE, "numbers": folder / NUMBERS}),
+        _written_facts({"read this first": folder / STUDY_PAGE, "numbers": folder / NUMBERS}),
     )
     return StudyOutcome(found=done, blocks=blocks, text=lambda: numbers_text(done))
 

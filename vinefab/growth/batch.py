@@ -4,7 +4,7 @@ import itertools
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 import numpy as np
@@ -137,6 +137,8 @@ class Launches:
     start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
     # head-on half-angle of each launch, shape (l,); None: that of the growth model's options
     half_angle_rad: Floats | None = None
+    # seed of what is drawn in each launch, shape (l,); empty: their numbers
+    draw_seeds: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
     def of(
@@ -144,6 +146,7 @@ class Launches:
         atlas: TerrainSet,
         poses: Sequence[Sequence[Pose]],
         half_angles_rad: Sequence[float] = (),
+        draw_seeds: Sequence[int] = (),
     ) -> "Launches":
         """Return the launches from the poses on each map.
 
@@ -155,6 +158,8 @@ class Launches:
             Poses on each map, at least one in all.
         half_angles_rad
             Head-on half-angle of each pose, map by map; empty: as the growth model's options say.
+        draw_seeds
+            Seed of what is drawn in each deployment, map by map; empty: their numbers.
 
         Raises
         ------
@@ -171,7 +176,13 @@ class Launches:
             poses=flat,
             start=np.column_stack([np.concatenate(bases), np.reshape(headings, (-1, 2))]),
             half_angle_rad=np.array(half_angles_rad) if len(half_angles_rad) else None,
+            draw_seeds=np.array(draw_seeds, dtype=np.int64),
         )
+
+    @property
+    def seeds(self) -> Ints:
+        """Seed of what is drawn in each launch, the same for all designs, shape (l,)."""
+        return self.draw_seeds if len(self.draw_seeds) else np.arange(len(self))
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -396,7 +407,15 @@ class Batch:
                 return None
         if self._settling.is_needed:
             tolerance_mm = self.launches.atlas.tolerances_mm[terrain]
-            self._settling.settle(trees, self._radius_mm, jobs, growth, tolerance_mm, self._engine)
+            self._settling.settle(
+                trees,
+                self._radius_mm,
+                jobs,
+                growth,
+                tolerance_mm,
+                self.launches.seeds[launch],
+                self._engine,
+            )
         return Block(
             plan=plan,
             launch=launch,

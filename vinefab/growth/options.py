@@ -106,6 +106,13 @@ class GrowthOptions(Table):
         LATER,
         LaterThan("pass"),
     ] = DEFAULT_BRANCH_CONTACT
+    emergence: Annotated[
+        float,
+        Ge(0),
+        Le(1),
+        Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
+        LATER,
+    ] = 1.0
     body_width_ratio: Annotated[
         float,
         Ge(0.5),
@@ -179,6 +186,8 @@ class GrowthOptions(Table):
         plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:] if name not in _LATER}
         if self.branch_contact != "pass":
             plain["branch_contact"] = self.branch_contact
+        if self.emergence != 1.0:
+            plain["emergence"] = self.emergence
         if self.body_width_ratio != 1.0:
             plain["body_width_ratio"] = self.body_width_ratio
         if self.contacts is not None:
@@ -211,6 +220,16 @@ class GrowthOptions(Table):
         low_rad, high_rad = self.half_angle_range_rad
         return low_rad < high_rad
 
+    @property
+    def draws(self) -> bool:
+        """Whether two evaluations from one pose differ."""
+        return self.draws_half_angle or self.emergence < 1.0
+
+    @property
+    def emergence_standing(self) -> str:
+        """Where the probability comes from."""
+        return "assumed"
+
     def half_angles_rad(self, count: int) -> Floats:
         """Return one head-on half-angle for each of some launches, shape (count,).
 
@@ -238,11 +257,14 @@ class GrowthOptions(Table):
 
     @property
     def at_one_angle(self) -> "GrowthOptions":
-        """The options of a single growth: the measured half-angle, else the low end of a range."""
+        """The options of a single growth: the measured half-angle, else the low end of a range.
+
+        All its children come out.
+        """
         angle_rad, measured = self.half_angle_range_rad[0], self.measured_half_angle
         if self.draws_half_angle and measured is not None and measured.value is not None:
             angle_rad = rad(measured.value)
-        return self.changed(head_on_half_angle_rad=angle_rad)
+        return self.changed(head_on_half_angle_rad=angle_rad, emergence=1.0)
 
     @property
     def measured_half_angle(self) -> MeasuredNumber | None:
@@ -300,7 +322,7 @@ class GrowthOptions(Table):
 GROWTH_NAMES = tuple(key.name for key in declared_keys(GrowthOptions))
 """Names of the options in files and on the command line."""
 
-_LATER = ("branch_contact", "body_width_ratio", "contacts")
+_LATER = ("branch_contact", "emergence", "body_width_ratio", "contacts")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -344,16 +366,18 @@ class GrowthChoice:
     @property
     def single(self) -> "GrowthChoice":
         """The same for a single growth, which has one head-on half-angle."""
+        options, notes = self.options.at_one_angle, self.notes
+        if self.options.emergence < 1.0:
+            notes = (*notes, f"emergence {self.options.emergence:g}: here every child comes out")
         if not self.options.draws_half_angle:
-            return self
-        options = self.options.at_one_angle
+            return GrowthChoice(options=options, notes=notes)
         at_low_end = options.half_angle_range_rad[0] == self.options.half_angle_range_rad[0]
         which = "the low end" if at_low_end else "the measured value"
         note = (
             f"head-on half-angle {options.half_angle_text}: "
             f"{which} of its range, {self.options.half_angle_text}"
         )
-        return GrowthChoice(options=options, notes=(*self.notes, note))
+        return GrowthChoice(options=options, notes=(*notes, note))
 
 
 def trained_growth(design: Design) -> GrowthOptions:
@@ -384,6 +408,9 @@ def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
     ]
     if any(design.levels for design in designs):
         parts.append(_CONTACT_WORDS[options.branch_contact])
+    if options.emergence < 1.0:
+        share = f"{options.emergence:g} ({options.emergence_standing})"
+        parts.append(f"a child comes out with probability {share}")
     if options.deploys_stuck:
         parts.append("children of a stuck branch grow all the same")
     cut = [d.name for d in designs if any(isinstance(one, UnevenLevel) for one in d.levels)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from vinefab.core.compiling import imported_later, interpreted
 from vinefab.core.errors import UnknownNameError
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import (
     Growth,
     JobArrays,
@@ -132,7 +132,7 @@ def grow_on(
         jobs = JobArrays.alone(start, 0.0, arrays.fits, len(growth.points), 0, len(plan))
         trees, tolerances = TreesArrays.of([arrays]), np.array([terrain.tolerance_mm])
         by = engine if isinstance(engine, str) else "kernel"
-        settling.settle(trees, plan.radius_mm, jobs, growth, tolerances, by)
+        settling.settle(trees, plan.radius_mm, jobs, growth, tolerances, jobs.tree, by)
     used = growth.first_point[-1]
     return Deployment(
         tree=plan.tree,
@@ -150,27 +150,29 @@ class Settling:
     """What branches do to each other in finished growths."""
 
     stops: bool  # whether a tip that meets the body of another branch stops there
+    emergence: float  # probability that a child comes out of its parent's tip
 
     @classmethod
     def of(cls, options: GrowthOptions) -> "Settling":
         """Return what some options of the growth model ask for."""
-        return cls(stops=options.branch_contact == "stop")
+        return cls(stops=options.branch_contact == "stop", emergence=options.emergence)
 
     @property
     def is_needed(self) -> bool:
         """Whether anything can change."""
-        return self.stops
+        return self.stops or self.emergence < 1.0
 
-    def settle(
+    def settle(  # noqa: PLR0913, PLR0917  arrays of a batch
         self,
         trees: TreesArrays,
         radius_mm: Floats,
         jobs: JobArrays,
         growth: Growth,
         tolerance_mm: Floats,
+        seeds: Ints,
         engine: Engine,
     ) -> None:
-        """Cut finished growths where branches meet.
+        """Cut finished growths where branches meet or did not come out.
 
         Parameters
         ----------
@@ -180,6 +182,8 @@ class Settling:
             Radius of the body of each branch, in the order of the trees.
         tolerance_mm
             Of the map of each job.
+        seeds
+            Of the draws of each job.
         engine
             What computes it.
         """
@@ -187,7 +191,15 @@ class Settling:
         room = np.empty((int(np.diff(trees.first).max()), module.WORK_COLUMNS))
         with np.errstate(all="ignore"):
             module.settle_jobs(
-                trees, radius_mm, jobs, tolerance_mm, 1.0, jobs.tree, self.stops, growth, room
+                trees,
+                radius_mm,
+                jobs,
+                tolerance_mm,
+                self.emergence,
+                seeds,
+                self.stops,
+                growth,
+                room,
             )
 
 

@@ -22,7 +22,7 @@ from vinefab.inflation.compensation import (
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Build, Design, Trunk, UnevenLevel
-from vinefab.model.laser import LaserProfile, Material
+from vinefab.model.laser import LaserProfile, Material, Standing
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import hoop_strain
 
@@ -62,6 +62,7 @@ class Pattern:
     flat: Design
     deployed: Design
     joints: tuple[LevelJoint, ...]  # of each level from the second on
+    standing: str = "simulated, unverified"
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -224,7 +225,21 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
             build=build.changed(compensation="inflation"),
         ),
         joints=tuple(joints),
+        standing=standing_of(material),
     )
+
+
+def standing_of(material: Material) -> str:
+    """Return how far a simulated pattern of some film may be trusted.
+
+    It is simulated in any case; joint coupons measure what the simulation takes from the film.
+    """
+    known = [f"modulus {material.modulus_mpa.standing}"]
+    if material.closing_gain is not None:
+        known.append(f"closing gain {material.closing_gain.standing}")
+    if not any(words.endswith(Standing.MEASURED) for words in known):
+        return "simulated, unverified"
+    return f"simulated; {', '.join(known)}"
 
 
 def _level_joint(

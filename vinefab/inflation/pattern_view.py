@@ -58,7 +58,7 @@ def pattern_table(pattern: Pattern, in_robot_deg: dict[int, Floats] | None = Non
     within = "of the joint alone, and the mean within the whole robot" if whole else "of the joint"
     return Rows(
         caption="Branches of each level: angles to the parent in deg (positive: left), lengths in "
-        f"mm; as designed, as cut, as expected {within} (simulated, unverified; triangles are good "
+        f"mm; as designed, as cut, as expected {within} ({pattern.standing}; triangles are good "
         "for 0.6 deg)",
         headings=("level", "child", "angle designed", "cut", "expected",
                   *(("in the robot",) if whole else ()),

@@ -27,6 +27,7 @@ class Stop(IntEnum):
     NOT_DEPLOYED = 3
     PRESSURE = 4
     BRANCH = 5  # at the body of another branch
+    NOT_EVERTED = 6  # at its base: it failed to come out of its parent's tip
 
     @property
     def label(self) -> str:
@@ -34,10 +35,10 @@ class Stop(IntEnum):
         return self.name.lower()
 
 
-STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE, Stop.BRANCH)
+STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE, Stop.BRANCH, Stop.NOT_EVERTED)
 """Stops before the planned length."""
 
-STOPPED_BY_BRANCHES = (Stop.BRANCH,)
+CUT_STOPS = (Stop.BRANCH, Stop.NOT_EVERTED)
 """Stops that walls have no part in: such a branch is the beginning of one that grew alone."""
 
 

@@ -26,6 +26,7 @@ from vinefab.core.view import (
     Section,
     WrittenResult,
 )
+from vinefab.fabrication.calibration.coupon_results import JointReading
 from vinefab.growth.options import growth_text
 from vinefab.model.corner_marker import (
     DEFAULT_MARKER_GAP_MM,
@@ -76,6 +77,7 @@ _ENDINGS = {
     Stop.NOT_DEPLOYED.label: "not deployed",
     Stop.PRESSURE.label: "out of pressure",
     Stop.BRANCH.label: "stopped at another branch",
+    Stop.NOT_EVERTED.label: "did not come out",
 }
 """How a branch ended, for the user."""
 
@@ -99,6 +101,8 @@ class Observation(WrittenResult):
         What makes it uncertain, a sentence each.
     settings
         How the photo was read.
+    reading
+        The angle of a joint coupon; None for a robot.
     path
         The page (HTML) or the numbers (JSON); None if none was asked for.
     """
@@ -115,6 +119,7 @@ class Observation(WrittenResult):
     compared: Compared
     cautions: tuple[str, ...]
     settings: Mapping[str, object] = field(default_factory=dict)
+    reading: JointReading | None = None
     path: Path | None = None
 
     @property
@@ -181,6 +186,9 @@ class Observation(WrittenResult):
             "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
             wide=True,
         )
+        if self.reading is not None:
+            angle = Number(self.reading.angle_deg, "deg", ".1f", decimals=2)
+            yield Facts((Fact("joint angle", angle, "joint_angle_deg", "measured"),), lead=True)
         yield Notes(self.cautions, "cautions")
         yield Notes(tuple(compared.notes))
         yield Facts(

@@ -213,6 +213,8 @@ def _mark(draw: ImageDraw.ImageDraw, stop: Stop, tip: Floats, scale: int) -> Non
             draw.line(_flat(np.array([tip - arm, tip + arm])), fill=INK, width=2 * scale)
     elif stop == Stop.PRESSURE:
         draw.rectangle((*(tip - 3.2 * scale), *(tip + 3.2 * scale)), fill=INK)
+    elif stop == Stop.NOT_EVERTED:
+        draw.ellipse((*(tip - 4 * scale), *(tip + 4 * scale)), outline=INK, width=scale)
     elif stop == Stop.BRANCH:
         corners = scale * np.array([[0.0, -4.4], [4.4, 0.0], [0.0, 4.4], [-4.4, 0.0]])
         draw.polygon(_flat(tip + corners), fill=INK)

@@ -31,6 +31,7 @@ _MARKS = {
     Stop.CORNER: f'<path id="m2" d="M0-4L3.8 3H-3.8Z" style="fill:{INK}"/>',
     Stop.PRESSURE: f'<path id="m4" d="M-3-3H3V3H-3Z" style="fill:{INK}"/>',
     Stop.BRANCH: f'<path id="m5" d="M0-4.2L4.2 0 0 4.2-4.2 0Z" style="fill:{INK}"/>',
+    Stop.NOT_EVERTED: '<circle id="m6" r="4"/>',
 }
 """Markers of tips, as in the plans: open if grown in full, else a cross, triangle or square."""
 

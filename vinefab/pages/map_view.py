@@ -169,5 +169,6 @@ STOP_WORDS = {
     Stop.CORNER: "stopped in a corner",
     Stop.PRESSURE: "out of pressure",
     Stop.BRANCH: "stopped at another branch",
+    Stop.NOT_EVERTED: "did not come out",
     Stop.NOT_DEPLOYED: "never emerged",
 }

@@ -34,6 +34,7 @@ TIP_SIGNS = {
     Stop.CORNER: "^",
     Stop.PRESSURE: "s",
     Stop.BRANCH: "D",
+    Stop.NOT_EVERTED: "x",
 }
 
 RANGE_LABEL = "range of starts"

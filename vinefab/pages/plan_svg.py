@@ -64,6 +64,7 @@ STOP_SIGNS = {
     Stop.CORNER: '<path d="M0-4.2 4 3H-4Z"/>',
     Stop.PRESSURE: '<path d="M-3.1-3.1H3.1V3.1H-3.1Z"/>',
     Stop.BRANCH: '<path d="M0-4.4 4.4 0 0 4.4-4.4 0Z"/>',
+    Stop.NOT_EVERTED: '<circle r="4"/>',
     Stop.NOT_DEPLOYED: '<circle r="5.4"/>',
 }
 """What stands at a tip, by why it stopped, in pixels around it; the shape alone says it. A ring

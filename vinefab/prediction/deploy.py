@@ -23,7 +23,7 @@ from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import STOPPED_BY_BRANCHES, Deployment, Stop
+from vinefab.model.deployment import CUT_STOPS, Deployment, Stop
 from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
@@ -62,7 +62,7 @@ class History:
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
         pose = self.final.pose
-        alone = self.options.changed(branch_contact="pass")
+        alone = self.options.changed(branch_contact="pass", emergence=1.0)
         deployment = grow_on(self.design, self.terrain, pose, alone, engine, plan)
         deployment = self._with_cuts(deployment, front_mm)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
@@ -83,7 +83,7 @@ class History:
     def _with_cuts(self, grown: Deployment, front_mm: float) -> Deployment:
         """Return a shape on the way where branches that others stopped follow their final paths."""
         out = np.flatnonzero(self.base_mm < front_mm)
-        cut = np.isin(self.final.stop[out], STOPPED_BY_BRANCHES)
+        cut = np.isin(self.final.stop[out], CUT_STOPS)
         if not cut.any():
             return grown
         chains = [grown.chain_mm(place) for place in range(len(out))]
@@ -200,7 +200,7 @@ def without_room(
     can_emerge = (parent < 0) | (deployment.stop[parent] == Stop.FULL_LENGTH)
     if options.deploys_stuck:
         can_emerge |= deployment.deployed[parent]
-    can_emerge &= (parent < 0) | ~np.isin(deployment.stop[parent], STOPPED_BY_BRANCHES)
+    can_emerge &= (parent < 0) | ~np.isin(deployment.stop[parent], CUT_STOPS)
     lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
     radii_mm = [options.radius_mm(width_mm) for width_mm in design.build.widths_mm]
     return tuple(_place(radii_mm, deployment, branch, int(parent[branch])) for branch in lost)

@@ -109,7 +109,7 @@ class PreparedFamily:
         """Return a family made ready, with its poses drawn."""
         maps = tuple(PreparedMap.of(world) for world in family.worlds)
         seeds = [plan.seed + index for index in range(len(maps))]
-        repeats = plan.options.draws_half_angle
+        repeats = plan.options.draws
         poses = poses_on(maps, plan.poses, seeds, repeats=repeats)
         return cls(label=family.label, maps=maps, poses=poses)
 
@@ -204,7 +204,7 @@ def deployment_notes(
         The designs by what their notes begin with; nothing for one alone.
     """
     worlds = [place.world for family in prepared for place in family.maps]
-    notes = spread_notes(worlds, plan.poses, repeats=plan.options.draws_half_angle)
+    notes = spread_notes(worlds, plan.poses, repeats=plan.options.draws)
     for name, design in named.items():
         left = [
             has_room

@@ -382,7 +382,7 @@ def span_notes(prepared: Prepared) -> list[str]:
     Branches that lie on a floor, or on obstacles, do not.
     """
     design, film = prepared.design, prepared.profile.material
-    build, notes = design.build, []
+    build, notes = design.build, list[str]()
     if build.pressure_kpa <= 0.0:
         return notes
     tree = branch_tree(design)

@@ -52,7 +52,7 @@ def score_design_on_task(
         task = make_task(task, plan.parameters)
     prepared_maps = [PreparedMap.of(world) for world in maps]
     seeds = [plan.seed + index for index in range(len(prepared_maps))]
-    varied = options.draws_half_angle
+    varied = options.draws
     poses = poses_on(prepared_maps, plan.poses, seeds, repeats=varied)
     score = score_design(design, prepared_maps, poses, task, options)
     stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design, options)

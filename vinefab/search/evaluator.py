@@ -195,9 +195,9 @@ LEAST_PENALTIES = 64
 
 MOST_TRAINING_MAPS = 10_000
 
-TRAINING, FINAL, MAPS, HALF_ANGLES, FRESH = 1411, 1412, 1414, 1415, 1416
+TRAINING, FINAL, MAPS, HALF_ANGLES, FRESH, EMERGENCE = 1411, 1412, 1414, 1415, 1416, 1417
 """Random streams of training poses, final poses, the choice of maps for a generation, the head-on
-half-angles where they are drawn from a range, and poses on fresh maps."""
+half-angles where they are drawn from a range, poses on fresh maps, and which children come out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -324,20 +324,21 @@ class Evaluator:
             int(child(seed, stream, generation, index).integers(2**62))
             for index in range(len(self.maps))
         ]
-        varied, angles = self.growth.draws_half_angle, tuple[float, ...]()
-        poses = poses_on(self.maps, count, seeds, repeats=varied)
-        if varied:
-            rng, number = child(seed, HALF_ANGLES, stream, generation), count * len(self.maps)
+        angles, drawn, number = tuple[float, ...](), tuple[int, ...](), count * len(self.maps)
+        poses = poses_on(self.maps, count, seeds, repeats=self.growth.draws)
+        if self.growth.draws_half_angle:
+            rng = child(seed, HALF_ANGLES, stream, generation)
             angles = tuple(rng.uniform(*self.growth.half_angle_range_rad, number).tolist())
-        return Conditions(poses=poses, half_angles_rad=angles)
+        if self.growth.emergence < 1.0:
+            rng = child(seed, EMERGENCE, stream, generation)
+            drawn = tuple(rng.integers(2**62, size=number).tolist())
+        return Conditions(poses=poses, half_angles_rad=angles, draw_seeds=drawn)
 
     def final_conditions(self, seed: int) -> Conditions:
         """Draw the conditions of the finalists, as ``vinefab score`` does with `final_seed`."""
         first, count = final_seed(seed), self.evaluation.final_poses_per_map
         seeds = range(first, first + len(self.maps))
-        return Conditions(
-            poses=poses_on(self.maps, count, seeds, repeats=self.growth.draws_half_angle)
-        )
+        return Conditions(poses=poses_on(self.maps, count, seeds, repeats=self.growth.draws))
 
     @property
     def winner_penalty(self) -> Penalty | None:
@@ -356,7 +357,7 @@ class Evaluator:
             return ()
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)
         worlds = [prepared.world for prepared in self.maps]
-        return tuple(spread_notes(worlds, count, repeats=self.growth.draws_half_angle))
+        return tuple(spread_notes(worlds, count, repeats=self.growth.draws))
 
     def training_conditions(self, seed: int, generation: int) -> Conditions:
         """Draw the conditions of a generation of the search, on all maps or on some of them."""

@@ -304,7 +304,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
-    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws_half_angle)
+    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws)
     launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task

@@ -31,14 +31,18 @@ class Conditions:
     poses: Poses
     # head-on half-angle of each pose, map by map, where a range of it is drawn from; else empty
     half_angles_rad: tuple[float, ...] = ()
+    # seed of what is drawn in each deployment, map by map, where children may stay in; else empty
+    draw_seeds: tuple[int, ...] = ()
 
     def on_maps(self, taken: Sequence[int]) -> "Conditions":
         """Return the conditions on some of the maps only, by their index."""
         map_of = [index for index, places in enumerate(self.poses) for _ in places]
         angles = zip(map_of, self.half_angles_rad, strict=False)
+        seeds = zip(map_of, self.draw_seeds, strict=False)
         return Conditions(
             poses=tuple(p if index in taken else () for index, p in enumerate(self.poses)),
             half_angles_rad=tuple(angle for index, angle in angles if index in taken),
+            draw_seeds=tuple(seed for index, seed in seeds if index in taken),
         )
 
     @property
@@ -48,7 +52,7 @@ class Conditions:
 
     def launches(self, terrains: TerrainSet) -> Launches:
         """Return the launches on the maps' terrains."""
-        return Launches.of(terrains, self.poses, self.half_angles_rad)
+        return Launches.of(terrains, self.poses, self.half_angles_rad, self.draw_seeds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ from vinefab.fabrication.calibration.coupons import (
     coupon_sheets,
     energy_matrix,
     joint_pieces,
+    joint_tables,
 )
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
@@ -125,6 +126,7 @@ def coupon_files(coupons: CouponSet) -> dict[str, bytes]:
         **pictures,
         "checks.json": checks_text(coupons.report).encode(),
         RESULTS_NAME: results_text(profile, matrix).encode(),
+        **{f"{name}.geojson": table.json_text().encode() for name, table in joint_tables().items()},
     }
 
 

@@ -1,6 +1,7 @@
 """The table of coupon results, CSV: written to be filled in, and read in any known unit."""
 
 import csv
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -216,6 +217,45 @@ class Results:
     def of(self, measure: str) -> tuple[Reading, ...]:
         """Return the readings of one kind."""
         return tuple(reading for reading in self.readings if reading.measure == measure)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointReading:
+    """The angle of a joint coupon as it was read off a photo (measured)."""
+
+    coupon: str  # name of one of `joint_designs`
+    kpa: float  # pressure in it
+    angle_deg: float  # between the axes of its children, of a single child from the trunk's
+    source: str  # the photo's name
+
+    def entered(self, table: str) -> str:
+        """Return a table of results with this reading, which replaces one of the same photo.
+
+        An empty table gets a header.
+        """
+        lines = table.splitlines() or [f"# coupon results, {GENERATOR}", ",".join(_COLUMNS)]
+        place, header = next(
+            (number, [cell.strip() for cell in line.split(",")])
+            for number, line in enumerate(lines)
+            if line.strip() and not line.startswith("#")
+        )
+        row = {
+            "measure": "joint_angle",
+            "setting": f"{self.coupon} {self.kpa:g}",
+            "value": f"{self.angle_deg:.2f}",
+            "unit": "deg",
+            "note": f"read off {self.source}",
+        }
+        kept = []
+        for number, line in enumerate(lines):
+            is_row = number > place and line.strip() and not line.startswith("#")
+            cells = next(csv.reader([line])) if is_row else []
+            known = dict(zip(header, (cell.strip() for cell in cells), strict=False))
+            if known.get("note") != row["note"] or known.get("setting") != row["setting"]:
+                kept.append(line)
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="").writerow([row.get(name, "") for name in header])
+        return "\n".join([*kept, buffer.getvalue()]) + "\n"
 
 
 def read_results(path: Path) -> Results:

@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from shapely import box
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.marks import fold_ticks, lettered
@@ -22,7 +23,9 @@ from vinefab.fabrication.outline.ends import OpenEnd
 from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch, UnevenLevel
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, Standing
+from vinefab.model.map import Map
 from vinefab.model.outline import Contour
+from vinefab.model.start import Pose, Start
 from vinefab.physics.seam import spot_at_mm
 
 LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
@@ -159,6 +162,30 @@ def joint_designs() -> tuple[Design, ...]:
                 )
             )
     return tuple(found)
+
+
+def joint_coupon(name: str) -> Design:
+    """Return a joint coupon by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such coupon.
+    """
+    known = {joint.name: joint for joint in joint_designs()}
+    if name not in known:
+        raise UnknownNameError("joint coupon", name, known)
+    return known[name]
+
+
+def joint_tables() -> dict[str, Map]:
+    """Return the bare tables on which joint coupons are photographed, one for each width."""
+    found = {}
+    for width_mm in JOINT_WIDTHS_MM:
+        side, name = 6.5 * width_mm, f"joints_W{width_mm:g}"
+        start = Start(pose=Pose(x_mm=side / 2.0, y_mm=0.4 * width_mm, heading_rad=math.pi / 2.0))
+        found[name] = Map(name=name, bounds=box(0.0, 0.0, side, side), starts=(start,))
+    return found
 
 
 def joint_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:

@@ -123,7 +123,7 @@ def pattern_section(pattern: Pattern) -> Section:
     picture = Picture(
         image=lambda: page_svg(pattern_plan(pattern)),
         caption="The flat outline that is cut, and the shape that it deploys as: joints are "
-        "simulated one by one, tubes straight (simulated, unverified); vinefab inflate simulates "
+        f"simulated one by one, tubes straight ({pattern.standing}); vinefab inflate simulates "
         "the whole robot.",
         wide=True,
     )

@@ -118,6 +118,7 @@ def readme_text(
         "face_words": face_words(design.build),
         "facts": ([*lines, f"{', '.join(lists)}: in job.json"] if lists else lines),
         "partition": partition if partition and partition.sleeves else None,
+        "standing": "" if pattern is None else pattern.standing,
         "pattern": [] if pattern is None else _branches(pattern_table(pattern)),
     }
     if partition and partition.sleeves:

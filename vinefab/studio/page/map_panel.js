@@ -6,7 +6,7 @@ import { createView, ZOOM } from "studio/view.js";
 const STOPS = {
   full_length: ["○", "grown in full"], head_on: ["✕", "head-on"], corner: ["▲", "in a corner"],
   pressure: ["■", "out of pressure"], branch: ["◆", "at another branch"],
-  not_deployed: ["–", "never emerged"],
+  not_everted: ["○", "did not come out"], not_deployed: ["–", "never emerged"],
 };
 const PLAY_S = 4;
 

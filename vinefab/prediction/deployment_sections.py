@@ -152,6 +152,18 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+STOPPED = {
+    Stop.FULL_LENGTH: "grown in full",
+    Stop.HEAD_ON: "head-on",
+    Stop.CORNER: "in a corner",
+    Stop.NOT_DEPLOYED: "never emerged",
+    Stop.PRESSURE: "out of pressure",
+    Stop.BRANCH: "at another branch",
+    Stop.NOT_EVERTED: "did not evert",
+}
+"""Heading of each way to end."""
+
+
 def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
     """Return how the branches of some deployments ended, a row for each level."""
     levels: dict[int, Counter[int]] = {}
@@ -178,9 +190,6 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
-        headings=(
-            "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "out of pressure", "grown when stuck (median)",
-        ),
+        headings=("level", *(STOPPED[stop] for stop in Stop), "grown when stuck (median)"),
         rows=rows,
-    )  # fmt: skip
+    )

@@ -137,7 +137,8 @@ def test_bounds_leave_the_other_end_assumed(bounded):
     )
     loose = GrowthOptions.of({"contacts": read_contacts(bounded("upper", 0.0, 30.0))})
     assert loose.half_angle_deg == [1.0, 15.0]
-    assert "at most 30 deg; 1 to 15 deg assumed)" in growth_text(loose, [vine])
+    few = "too few photos, from 5 on"
+    assert f"at most 30 deg; {few}; 1 to 15 deg assumed)" in growth_text(loose, [vine])
     assert upper.at_one_angle.half_angle_deg == 1.0
 
 

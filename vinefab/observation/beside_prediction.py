@@ -16,7 +16,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.observation.centre_lines import TracedTree
-from vinefab.observation.doubts import NO_WALL, BranchSight
+from vinefab.observation.doubts import NO_VERDICT, NO_WALL, BranchSight
 from vinefab.observation.meetings import (
     HEADING_ERROR_DEG,
     JOINT_ERROR_DEG,
@@ -187,7 +187,9 @@ def compare_with_prediction(
         branches = tuple(map(_as_seen, branches, sights))
     is_read = _is_read(traced, branches)
     if not is_read:
-        branches = tuple(map(_unclaimed, branches))
+        branches = tuple(
+            _unclaimed(replace(branch, doubts=(*branch.doubts, NO_VERDICT))) for branch in branches
+        )
     return Compared(
         is_read=is_read,
         prediction=prediction,

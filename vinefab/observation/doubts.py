@@ -33,6 +33,8 @@ MAY_BE_OUT: Final = "film where it would begin"
 PARENT: Final = "its parent is uncertain"
 NO_WALL: Final = "ends early without a wall at its end"
 
+NO_VERDICT: Final = "the photo gives no verdict"
+
 ON_FILM = 0.6
 """Least share of film over the middle of a tube, of 1, where it is on film."""
 

@@ -41,7 +41,7 @@ from vinefab.observation.beside_prediction import (
     compare_with_prediction,
 )
 from vinefab.observation.centre_lines import TracedTree, trace
-from vinefab.observation.doubts import branch_sights
+from vinefab.observation.doubts import NO_VERDICT, branch_sights
 from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.pages.colours import ALERT, level_colour
@@ -643,7 +643,8 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         found.append(
             f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines, "
             f"{100 * seen.traced.lines_supported:.0f} % of the lines on film, and "
-            f"{sum(bool(b.doubts) for b in branches)} of {len(branches)} branches are in doubt: "
+            f"{sum(set(b.doubts) > {NO_VERDICT} for b in branches)} of {len(branches)} branches "
+            "are in doubt: "
             "this design from this pose hardly is what the photo shows"
         )
     if setup.obstacle_mm is None and seen.world.obstacles:
@@ -664,6 +665,7 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
     for branch in branches:
         for doubt in branch.doubts:
             why.setdefault(doubt, []).append(branch.id)
+    why.pop(NO_VERDICT, None)
     found += [f"{doubt}: {', '.join(ids)}" for doubt, ids in why.items()]
     hardly = [b.id for b in branches if b.deployed_observed and b.seen < 0.3]
     if hardly:

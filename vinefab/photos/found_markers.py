@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy import ndimage
 from scipy.optimize import least_squares
+from scipy.special import ndtr
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
@@ -26,19 +26,63 @@ _LARGEST_SEARCHED = 2400
 whole photo."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoundMarker:
+    """A marker as it is seen in a photo.
+
+    Parameters
+    ----------
+    corners_px
+        Of its black frame, shape (4, 2): (column, row) of the upper left one, as it was printed,
+        and the others clockwise; middles of pixels end in .5.
+    noise_px
+        How far they may be off: standard deviation, by what the fit leaves.
+    blur_px
+        How far light is spread over its edges: standard deviation.
+    mixing
+        Exponent by which mixed light is stored: 1 / 2.2 of a lens out of focus, 1 of a picture
+        that was smoothed or made smaller as it was stored. Between, the middle of an edge lies at
+        another brightness.
+    misfit
+        Root mean square of what the fit leaves, over the contrast of black and white.
+    """
+
+    corners_px: Floats
+    noise_px: float
+    blur_px: float
+    mixing: float
+    misfit: float
+
+    @property
+    def side_px(self) -> float:
+        """Mean length of its sides."""
+        sides = self.corners_px - np.roll(self.corners_px, 1, axis=0)
+        return float(np.hypot(*sides.T).mean())
+
+
 def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Floats]:
     """Return the corners of each marker that a photo shows, by its number.
+
+    Returns
+    -------
+    dict
+        Arrays of shape (4, 2): `FoundMarker.corners_px`.
+
+    Raises
+    ------
+    BadInputError
+        If a number is seen twice, or OpenCV is not installed.
+    """
+    return {number: one.corners_px for number, one in measured_markers(photo, dictionary).items()}
+
+
+def measured_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, FoundMarker]:
+    """Return each marker that a photo shows, by its number, with how well it is seen.
 
     Parameters
     ----------
     dictionary
         OpenCV's name of the ArUco dictionary.
-
-    Returns
-    -------
-    dict
-        Arrays of shape (4, 2): (column, row) of the upper left corner of the marker's black frame,
-        as it was printed, and the others clockwise; middles of pixels end in .5.
 
     Raises
     ------
@@ -50,80 +94,136 @@ def find_markers(photo: Photo, dictionary: str = "DICT_4X4_50") -> dict[int, Flo
     except ImportError as error:
         allowed = "together with OpenCV: pip install 'vinefab[vision]'"
         raise BadInputError("markers", "asked for", allowed, photo.name) from error
+    stored = np.asarray(Image.fromarray(photo.pixels).convert("L"))
     # How much light fell on each pixel.
     light = np.round(255.0 * (np.arange(256) / 255.0) ** CAMERA_GAMMA).astype(np.uint8)
-    grey = np.asarray(light[np.asarray(Image.fromarray(photo.pixels).convert("L"))])
+    grey = np.asarray(light[stored])
     times = max(1, -(-max(grey.shape) // _LARGEST_SEARCHED))
     small = np.asarray(Image.fromarray(grey).reduce(times)) if times > 1 else grey
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     corners, numbers, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(small)
-    found: dict[int, Floats] = {}
+    found: dict[int, FoundMarker] = {}
     for number, square in zip([] if numbers is None else numbers.ravel(), corners, strict=True):
         if int(number) in found:
             raise BadInputError("marker", f"{number} twice in the photo", "each once", photo.name)
         rough = (square.reshape(4, 2).astype(np.float64) + 0.5) * times
-        found[int(number)] = _refined(grey, rough)
+        bits = np.asarray(cv2.aruco.generateImageMarker(known, int(number), MARKER_SIDE_CELLS))
+        found[int(number)] = _fitted(stored, rough, bits > 0)
     return found
 
 
-def _refined(grey: NDArray[np.uint8], corners: Floats) -> Floats:
-    """Return corners of a marker to a fraction of a pixel: where lines through its sides meet.
+# --- A marker's picture, fitted to the pixels
 
-    A corner of an image that is not perfectly sharp is round, so what looks for corners themselves
-    finds them too far inside.
+_RIM_CELLS = 0.8
+"""Of the white around a marker that is looked at."""
+
+_MOST_FITTED = 1200
+"""Pixels of one marker; of a large one some are left out."""
+
+_MIXING = 0.35, 1.1
+"""Least and most exponent of stored light."""
+
+_LEAST_NOISE_PX, _OF_BLUR = 0.05, 0.035
+"""How far corners may be off at least, and by what share of the blur, whose shape is not known
+[assumed, above what rendered photos show]."""
+
+_CORRELATED = 2.0
+"""What the fit leaves is alike in neighbouring pixels (grain and JPEG): its errors are larger than
+of independent pixels by about this factor [assumed]."""
+
+
+def _fitted(stored: NDArray[np.uint8], rough: Floats, bits: NDArray[np.bool_]) -> FoundMarker:
+    """Return a marker by the picture of it, out of focus, that fits the photo's pixels best.
+
+    Edges of a blurred marker lie where mixed light is stored as half of it, and where that is
+    depends on camera and software: a border looks wider or narrower by some tenths of the blur.
+    The cells inside are moved the other way, so that both together tell size from blur.
     """
-    for _ in range(2):
-        sides = [_side(grey, corners[index], corners[index - 3]) for index in range(4)]
-        corners = np.array([_meeting(sides[index - 1], sides[index]) for index in range(4)])
-    return corners
+    grid = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]) * MARKER_SIDE_CELLS
+    pad = (1.0 + 2.0 * _RIM_CELLS / MARKER_SIDE_CELLS) * (rough - rough.mean(axis=0))
+    box = rough.mean(axis=0) + pad
+    rows, columns = stored.shape
+    low = np.floor(box.min(axis=0)).astype(int).clip(0)
+    high = np.ceil(box.max(axis=0)).astype(int).clip(0, (columns, rows))
+    x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
+    pixels = np.column_stack([x.ravel(), y.ravel()])
+    seen = stored[low[1] : high[1], low[0] : high[0]].ravel().astype(np.float64)
+    cells = projected(inverse(_square_to(rough, grid)), pixels)
+    near = ((cells > -_RIM_CELLS) & (cells < MARKER_SIDE_CELLS + _RIM_CELLS)).all(axis=1)
+    step = max(1, int(near.sum()) // _MOST_FITTED)
+    chosen = np.flatnonzero(near)[::step]
+    pixels, seen = pixels[chosen], seen[chosen]
+    middle, size = rough.mean(axis=0), float(np.ptp(rough, axis=0).max())
+    pattern = np.ones((MARKER_SIDE_CELLS + 4,) * 2)  # white, two cells around
+    pattern[2:-2, 2:-2] = bits
+    black, white = np.percentile(seen, (5.0, 95.0))
+    contrast = max(float(white - black), 1.0)
 
+    def shown(values: Floats) -> Floats:
+        corners = rough + values[:8].reshape(4, 2)
+        matrix = inverse(_square_to(corners, grid))
+        places = projected(matrix, pixels)
+        scale = MARKER_SIDE_CELLS / _mean_side(corners)
+        mixed = _blurred_cells(places, pattern, math.exp(values[8]) * scale)
+        low_light, exponent = values[10], values[9]
+        dark = max(low_light, 0.0) ** (1.0 / exponent)
+        light = (dark + (1.0 - dark) * mixed) ** exponent
+        slope = 1.0 + ((pixels - middle) / size) @ values[12:14]
+        return np.asarray(values[11] * light * slope)
 
-_SIDE_PARTS = 64
-_AVERAGED = 8
-_ACROSS = 33
-_NEAR_ENDS = 0.1
-_REACH_CELLS = 0.45
-_FAR_OFF = 3.0
+    def off(values: Floats) -> Floats:
+        return (shown(values) - seen) / contrast
 
-
-def _side(grey: NDArray[np.uint8], start: Floats, end: Floats) -> tuple[Floats, Floats]:
-    """Return a point and the direction of the line through a marker's side; white is to its left.
-
-    Rows run down, so the left side of a clockwise square, as one looks at it, is outside.
-    """
-    along = end - start
-    outwards = np.array([along[1], -along[0]]) / np.hypot(*along)
-    reach = _REACH_CELLS * float(np.hypot(*along)) / MARKER_SIDE_CELLS
-    places = start + np.linspace(_NEAR_ENDS, 1.0 - _NEAR_ENDS, _SIDE_PARTS)[:, None] * along
-    steps = np.linspace(-reach, reach, _ACROSS)
-    spots = places[:, None] + steps[:, None] * outwards - 0.5
-    bright = ndimage.map_coordinates(
-        grey, spots[..., ::-1].reshape(-1, 2).T, np.float64, order=1, mode="nearest"
+    begin = np.concatenate(
+        [np.zeros(8), [0.0, 0.6, max(0.02, black / white), max(white, 1.0)], (0.0, 0.0)]
     )
-    # Neighbours are averaged first: of noise, what rises would be taken and what falls left out.
-    bright = bright.reshape(-1, _AVERAGED, _ACROSS).mean(axis=1)
-    places = places.reshape(-1, _AVERAGED, 2).mean(axis=1)
-    rise = np.clip(np.diff(bright, axis=1), 0.0, None)
-    rise = np.clip(rise - 0.25 * rise.max(axis=1, keepdims=True), 0.0, None) + 1e-9
-    middles = 0.5 * (steps[1:] + steps[:-1])
-    edge = places + (rise @ middles / rise.sum(axis=1))[:, None] * outwards
-    middle, direction = _line(edge)
-    off = np.abs((edge - middle) @ np.array([direction[1], -direction[0]]))
-    return _line(edge[off <= _FAR_OFF * max(float(np.median(off)), 1e-6)])
+    least = np.concatenate([np.full(8, -0.2 * size), [math.log(0.2), _MIXING[0], 0.0, 1.0, -1, -1]])
+    most = np.concatenate(
+        [np.full(8, 0.2 * size), [math.log(size / 6.0), _MIXING[1], 0.9, 400, 1, 1]]
+    )
+    begin = np.clip(begin, least + 1e-6, most - 1e-6)
+    fit = least_squares(
+        off, begin, bounds=(least, most), x_scale=np.maximum(1e-3, 0.1 * (most - least)),
+        loss="soft_l1", f_scale=0.1, xtol=1e-4, ftol=1e-4, max_nfev=20,
+    )  # fmt: skip
+    misfit = float(np.sqrt(np.mean(off(fit.x) ** 2)))
+    slopes = np.asarray(fit.jac)
+    spread = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12)
+    noise = _CORRELATED * misfit * math.sqrt(float(np.diag(spread)[:8].mean()))
+    blur = float(math.exp(fit.x[8]))
+    return FoundMarker(
+        corners_px=rough + fit.x[:8].reshape(4, 2),
+        noise_px=max(_LEAST_NOISE_PX, math.hypot(noise, _OF_BLUR * blur)),
+        blur_px=blur,
+        mixing=float(fit.x[9]),
+        misfit=misfit,
+    )
 
 
-def _line(points: Floats) -> tuple[Floats, Floats]:
-    middle = points.mean(axis=0)
-    return middle, np.linalg.svd(points - middle)[2][0]
+def _square_to(corners_px: Floats, grid: Floats) -> Floats:
+    """Return the homography from four corners of a grid to four of a photo."""
+    rows, values = [], []
+    for (u, v), (x, y) in zip(grid, corners_px, strict=True):
+        rows += [[u, v, 1, 0, 0, 0, -x * u, -x * v], [0, 0, 0, u, v, 1, -y * u, -y * v]]
+        values += [x, y]
+    return np.append(np.linalg.solve(np.array(rows), np.array(values)), 1.0).reshape(3, 3)
 
 
-def _meeting(one: tuple[Floats, Floats], two: tuple[Floats, Floats]) -> Floats:
-    """Return where two lines, each a point and a direction, cross."""
-    sides = np.column_stack([one[1], -two[1]])
-    share = np.linalg.lstsq(sides, two[0] - one[0], rcond=None)[0]
-    return np.asarray(one[0] + share[0] * one[1])
+def _mean_side(corners: Floats) -> float:
+    return float(np.hypot(*(corners - np.roll(corners, 1, axis=0)).T).mean())
+
+
+def _blurred_cells(places: Floats, pattern: Floats, spread: float) -> Floats:
+    """Return how white a pattern of cells is at places (in cells), spread by a normal blur."""
+    edges = np.arange(-1.0, MARKER_SIDE_CELLS + 2.0)
+    across, down = (ndtr((places[:, axis, None] - edges) / spread) for axis in (0, 1))
+    shares = []
+    for beyond in (across, down):
+        first, last = 1.0 - beyond[:, :1], beyond[:, -1:]
+        shares.append(np.hstack([first, beyond[:, :-1] - beyond[:, 1:], last]))
+    return np.asarray(((shares[1] @ pattern) * shares[0]).sum(axis=1))
 
 
 def marker_points(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFilter
 from shapely import affinity, box
 
 import vinefab as vf
@@ -125,6 +125,64 @@ def test_one_marker_is_enough(table, tmp_path):
     assert world.facts["markers"] == [0]
     assert len(world.obstacles) == 1
     assert world.facts["shape_within_mm"] > 1.0  # far from one small square little is known
+
+
+@pytest.mark.parametrize("blur_px", [0.7, 1.2])
+def test_a_picture_smoothed_by_software_keeps_its_scale_within_what_is_stated(
+    table, tmp_path, blur_px
+):
+    path = tmp_path / "soft.jpg"
+    with Image.open(table) as picture:
+        soft = picture.filter(ImageFilter.GaussianBlur(blur_px))
+        soft.save(path, quality=85, exif=picture.getexif())
+    world = imported(path, marker_mm=30.0, height_mm=HEIGHT_MM)
+    assert world.size_mm == pytest.approx((484.0, 384.0), rel=0.003)
+    assert max(off_mm(world, SHIFT)) < world.facts["shape_within_mm"] < 6.0
+    assert world.facts["blur_px"] > blur_px
+    assert sum(len(one.exterior.coords) - 1 for one in world.obstacles) <= 7 * len(BRICKS)
+
+
+def test_a_photo_too_blurred_for_a_scale_is_refused(table, tmp_path):
+    path = tmp_path / "soft.png"
+    with Image.open(table) as picture:
+        picture.filter(ImageFilter.GaussianBlur(1.9)).save(path)
+    with pytest.raises(BadInputError, match=r"sharper or nearer photo|seen whole and sharp"):
+        imported(path, marker_mm=30.0)
+
+
+def test_the_distance_of_two_markers_gives_the_scale(table):
+    true_mm = 400.0 + 2 * (12.0 + 15.0)
+    assert imported(table, marker_mm=30.0, distance_mm=2.0 * true_mm).size_mm == pytest.approx(
+        (968.0, 768.0), abs=1.0
+    )
+    world = imported(table, marker_mm=30.0, height_mm=HEIGHT_MM, distance_mm=true_mm)
+    assert world.size_mm == pytest.approx((484.0, 384.0), abs=0.5)
+    assert max(off_mm(world, SHIFT)) < world.facts["shape_within_mm"] < 3.0
+    assert world.facts["scale_by"] == "the distance of two markers"
+
+
+REFUSED = {
+    "fewer markers": ({"marker_count": 5}, r"markers in the photo is '4 \(number 0, 1, 2, 3\)'"),
+    "too large": ({"crop_mm": (0.0, 0.0, 3400.0, 90.0)}, "size of the map is '3400 mm'"),
+    "nothing there": ({"obstacles": "0,0,255,5"}, "obstacles in the photo is '0'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_gives_no_map_is_one_line_and_exit_code_2(table, tmp_path, capsys, case):
+    given, words = REFUSED[case]
+    with pytest.raises(BadInputError, match=words):
+        imported(table, marker_mm=30.0, **given)
+    options = {"marker_count": "--marker-count", "crop_mm": "--crop", "obstacles": "--obstacles"}
+    more = [
+        part
+        for key, value in given.items()
+        for part in (options[key], ",".join(map(str, np.atleast_1d(value))))
+    ]
+    out = tmp_path / "arena.geojson"
+    assert main(["map", "import", str(table), "--marker-mm", "30", *more, "--out", str(out)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()
 
 
 def ink(size=(600, 400)):

@@ -36,12 +36,15 @@ class PhotoOptions:
         two whose distance is known, or the four corners of a rectangle, its lower left one first,
         then counter-clockwise.
     distance_mm
-        Between two points.
+        Between two points, or between the middles of the two markers with the lowest numbers,
+        which says more of the scale than the size in which markers are seen.
     rectangle_mm
         Width and height of the rectangle whose corners four points are.
     marker_mm
         Side of the black frame of the ArUco markers (DICT_4X4_50) in the photo; one is enough, all
         have this size and lie in one plane.
+    marker_count
+        How many markers lie there: a photo that shows fewer of them is refused.
     height_mm
         How far the obstacles stand above the points or markers; their walls are vertical.
     obstacles
@@ -56,6 +59,7 @@ class PhotoOptions:
     distance_mm: float | None = None
     rectangle_mm: tuple[float, float] | None = None
     marker_mm: float | None = None
+    marker_count: int | None = None
     height_mm: float = 0.0
     obstacles: str = "dark"
     threshold: float | None = None
@@ -70,6 +74,7 @@ class PhotoOptions:
                 positive(key, getattr(self, key))
         for value in self.rectangle_mm or ():
             positive("rectangle_mm", value)
+        self._ensure_marker_count()
         number("height_mm", self.height_mm, 0.0, 1e5, "mm")
         if self.threshold is not None:
             number("threshold", self.threshold, 0.0, 255.0)
@@ -88,7 +93,8 @@ class PhotoOptions:
             raise BadInputError(
                 "points", f"{counted(count, 'point')} with {found}", f"with {option}"
             )
-        if given and not count:
+        with_markers = self.marker_mm is not None and given == ["distance_mm"]
+        if given and not count and not with_markers:
             need = {"distance_mm": "two", "rectangle_mm": "four"}[given[0]]
             raise BadInputError(given[0], getattr(self, given[0]), f"with {need} --points")
         colour = self.colour
@@ -99,6 +105,13 @@ class PhotoOptions:
                 "with dark or light obstacles; a colour has its "
                 "tolerance: --obstacles R,G,B,TOLERANCE",
             )
+
+    def _ensure_marker_count(self) -> None:
+        if self.marker_count is None:
+            return
+        number("marker_count", self.marker_count, 1, 50)
+        if self.marker_mm is None:
+            raise BadInputError("marker_count", self.marker_count, "with --marker-mm")
 
     def ensure_one_scale(self, mm_per_pixel: float | None) -> None:
         """Raise BadInputError unless there is just one thing that gives the photo its scale."""

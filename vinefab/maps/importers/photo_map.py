@@ -1,5 +1,7 @@
 """Photos and scans of arenas: scale, perspective, tones, and the map that they show."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from vinefab.maps.cleanup.raster import GridPlacement, raster_map
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.model.corner_marker import MARKER_SIDE_CELLS
 from vinefab.model.map import Map
-from vinefab.photos.found_markers import find_markers, square_points
+from vinefab.photos.found_markers import FoundMarker, measured_markers, square_points
 from vinefab.photos.photo import CAMERA_GAMMA, Photo, read_photo
 from vinefab.photos.photo_camera import (
     ControlPoints,
@@ -59,6 +61,22 @@ _EDGE_SHARE = 0.5
 
 _TRIALS = 40
 
+_MOST_SIDES = 100.0
+"""Larger maps, in sides of a marker, are not told by it: 3 m by markers of 30 mm."""
+
+_MOST_BLUR_CELLS = 0.4
+"""A marker whose cells are spread by more than this share of their width has no clear size."""
+
+_MOST_MISFIT = 0.12
+"""What the fit of a marker may leave, as a share of its contrast: glare, folds and shadows make
+more."""
+
+_MOST_OFF_SHARE = 0.08
+"""Walls that may be off by more than this share of the map's size have no scale."""
+
+_CORNER_BLUR = 0.8
+"""Blur of standard deviation one rounds a square corner by about so much (computed)."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PhotoMap:
@@ -90,7 +108,7 @@ def read_photo_map(path: Path, options: ImportOptions) -> PhotoMap:
         heights = np.linspace(0.0, chosen.height_mm, _HEIGHTS if chosen.height_mm else 1).tolist()
         views = [scene.view(height) for height in heights]
         shown = [scene.shown(view, height) for view, height in zip(views, heights, strict=True)]
-        tones = _Tones.of(views[0], chosen, shown[0])
+        tones = _Tones.of(views[0], chosen, shown[0], scene.mixing)
         # What stands upright is seen at its place at every height; its sides are seen beside it
         # on the floor or at the top. (In between: where one's side and another's top would meet.)
         solid = np.logical_and.reduce([tones.solid(view) for view in views])
@@ -114,17 +132,18 @@ class _Scene:
     mm_per_cell: float
     mm_per_pixel: float  # of the photo, where it is finest; no less than a cell
     markers_mm: Floats
+    mixing: float  # exponent by which mixed light is stored: where an edge's middle is
+    within_mm: float  # how far walls may be off, but for straightening them
     facts: dict[str, object]
 
     @classmethod
     def of(cls, photo: Photo, chosen: PhotoOptions, mm_per_pixel: float | None) -> "_Scene":
-        found = find_markers(photo) if chosen.marker_mm is not None else {}
-        if chosen.marker_mm is not None and not found:
-            raise BadInputError(
-                "markers in the photo",
-                "0",
-                "one or more ArUco markers (DICT_4X4_50), seen whole and sharp, white around them",
-            )
+        seen = measured_markers(photo) if chosen.marker_mm is not None else {}
+        if chosen.marker_mm is not None:
+            _ensure_trusted(seen, chosen)
+        found = {number: one.corners_px for number, one in seen.items()}
+        noise_px = max((one.noise_px for one in seen.values()), default=_POINT_NOISE_PX)
+        blur_px = max((one.blur_px for one in seen.values()), default=0.0)
         control = _control(photo, chosen, found, mm_per_pixel)
         camera = fit_camera(photo, control)
         if chosen.height_mm > 0.0 and camera.focal_px is None:
@@ -135,6 +154,7 @@ class _Scene:
                 "(35 mm), or taken so obliquely that its perspective does",
             )
         area = _area_mm(photo, camera, control, chosen)
+        _ensure_near(area, chosen)
         # Edges in a photo are known better than to a pixel; a scan keeps its own pixels.
         share = 1.0 if len(control.points_px) == 2 else 0.5
         pixel = 1.0 / most_pixels_per_mm(camera.homography, area)
@@ -146,11 +166,33 @@ class _Scene:
             "markers": sorted(found),
             "points_off_mm": round(camera.residual_mm, 4),
             "mm_per_cell": step,
-            **_placing(photo, chosen, found, mm_per_pixel, area),
             **_parallax(camera, area, chosen),
         }
+        placed_mm = 0.0
+        if mm_per_pixel is None:
+            placed_mm = _placing_mm(photo, chosen, found, noise_px, area)
+            facts["if_points_within_px"] = f"{noise_px:.2g} (assumed, standard deviation)"
+        if seen:
+            facts["blur_px"] = round(blur_px, 2)
+            facts["scale_by"] = (
+                f"{len(seen)} markers' sides"
+                if chosen.distance_mm is None
+                else "the distance of two markers"
+            )
+        within_mm = placed_mm + _CORNER_BLUR * blur_px * pixel
+        mixing = float(np.median([one.mixing for one in seen.values()])) if seen else 0.0
         squares = control.points_mm.reshape(-1, 4, 2) if found else np.empty((0, 4, 2))
-        return cls(photo, camera, area, step, pixel, squares, facts)
+        return cls(
+            photo,
+            camera,
+            area,
+            step,
+            pixel,
+            squares,
+            mixing or 1.0 / CAMERA_GAMMA,
+            within_mm,
+            facts,
+        )
 
     def view(self, height_mm: float) -> PlanView:
         """Return the plan at a height."""
@@ -182,7 +224,12 @@ def _control(
 ) -> ControlPoints:
     """Return the points that give a photo its scale."""
     if chosen.marker_mm is not None:
-        return square_points(found, chosen.marker_mm)
+        control = square_points(found, chosen.marker_mm)
+        if chosen.distance_mm is None:
+            return control
+        middles = control.points_mm.reshape(-1, 4, 2).mean(axis=1)
+        apart = float(np.hypot(*(middles[1] - middles[0])))
+        return replace(control, points_mm=control.points_mm * (chosen.distance_mm / apart))
     points = np.array(chosen.points_px, dtype=np.float64)
     if chosen.rectangle_mm is not None:
         width, height = chosen.rectangle_mm
@@ -233,18 +280,54 @@ def _area_mm(
     return (*seen.min(axis=0).tolist(), *seen.max(axis=0).tolist())
 
 
-def _placing(
+def _ensure_trusted(seen: Mapping[int, FoundMarker], chosen: PhotoOptions) -> None:
+    """Refuse markers that are too few, too blurred or too unlike a marker to give a scale."""
+    key, kind = "markers in the photo", "ArUco markers (DICT_4X4_50)"
+    if not seen:
+        allowed = f"one or more {kind}, seen whole and sharp, white around them"
+        raise BadInputError(key, "0", allowed)
+    wanted = chosen.marker_count or (1 if chosen.distance_mm is None else 2)
+    if len(seen) < wanted:
+        numbers = ", ".join(map(str, sorted(seen)))
+        allowed = f"{wanted} {kind}, seen whole and sharp, white around them"
+        raise BadInputError(key, f"{len(seen)} (number {numbers})", allowed)
+    for name, one in sorted(seen.items()):
+        cell_px = one.side_px / MARKER_SIDE_CELLS
+        if one.blur_px > _MOST_BLUR_CELLS * cell_px:
+            found = f"spread by {one.blur_px:.1f} px (measured), {cell_px:.1f} px to a cell"
+            allowed = (
+                f"edges spread by at most {_MOST_BLUR_CELLS:g} of a cell: a sharper or nearer photo"
+            )
+            raise BadInputError(f"marker {name}", found, allowed)
+        if one.misfit > _MOST_MISFIT:
+            found = f"{100.0 * one.misfit:.0f} % unlike its picture (measured)"
+            allowed = f"at most {100.0 * _MOST_MISFIT:.0f} %: flat, evenly lit, without glare"
+            raise BadInputError(f"marker {name}", found, allowed)
+
+
+def _ensure_near(area_mm: AreaMm, chosen: PhotoOptions) -> None:
+    """Refuse a map that is too large for its markers."""
+    if chosen.marker_mm is None or chosen.distance_mm is not None:
+        return
+    left, low, right, top = area_mm
+    size, most = max(right - left, top - low), _MOST_SIDES * chosen.marker_mm
+    if size > most:
+        allowed = (
+            f"at most {most:g} mm by markers of {chosen.marker_mm:g} mm; larger markers, --crop, "
+            "or the distance of two markers: --distance-mm"
+        )
+        raise BadInputError("size of the map", f"{size:.0f} mm", allowed)
+
+
+def _placing_mm(
     photo: Photo,
     chosen: PhotoOptions,
     found: dict[int, Floats],
-    mm_per_pixel: float | None,
+    noise_px: float,
     area_mm: AreaMm,
-) -> dict[str, object]:
+) -> float:
     """Return how far places may be off because the points are: simulated, 95 %."""
-    if mm_per_pixel is not None:
-        return {}
     control = _control(photo, chosen, found, None)
-    noise_px = _POINT_NOISE_PX if not found else control.noise_px
     left, low, right, top = area_mm
     places = np.array([(left, low), (right, low), (right, top), (left, top)])
     places_px = projected(plane_homography(control), places)
@@ -262,10 +345,17 @@ def _placing(
         turned = (one @ (1.0, 1.0j)) * turn / abs(turn)
         off = np.column_stack([turned.real, turned.imag]) - two
         worst.append(float(np.hypot(*off.T).max()))
-    return {
-        "shape_within_mm": round(float(np.quantile(worst, 0.95)), 3),
-        "if_points_within_px": f"{noise_px:g} (assumed, standard deviation)",
-    }
+    within_mm, most = (
+        float(np.quantile(worst, 0.95)),
+        _MOST_OFF_SHARE * max(right - left, top - low),
+    )
+    if found and within_mm > most:
+        allowed = (
+            f"at most {100.0 * _MOST_OFF_SHARE:g} % of the map: more or larger markers around it, "
+            "a sharper or nearer photo, --crop, or --distance-mm between two markers"
+        )
+        raise BadInputError("scale of the photo", f"walls may be {within_mm:.0f} mm off", allowed)
+    return within_mm
 
 
 def _parallax(camera: PhotoCamera, area_mm: AreaMm, chosen: PhotoOptions) -> dict[str, object]:
@@ -294,15 +384,16 @@ class _Tones:
     contrast: float = (
         np.inf
     )  # between floor and obstacles; infinite where a person set the threshold
+    mixing: float = 1.0 / CAMERA_GAMMA  # exponent by which mixed light is stored
 
     @classmethod
-    def of(cls, view: PlanView, chosen: PhotoOptions, shown: Mask) -> "_Tones":
+    def of(cls, view: PlanView, chosen: PhotoOptions, shown: Mask, mixing: float) -> "_Tones":
         if chosen.colour is not None:
             return cls(chosen, None)
         if chosen.threshold is not None:
             return cls(chosen, chosen.threshold)
         low, high = _two_tones(_brightness(view)[shown])
-        return cls(chosen, (low + high) / 2.0, high - low)
+        return cls(chosen, (low + high) / 2.0, high - low, mixing)
 
     def solid(self, view: PlanView) -> Mask:
         """Return which cells of a plan are obstacles."""
@@ -319,8 +410,8 @@ class _Tones:
         high = ndimage.maximum_filter(bright, _EDGE_CELLS)
         low = ndimage.minimum_filter(bright, _EDGE_CELLS)
         edge = high - low > _EDGE_SHARE * self.contrast
-        light = (high**CAMERA_GAMMA + low**CAMERA_GAMMA) / 2.0
-        between = np.where(edge, light ** (1.0 / CAMERA_GAMMA), np.float32(self.threshold or 0.0))
+        light = (high ** (1.0 / self.mixing) + low ** (1.0 / self.mixing)) / 2.0
+        between = np.where(edge, light**self.mixing, np.float32(self.threshold or 0.0))
         return np.asarray(bright < between if self.chosen.obstacles == "dark" else bright > between)
 
 
@@ -379,7 +470,17 @@ def _world(
         x_mm=view.left_mm,
         y_mm=view.top_mm - rows * view.mm_per_pixel,
     )
-    simplify_mm = scene.mm_per_pixel if options.simplify_mm is None else options.simplify_mm
+    simplify_mm = options.simplify_mm
+    if simplify_mm is None:  # walls need no more corners than they are known by
+        simplify_mm = float(f"{max(scene.mm_per_pixel, scene.within_mm):.3g}")
+    if scene.within_mm:
+        facts["shape_within_mm"] = round(math.hypot(scene.within_mm, simplify_mm), 3)
     chosen = replace(options, simplify_mm=simplify_mm, least_obstacle_mm2=least_mm2)
     world = raster_map(visible(path.stem), free[::-1], placement, chosen, facts)
+    if not world.obstacles:
+        allowed = (
+            "one or more: --obstacles dark, light or R,G,B; --threshold 0 to 255; "
+            f"--least-obstacle-mm2 below {least_mm2:g}"
+        )
+        raise BadInputError("obstacles in the photo", "0", allowed)
     return replace(world, environment="photo")

@@ -15,6 +15,7 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
@@ -152,18 +153,6 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-STOPPED = {
-    Stop.FULL_LENGTH: "grown in full",
-    Stop.HEAD_ON: "head-on",
-    Stop.CORNER: "in a corner",
-    Stop.NOT_DEPLOYED: "never emerged",
-    Stop.PRESSURE: "out of pressure",
-    Stop.BRANCH: "at another branch",
-    Stop.NOT_EVERTED: "did not evert",
-}
-"""Heading of each way to end."""
-
-
 def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
     """Return how the branches of some deployments ended, a row for each level."""
     levels: dict[int, Counter[int]] = {}
@@ -192,6 +181,6 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
-        headings=("level", *(STOPPED[stop] for stop in met), "grown when stuck (median)"),
+        headings=("level", *(STOP_WORDS[stop] for stop in met), "grown when stuck (median)"),
         rows=rows,
     )

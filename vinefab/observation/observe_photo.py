@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
 from vinefab.core.limits import DEFAULT_MARKER_MM
+from vinefab.core.plain_text import counted
 from vinefab.core.view import (
     Answer,
     Block,
@@ -354,8 +355,8 @@ class Observation(WrittenResult):
         doubtful = [branch.id for branch in self.compared.branches if branch.doubts]
         if doubtful:
             return (
-                f"as predicted where it is clear: {counted(len(clear), 'branch')} ended as simulated, "
-                f"{len(doubtful)} are in doubt: {', '.join(doubtful)}"
+                f"as predicted where it is clear: {counted(len(clear), 'branch')} ended as "
+                f"simulated, {len(doubtful)} are in doubt: {', '.join(doubtful)}"
             )
         return (
             "as predicted: every branch ended as simulated, "

@@ -181,10 +181,6 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
-        headings=(
-            "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "out of pressure", *(STOP_WORDS[stop] for stop in met if stop > Stop.PRESSURE),
-            "grown when stuck (median)",
-        ),
+        headings=("level", *(STOP_WORDS[stop] for stop in met), "grown when stuck (median)"),
         rows=rows,
-    )  # fmt: skip
+    )

@@ -391,7 +391,7 @@ def children_out(results: Results) -> tuple[MeasuredShare, ...]:
         if out == 0:
             place = results.of("children_out")[0]
             raise place.wrong(f"none of {tried} at {pressure_kpa:g} kPa", "at least one came out")
-        ends = [float(beta.ppf(share, out + 0.5, tried - out + 0.5)) for share in (0.025, 0.975)]
+        ends = [float(beta.ppf(q, out + 0.5, tried - out + 0.5)) for q in (0.025, 0.975)]
         shares.append(
             MeasuredShare(
                 low=ends[0],

@@ -31,7 +31,7 @@ from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
-from vinefab.tasks.evaluate import Conditions, composite, map_weights
+from vinefab.tasks.evaluate import Conditions, composite, map_weights, score_designs
 
 
 def optimize(
@@ -320,3 +320,34 @@ def test_weights_make_maps_count_alike_in_every_composite() -> None:
     weighed = composite([0.2, 0.5, 0.7], weights=weights)
     plain = composite([0.2, 0.2, 0.5, 0.7])
     assert weighed == pytest.approx(plain)
+
+
+@pytest.mark.parametrize(
+    "rule", [{"branch_contact": "stop"}, {"emergence": 0.7}, {"body_width_ratio": 1.3}, {}]
+)
+def test_a_search_grows_designs_as_scores_do(
+    small: RunSettings, maps: Maps, rule: dict[str, object]
+) -> None:
+    growth = GrowthOptions(pressure_stop=False, **rule)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small.changed(growth=growth), maps=maps))
+    conditions = evaluator.training_conditions(3, 0)
+    assert evaluator.training_conditions(3, 0) == conditions
+    seeds = conditions.draw_seeds
+    assert len(set(seeds)) == (len(maps) if "emergence" in rule else 0)
+    assert set(seeds).isdisjoint(evaluator.training_conditions(3, 1).draw_seeds)
+    x = np.random.default_rng(1).random((12, len(evaluator.space)))
+    found, _ = evaluator.evaluate(x, conditions)
+    known = np.flatnonzero(np.isfinite(found.score).all(axis=1)).tolist()
+    designs = [evaluator.space.design(x[row]) for row in known]
+    launches = conditions.launches(evaluator.terrains)
+    scores = score_designs(designs, evaluator.maps, launches, evaluator.task, growth)
+    for row, score in zip(known, scores, strict=True):
+        np.testing.assert_allclose(found.score[row], score.scores, rtol=1e-12)
+    if rule:
+        plain = Evaluator.of(
+            EvaluatorSpec(
+                settings=small.changed(growth=GrowthOptions(pressure_stop=False)), maps=maps
+            )
+        )
+        usual, _ = plain.evaluate(x, conditions)
+        assert (usual.score[known] != found.score[known]).any()

@@ -320,7 +320,7 @@ class Evaluator:
             penalty_of_batch=penalty.within(space) if isinstance(penalty, SpacePenalty) else None,
             radii_mm=(0.0,)
             if settings.growth.body == "centerline"
-            else tuple(width_mm / math.pi for width_mm in deepest.widths_mm),
+            else tuple(settings.growth.radius_mm(width_mm) for width_mm in deepest.widths_mm),
         )
 
     def conditions(self, seed: int, stream: int, generation: int, count: int) -> Conditions:

@@ -1,8 +1,11 @@
+from time import process_time
+
 import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.inflation.joint import Joint, inflated_joint
+from vinefab.inflation.joint import Joint, inflated_joint, joint_outline
+from vinefab.inflation.mesh import mesh_of
 
 FORK = Joint.fan(2, 80.0, width=0.6, fillet=0.125)
 UNEVEN = Joint(angles_deg=(0.0, 60.0), widths=(0.6, 0.5), fillets=(0.2, 0.3, 0.1))
@@ -80,3 +83,21 @@ def test_siblings_that_hardly_part_are_refused():
     close = Joint(angles_deg=(-1.0, 1.0), widths=(0.6, 0.6), fillets=(0.1, 0.1, 0.1))
     with pytest.raises(BadInputError, match="angles_deg"):
         inflated_joint(close)
+
+
+def test_a_fillet_that_takes_minutes_is_refused_at_once():
+    with pytest.raises(BadInputError, match=r"fillets.* smaller fillet or wider angles"):
+        inflated_joint(Joint.fan(2, 60.0, width=0.6, fillet=8.3))
+
+
+def test_a_child_of_a_fiftieth_of_the_trunk_is_meshed_in_no_time():
+    # 11 s when the finest lattice was laid over all of the joint.
+    outline, begun = joint_outline(Joint.fan(2, 60.0, width=0.02, fillet=0.08)), process_time()
+    mesh = mesh_of(
+        outline.contour,
+        outline.straights,
+        np.where([name == "0" for name in outline.contour.branches], 0.08, 0.0016),
+        across=8,
+    )
+    assert process_time() - begun < 2.0
+    assert len(mesh.points) < 3000

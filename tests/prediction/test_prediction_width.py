@@ -8,6 +8,7 @@ import pytest
 from vinefab.core.units import rad
 from vinefab.core.view import document
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
+from vinefab.model.design import Build, Design
 from vinefab.prediction.family_deployments import PreparedFamily, deploy_family, unseen_maps
 from vinefab.prediction.measures import COVERAGE, GROWN, REACH, SEEN, STUCK
 from vinefab.prediction.prediction_width import (
@@ -35,6 +36,33 @@ def test_every_half_angle_has_the_measures_of_its_own_deployments(explorer, prep
     # Deployments differ from angle to angle: a wider one stops more tips, but not at each step.
     assert stuck[-1] == max(stuck) > min(stuck)
     assert found.ends(COVERAGE)[0] < found.ends(COVERAGE)[1]
+
+
+def test_rules_have_the_measures_of_their_own_deployments(explorer, prepared, few_poses):
+    found = contact_range(explorer, prepared, few_poses.options)
+    contact, emergence = found.rules
+    assert (contact.choices, emergence.choices) == (("pass", "stop"), (1.0, 0.95, 0.9))
+    for rule in (contact, emergence):
+        for index, choice in enumerate(rule.choices):
+            options = few_poses.options.changed(**{rule.option: choice})
+            plan = replace(few_poses, options=options)
+            same = deploy_family(explorer, prepared, plan).outcomes
+            for measure, most in ((GROWN, 1e-9), (STUCK, 1e-9), (SEEN, 0.2)):
+                mean = same.spread(measure).mean
+                assert rule.values[measure.key][index].mean == pytest.approx(mean, abs=most)
+        grown = [value.mean for value in rule.values[GROWN.key]]
+        assert grown == sorted(grown, reverse=True)
+        assert grown[0] > grown[-1]
+    data, section = width_blocks(found, None)
+    width = document([data, section])["width"]
+    assert width["branch_contact"]["choices"] == ["pass", "stop"]
+    assert len(width["emergence"]["means"][COVERAGE.key]) == 3
+    assert "from bodies that pass through each other" in found.over_rules(COVERAGE)
+    assert contact_range(vine(), prepared, few_poses.options).rules == ()
+
+
+def vine():
+    return Design(name="vine", trunk_length_mm=200.0, build=Build.standard(1))
 
 
 def test_pressure_is_used_up_sooner_off_a_spool_and_by_a_wider_fitted_tube(
@@ -70,10 +98,10 @@ def test_page_and_json_say_the_same(explorer, prepared, few_poses):
     ]
     reaches = content["pressure"]["reaches"]
     assert [f"{reach['grown_percent']:.1f} %" for reach in reaches] == [
-        str(row[2]) for row in section.tables[1].rows
+        str(row[2]) for row in section.tables[-1].rows
     ]
     data, section = width_blocks(contacts, None)
-    assert len(section.tables) == 1
+    assert len(section.tables) == 3
     assert document([data])["width"]["pressure"] is None
 
 

@@ -429,7 +429,7 @@ def _write(tree_parent, tree_turn, growth, first_branch, room, job, work, tolera
         begin = two
         if work[k, STATE] == GONE:
             growth.stop[row], growth.grown[row], growth.turn[row] = NOT_DEPLOYED, 0.0, 0.0
-            growth.events[row], growth.steep[row] = 0, 0.0
+            growth.events[row] = 0
             growth.first_point[edge] = at
             continue
         left = math.inf if work[k, STATE] == WHOLE else work[k, END] - work[k, BEGIN]
@@ -461,8 +461,6 @@ def _write(tree_parent, tree_turn, growth, first_branch, room, job, work, tolera
             # A straight flight has no turn, not even that of rounding.
             growth.turn[row] = min(growth.turn[row], turn)
             growth.heading[row, 0], growth.heading[row, 1] = ux, uy
-            if growth.steep[row] > growth.grown[row]:
-                growth.steep[row] = 0.0
 
 
 @compiled

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Le, Unit
+from annotated_types import Ge, Gt, Le, Unit
 from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
@@ -31,11 +31,17 @@ HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
 BranchContact = Literal["stop", "pass"]
 
-DEFAULT_BRANCH_CONTACT: BranchContact = "pass"
+_BEFORE: BranchContact = "pass"
+
+DEFAULT_BRANCH_CONTACT: BranchContact = _BEFORE
 """What a tip does at the body of another branch, where nobody says it [assumed]."""
 
 BRANCH_CONTACTS: tuple[BranchContact, ...] = ("pass", "stop")
 """Both are shown beside each other: real tubes climb over or jam, and nobody measured which."""
+
+EMERGENCES = (1.0, 0.95, 0.9)
+"""Probabilities that a child comes out, which predictions are shown for [assumed]: growth was seen
+to be prevented at branching points, and nobody counted how often."""
 
 _CONTACT_WORDS = {
     "pass": "bodies pass through each other (assumed)",
@@ -103,12 +109,11 @@ class GrowthOptions(Table):
     branch_contact: Annotated[
         BranchContact,
         Doc("of a tip that meets the body of another branch: it stops there, or passes through"),
-        LATER,
-        LaterThan("pass"),
+        LaterThan(_BEFORE),
     ] = DEFAULT_BRANCH_CONTACT
     emergence: Annotated[
         float,
-        Ge(0),
+        Gt(0),
         Le(1),
         Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
         LATER,
@@ -184,7 +189,7 @@ class GrowthOptions(Table):
     def content(self) -> dict[str, object]:
         """All options as files, records and pages have them; later ones where they say more."""
         plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:] if name not in _LATER}
-        if self.branch_contact != "pass":
+        if self.branch_contact != _BEFORE:
             plain["branch_contact"] = self.branch_contact
         if self.emergence != 1.0:
             plain["emergence"] = self.emergence
@@ -229,6 +234,11 @@ class GrowthOptions(Table):
     def emergence_standing(self) -> str:
         """Where the probability comes from."""
         return "assumed"
+
+    @property
+    def emergences(self) -> tuple[float, ...]:
+        """Probabilities of emergence that predictions are shown for."""
+        return EMERGENCES
 
     def half_angles_rad(self, count: int) -> Floats:
         """Return one head-on half-angle for each of some launches, shape (count,).

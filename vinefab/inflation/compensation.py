@@ -268,7 +268,7 @@ def simulated_flat_joint(wanted: Joint) -> FlatJoint:
     goal = np.array(wanted.angles_deg)
     even = is_even(wanted)
     best: InflatedJoint | None = None
-    flat, best_off, step = _guess(goal), np.inf, np.zeros_like(goal)
+    flat, best_off, step = likely_flat_deg(goal), np.inf, np.zeros_like(goal)
     for _ in range(MOST_SIMULATIONS):
         try:
             found = _simulated(wanted.with_angles(tuple(flat.tolist())), best)
@@ -325,7 +325,7 @@ def is_even(joint: Joint) -> bool:
     return all(abs(one - two) < 1e-9 for one, two in pairs)
 
 
-def _guess(wanted_deg: Floats) -> Floats:
+def likely_flat_deg(wanted_deg: Floats) -> Floats:
     """Return flat angles near the solution: narrow gaps wider, and all turned less far back."""
     gaps = np.diff(wanted_deg)
     middle = (wanted_deg[0] + wanted_deg[-1]) / 2.0

@@ -34,6 +34,7 @@ _DRAWN_MM = 100.0  # width of the trunk where the outline, which knows millimetr
 _FAR_MM = 1e6
 _NEAR_TIP, _NEAR_JOINT = 0.75, 0.75  # lengths of a stub, in its widths, that its axis leaves out
 _TURN_RAD = 1e-3  # by which sensitivities are differences
+_FARTHEST = 10.0  # widths of the trunk within which neighbours part; 15 take 40 s
 _GRID = 24.0  # points across the trunk where balls are tried
 
 
@@ -154,9 +155,14 @@ def joint_outline(
     begins = [
         max(right.second_used_mm, left.first_used_mm) / _DRAWN_MM for right, left in pairwise(gaps)
     ]
-    if max(begins) > 20.0:
-        allowed = "neighbours that part within 20 widths of the trunk"
-        raise BadInputError("angles_deg", joint.angles_deg, allowed)
+    if max(begins) > _FARTHEST:
+        far = f"which part {max(begins):.0f} widths of the trunk from the joint"
+        allowed = f"a smaller fillet or wider angles: at most {_FARTHEST:g} are simulated"
+        key, values = ("fillets", joint.fillets) if max(joint.fillets) > 1.0 else (
+            "angles_deg", joint.angles_deg
+        )  # fmt: skip
+        given = ", ".join(f"{value:.3g}" for value in values)
+        raise BadInputError(key, f"{given}, {far}", allowed)
     trunk_used = max(gaps[0].first_used_mm, gaps[-1].second_used_mm) / _DRAWN_MM + 0.15
     mouth = -(trunk_used + trunk_stub) * _DRAWN_MM
     origin, names = LocalFrame((0.0, 0.0), 0.0), [str(number) for number in range(len(around) - 1)]

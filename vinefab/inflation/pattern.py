@@ -18,6 +18,7 @@ from vinefab.inflation.compensation import (
     deployed_joint,
     flat_joint,
     known_joint,
+    likely_flat_deg,
 )
 from vinefab.inflation.joint import Joint
 from vinefab.inflation.tube import tube_stretch
@@ -257,6 +258,11 @@ def _level_joint(
     # Children stand beside their designed axes: turned a little, their tips come nearer.
     away_mm = sum(float(child_lengths_mm(below).mean()) for below in design.levels[place:])
     turn_deg, fillets = 0.0, tuple[float, ...]()
+    if compensated:
+        # Crotches are wider flat than deployed: narrow fans have room for fillets there only.
+        levels[place] = UnevenLevel.of_children(
+            likely_flat_deg(np.array(wanted_deg)).tolist(), child_lengths_mm(level).tolist()
+        )
     for step in range(4):
         drawn = joint_of(design.changed(levels=tuple(levels)), place + 1, 0.0)
         before, fillets = fillets, tuple(round(gap.radius_mm / width_mm, 3) for gap in drawn.gaps)

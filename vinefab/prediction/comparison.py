@@ -292,7 +292,7 @@ class DesignComparison(Result):
         low, high = (measure.number(value) for value in contacts.ends(measure))
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
         over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
-        return f"{low} to {high} over {over}"
+        return f"{low} to {high} over {over}{contacts.over_rules(measure)}"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:
         """Return names and means, the best first; designs without any value are left out."""
@@ -448,9 +448,31 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
     return Section(
         title="Over what contacts may be like",
         paragraphs=(contact_words(found.contacts[0]),),
-        tables=(table,),
+        tables=(table, *_rule_tables(found, shown)),
         pictures=(picture,),
     )
+
+
+def _rule_tables(found: DesignComparison, measure: Measure) -> Iterator[Rows]:
+    """Yield the designs under each choice of what else is assumed of contacts."""
+    options = dict.fromkeys(rule.option for contacts in found.contacts for rule in contacts.rules)
+    for option in options:
+        rules = {
+            name: rule
+            for name, contacts in zip(found.names, found.contacts, strict=True)
+            for rule in contacts.rules
+            if rule.option == option
+        }
+        first = next(iter(rules.values()))
+        yield Rows(
+            caption=f"Mean {measure.title}; {first.title[0].lower()}{first.title[1:]} (simulated; "
+            f"{first.standing.partition(':')[0]})",
+            headings=("design", *first.headings),
+            rows=tuple(
+                (name, *(measure.number(value.mean) for value in rule.values[measure.key]))
+                for name, rule in rules.items()
+            ),
+        )
 
 
 def measure_named(key: str) -> Measure:

@@ -443,7 +443,7 @@ def _measured(
     width = ""
     if contacts is not None:
         least, greatest = (measure.number(value) for value in contacts.ends(measure))
-        width = f"; {least} to {greatest} over {contacts.over}"
+        width = f"; {least} to {greatest} over {contacts.over}{contacts.over_rules(measure)}"
     return Fact(
         name=measure.title,
         value=measure.text(spread.mean),

@@ -7,6 +7,7 @@ tube that the growth pressure was fitted to, and how the film is stored. None of
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.view import Data, Number, Picture, Rows, Section
 from vinefab.growth.batch import Batch, Block
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import STUCK_STOPS, Stop
 from vinefab.model.design import Design
@@ -64,6 +65,7 @@ class ContactRange:
     values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each half-angle
     angles_deg: tuple[float, ...]  # the head-on half-angles
     standing: str  # where their ends come from: ``assumed``, or ``measured`` and how
+    rules: tuple["RuleRange", ...] = ()  # what else is assumed; none for a robot without branches
 
     def ends(self, measure: Measure) -> tuple[float, float]:
         """Return the least and the greatest mean of a measure over the range."""
@@ -74,6 +76,46 @@ class ContactRange:
     def over(self) -> str:
         """The range in a few words: ``head-on half-angles of 1 to 15 deg (assumed)``."""
         return contact_angles_words(self.angles_deg, self.standing)
+
+    def over_rules(self, measure: Measure) -> str:
+        """Return a measure over what else is assumed: ``; 0.509 to 0.503 from bodies that ...``."""
+        parts = []
+        for rule in self.rules:
+            first, last = (measure.number(rule.values[measure.key][end].mean) for end in (0, -1))
+            parts.append(f"; {first} to {last} {rule.over}")
+        return "".join(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleRange:
+    """Measures of a design under each choice of one growth option, from the same poses."""
+
+    option: str  # name of the growth option
+    title: str  # what it is about
+    choices: tuple[str | float, ...]  # its values
+    headings: tuple[str, ...]  # what tables call them
+    over: str  # the range in a few words
+    standing: str  # ``assumed``, or ``measured`` and how
+    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each choice
+
+    @property
+    def content(self) -> dict[str, object]:
+        """The means as they stand in JSON."""
+        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in CONTACT_MEASURES}
+        standing = {} if self.standing == "assumed" else {"standing": self.standing}
+        return {"choices": list(self.choices), **standing, "means": means}
+
+    def rows(self, measures: Sequence[Measure]) -> Rows:
+        """Return measures under each choice, with their intervals."""
+        return Rows(
+            caption=f"{self.title}: means with 95 % intervals over the same maps (simulated; "
+            f"{self.standing.partition(':')[0]})",
+            headings=("measure", *self.headings),
+            rows=tuple(
+                (m.label, *(m.of(v.mean, v.low, v.high) for v in self.values[m.key]))
+                for m in measures
+            ),
+        )
 
 
 def contact_angles_words(angles_deg: Sequence[float], standing: str) -> str:
@@ -98,7 +140,54 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         values={key: tuple(values) for key, values in columns.items()},
         angles_deg=options.contact_angles_deg,
         standing=options.contact_angles_standing,
+        rules=rule_ranges(design, prepared, options) if design.levels else (),
     )
+
+
+def rule_ranges(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions
+) -> tuple[RuleRange, ...]:
+    """Deploy a design from a family's poses under every other choice that contacts leave open."""
+    chances = options.emergences
+    return (
+        _rule_range(
+            design,
+            prepared,
+            [options.changed(branch_contact=choice) for choice in BRANCH_CONTACTS],
+            option="branch_contact",
+            title="What a tip does at the body of another branch",
+            headings=("passes through", "stops there"),
+            over="from bodies that pass through each other to tips that stop there (assumed)",
+            standing="assumed",
+        ),
+        _rule_range(
+            design,
+            prepared,
+            [options.changed(emergence=chance) for chance in chances],
+            option="emergence",
+            title="Probability that a child comes out of its parent's tip",
+            headings=tuple(f"{chance:g}" for chance in chances),
+            over=f"where a child comes out with probability {chances[0]:g} to {chances[-1]:g} "
+            f"({options.emergence_standing.partition(':')[0]})",
+            standing=options.emergence_standing,
+        ),
+    )
+
+
+def _rule_range(
+    design: Design,
+    prepared: PreparedFamily,
+    variants: Sequence[GrowthOptions],
+    **words: Any,  # noqa: ANN401  the words of `RuleRange`
+) -> RuleRange:
+    names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
+    tables = [_contact_measures(design, prepared, options) for options in variants]
+    values = {
+        measure.key: tuple(contact_value(table[row], names) for table in tables)
+        for row, measure in enumerate(CONTACT_MEASURES)
+    }
+    choices = tuple(getattr(options, words["option"]) for options in variants)
+    return RuleRange(choices=choices, values=values, **words)
 
 
 def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> Floats:
@@ -235,6 +324,13 @@ CONTACT_WORDS = (
 )
 
 
+RULE_WORDS = (
+    "Whether a tube that meets another one climbs over it or jams was not measured, nor how often "
+    "a child fails to come out of its parent's tip: growth was seen to be prevented at branching "
+    "points. Both ends are shown, at the half-angle of the prediction and from the same poses."
+)
+
+
 def contact_words(found: ContactRange) -> str:
     """Return what a range of half-angles means, and where it comes from."""
     if found.standing == "assumed":
@@ -263,6 +359,7 @@ def width_blocks(
                         for m in CONTACT_MEASURES
                     },
                 },
+                **{rule.option: rule.content for rule in contacts.rules},
                 "pressure": None if pressure is None else {"working_kpa": pressure.working_kpa},
             }
         }
@@ -277,6 +374,9 @@ def width_blocks(
         ),
     )
     tables, words = [over_contacts], [contact_words(contacts)]
+    if contacts.rules:
+        tables += [rule.rows(CONTACT_MEASURES) for rule in contacts.rules]
+        words.append(RULE_WORDS)
     if pressure is not None:
         percent = partial(Number, unit="%", form=".1f", decimals=1)
         reaches = Rows(

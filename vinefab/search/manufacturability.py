@@ -13,7 +13,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
-from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
+from vinefab.fabrication.job.passes import bare_sheet_mm
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, QuickCuts, quick_cuts
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
@@ -51,13 +51,11 @@ class ManufacturabilityPenalty:
         The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut,
         and grow along its planned paths at a pressure that its seams withstand.
         """
-        material = self.profile.material
         limits = by_rule(changed_limits(design, self.profile))
         return window_penalty(design, self.profile, limits) + fabrication_penalty(
             design,
             limits,
-            material=material,
-            taken_mm=taken_mm(self.profile),
+            profile=self.profile,
             sheet_mm=self.sheet_mm,
             pieces=self._pieces(design),
         )

@@ -28,6 +28,7 @@ from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
     MOST_OF_ONE,
+    least_fillet_mm,
     width_violations,
 )
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
@@ -96,6 +97,7 @@ class PenaltyLimits(NamedTuple):
 
     angle_deg: float  # least angle between neighbours
     crotch: float  # most of a branch that may lie in the crotch
+    fillet_mm: float  # least radius that rules and laser take
     sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
@@ -204,6 +206,7 @@ class BatchPenalty:
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
+            fillet_mm=least_fillet_mm(changed, profile),
             sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],

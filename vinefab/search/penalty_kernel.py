@@ -238,10 +238,27 @@ def _joints(designs, d, tables, limits, scratch):
             sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
             child_mm = max(child_mm, sibling_mm)
         found += _crowded(length_mm - base_mm - parent_mm, length_mm, limits)
+        if tables.law.shape[0] > 0:
+            found += _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits)
         above_mm, base_mm = shortest_mm, child_mm
         length_mm = shortest_mm if branches > 1 else run[0]
     tip_mm = tables.tip[designs.depth[d] - 1]
     return found + _crowded(length_mm - base_mm - tip_mm, length_mm, limits)
+
+
+@inlined
+def _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits):
+    """Return by how much fillets of a joint fall short of what rules and laser take."""
+    found, disc = 0.0, max(wide, narrow)
+    for place in range(branches + 1):
+        after, before = place > 0, place < branches
+        one, two = narrow if after else wide, narrow if before else wide
+        one_mm = run[place - 1] if after else above_mm
+        two_mm = run[place] if before else above_mm
+        reach_mm = max(0.5 * min(one_mm, two_mm), disc)
+        drawn = max(0.0, min(fillet, _largest_fillet(gap[place], one, two, reach_mm)))
+        found += _excess(limits.fillet_mm, drawn, limits.most)
+    return found
 
 
 @inlined

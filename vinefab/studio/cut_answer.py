@@ -88,7 +88,8 @@ def _nearest(design: Design, profile: LaserProfile, place: int) -> str:
         levels = list(design.levels)
         levels[place] = level.changed(fan_rad=fan_rad)
         wider = pattern_of(design.changed(levels=tuple(levels)), profile, known_only=True)
-        return not wider.joints[place].problem
+        joint = wider.joints[place]
+        return joint.found is not None and not joint.problem
 
     low, high = level.fan_rad, min(level.fan_rad + _WIDER_RAD, math.tau)
     if not is_known(high):

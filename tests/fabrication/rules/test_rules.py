@@ -401,6 +401,26 @@ def inflated(*fans: tuple[int, float, float], off_deg: float = 0.0, **figures: o
 PAIR = (2, 200.0, 90.0)
 
 
+def lapped(passage: float) -> Build:
+    """A leaf of 14 mm with a lap, which rides in a child of 24 mm, through its joint's passage."""
+    known = {"widths_mm": (40.0, 24.0, 14.0), "pieces": PieceSettings()}
+    tree = inflated(PAIR, (2, 90.0, 60.0), passage=passage, **known)
+
+    def built(make: Make, profile: LaserProfile) -> Subject:
+        subject = tree(make, profile)
+        leaf = subject.ids(0)[0] + ".1.0"
+        row = branch_tree(subject.design).ids.index(leaf)
+        sleeve = replace(sleeve_at(row), width_mm=14.0)
+        kept = tuple(branch for branch in range(7) if branch != row)
+        pieces = (
+            Piece(label="A", root=0, branches=kept, stubs=(row,)),
+            Piece(label=sleeve.label, root=row, branches=(row,)),
+        )
+        return replace(subject, partition=Partition(pieces=pieces, sleeves=(sleeve,)))
+
+    return built
+
+
 def meeting(gap_mm: float) -> Build:
     """Two grandchildren that run together: their tips are where they are nearest when inflated.
 
@@ -690,6 +710,9 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-J04", cut(1, 5, 6, widths_mm=(29.9, 20.0)), {W}),
     ("VF-J04", cut(1, 5, 6, widths_mm=(42.0, 20.0)), {W}),
     ("VF-J04", cut(widths_mm=(25.2, 20.0)), set()),
+    # 14 mm and a lap of 2 x 15 mm, times 0.75 mm, in a lumen of 24^2 / pi mm^2: 18 %
+    ("VF-J04", lapped(0.59), {W}),
+    ("VF-J04", lapped(0.61), set()),
     ("VF-B01", of(tail_mm=199.0), {W}),
     ("VF-B02", collar_off(0.104), {E}),
     ("VF-B02", collar_off(0.096), set()),

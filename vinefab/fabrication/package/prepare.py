@@ -251,18 +251,18 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
     design, partition, pattern = content.design, content.partition, content.pattern
-    cut = pattern.flat if pattern else design
+    cut, shape = pattern.flat if pattern else design, pattern or pattern_of(design, profile)
     joints, outlines = tuple[BomLine, ...](), dict[str, Contour]()
     if partition is not None:
         joints = joint_lines(cut, partition, profile, robots=robot_count(job))
         outlines = piece_lumens(cut, partition)
     more = {f"design_{number}.toml": one for number, one in enumerate(content.others, start=2)}
     files = {
-        "README.txt": readme_text(design, job, profile, colours, partition, pattern).encode(),
+        "README.txt": readme_text(design, job, profile, colours, partition, shape).encode(),
         **{
             name: design_text(one).encode() for name, one in {"design.toml": design, **more}.items()
         },
-        "job.json": job_text(design, job, profile, colours, pattern).encode(),
+        "job.json": job_text(design, job, profile, colours, shape).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
         **({ANIMATION_NAME: content.animation} if content.animation else {}),

@@ -53,7 +53,7 @@ def readme_text(
     partition
         The pieces of the robots; None for robots in one piece.
     pattern
-        How the robot deploys; None where it is cut as designed.
+        How the robot deploys; None where that is left out.
     """
     written = [op for op in Operation if op in colours.styles and job.along(op)]
     laid_out = [*_layers(job, profile, colours, written)]

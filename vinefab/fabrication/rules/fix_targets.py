@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from vinefab.core.units import deg
-from vinefab.fabrication.job.passes import bare_sheet_mm, seal_offset_mm, taken_mm
+from vinefab.fabrication.job.passes import bare_sheet_mm, taken_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
@@ -14,6 +14,7 @@ from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, gap_angles_r
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import (
     fabrication_penalty,
+    least_fillet_mm,
     relative_excess,
     rooms_mm,
     short_share,
@@ -232,8 +233,7 @@ class FixTargets:
         found = fabrication_penalty(
             design,
             self.limits,
-            material=material,
-            taken_mm=taken_mm(self.profile),
+            profile=self.profile,
             sheet_mm=sheet_mm,
             pieces=PieceLimits.of(design.build, self.profile, self.limits, sheet_mm)
             if design.build.pieces
@@ -282,8 +282,7 @@ class FixTargets:
 
     def least_fillet_mm(self) -> float:
         """Return the least fillet radius that the rules allow and the laser can run."""
-        least_run_mm = self.of_rule(PATHS)["radius_error"] + seal_offset_mm(self.profile)
-        return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
+        return least_fillet_mm(self.limits, self.profile)
 
     def _window(self, design: Design) -> float:
         """Return the relative excess of the pressure that growth in free space takes."""

@@ -2,16 +2,19 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
+from vinefab.fabrication.job.passes import seal_offset_mm, taken_mm
 from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.gap import straight_begins_mm
+from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
 from vinefab.fabrication.rules.inflation_rules import BODIES, contact_mm
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, gap_angles_rad
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, bare_gaps, gap_angles_rad
+from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import (
@@ -23,8 +26,8 @@ from vinefab.fabrication.rules.spacing import (
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.inflation.law import quick_pattern
 from vinefab.model.design import Build, Design
-from vinefab.model.laser import LaserProfile, Material
-from vinefab.model.tree import branch_tree, child_lengths_mm, least_gap_rad
+from vinefab.model.laser import LaserProfile
+from vinefab.model.tree import branch_tree, child_lengths_mm, fan_offsets_rad, least_gap_rad
 from vinefab.physics.growth_pressure import planned_growth_kpa
 
 Pair = tuple[float, float]
@@ -113,8 +116,7 @@ def fabrication_penalty(
     design: Design,
     limits: LimitChanges | None = None,
     *,
-    material: Material | None = None,
-    taken_mm: float = DEFAULT_TAKEN_MM,
+    profile: LaserProfile | None = None,
     sheet_mm: tuple[float, float] | None = None,
     pieces: PieceLimits | None = None,
 ) -> float:
@@ -127,13 +129,12 @@ def fabrication_penalty(
 
     Parameters
     ----------
-    material
-        The film. A compensated design counts as its pattern by `quick_pattern`; fans narrower than
-        any that was simulated and siblings that lie on each other when inflated (VF-I04, of which
-        the check only warns: nothing that grows knows it) add to the penalty. Without it every
-        design counts as it is, cut of film of `DEFAULT_FILM_MM`.
-    taken_mm
-        How far outside its lumen the beams of each branch take film.
+    profile
+        The recipe. A compensated design counts as its pattern by `quick_pattern`; fans narrower
+        than any that was simulated, siblings that lie on each other when inflated (VF-I04, of which
+        the check only warns: nothing that grows knows it) and fillets that its flat crotches have
+        no room for (VF-C04, VF-L02) add to the penalty. Without a recipe every design counts as it
+        is, cut of film of `DEFAULT_FILM_MM` by beams that take `DEFAULT_TAKEN_MM`.
     sheet_mm
         Width and height that the flat robot must fit after a rotation, or None for any size.
         Subtract a few millimetres for seam, kerf and the overcut at the mouth.
@@ -147,11 +148,16 @@ def fabrication_penalty(
         to its limit. It falls steadily as branches part, also while they still cross, so that a
         search can follow it; the logarithm keeps a hopeless tree below about 100.
     """
-    changed, film_mm = limits or {}, DEFAULT_FILM_MM
+    changed, film_mm, beside_mm = limits or {}, DEFAULT_FILM_MM, DEFAULT_TAKEN_MM
     passages, beyond = (1.0,) * len(design.levels), 0.0
-    if material is not None:
-        pattern, film_mm = quick_pattern(design, material), material.film_mm
+    if profile is not None:
+        film_mm, beside_mm = profile.material.film_mm, taken_mm(profile)
+        pattern = quick_pattern(design, profile.material)
         beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
+        if design.build.compensation != "none":
+            # Runs of designs that are cut as they are never knew it.
+            least_mm = least_fillet_mm(changed, profile)
+            beyond += math.fsum(relative_excess(least_mm, r) for r in _fillets_mm(pattern.flat))
         design, passages = pattern.flat, pattern.passages
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
@@ -173,11 +179,11 @@ def fabrication_penalty(
         + webbed
         + sum(short_share(*room, LEAST_SEGMENT_MM) for room in rooms_mm(design)),
         _over((100.0 * share for share in shares), _limit(PACKING, changed)),
-        _on_sheet(design, changed, sheet_mm, taken_mm)
+        _on_sheet(design, changed, sheet_mm, beside_mm)
         if pieces is None
         else quick.left
         if (quick := quick_cuts(design, pieces))
-        else _on_sheet(design, changed, pieces.sheet_mm, taken_mm),
+        else _on_sheet(design, changed, pieces.sheet_mm, beside_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
 
@@ -190,6 +196,29 @@ def _contacts(design: Design) -> Iterator[float]:
         if level.branches > 1:
             gap_deg = math.degrees(least_gap_rad(level))
             yield contact_mm(gap_deg, width_mm) / float(child_lengths_mm(level).min())
+
+
+def least_fillet_mm(changed: LimitChanges, profile: LaserProfile) -> float:
+    """Return the least fillet radius that VF-C04 allows and the laser can run (VF-L02)."""
+    run_mm = _limit(PATHS, changed, "radius_error") + seal_offset_mm(profile)
+    return max(_limit(FILLET, changed), 1.001 * run_mm)
+
+
+def _fillets_mm(design: Design) -> Iterator[float]:
+    """Yield the radius that is drawn in every gap of each level's joint; no tapers."""
+    build, above_mm = design.build, design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
+        lengths_mm = child_lengths_mm(level).tolist()
+        headings = [-math.pi, *fan_offsets_rad(level).tolist(), math.pi]
+        sides = [(wide, above_mm), *((narrow, mm) for mm in lengths_mm), (wide, above_mm)]
+        for (one, one_mm), (two, two_mm), (before, after) in zip(
+            sides, sides[1:], pairwise(headings), strict=False
+        ):
+            reach_mm = max(0.5 * min(one_mm, two_mm), wide, narrow)
+            most = largest_fillet_mm(after - before, (one, two), reach_mm)
+            yield max(0.0, min(build.fillet_mm[number - 1], most))
+        above_mm = min(lengths_mm)
 
 
 def _limit(rule: Rule, changed: LimitChanges, name: str = "error") -> float:
@@ -228,12 +257,12 @@ def _on_sheet(
     design: Design,
     changed: LimitChanges,
     sheet_mm: tuple[float, float] | None,
-    taken_mm: float,
+    beside_mm: float,
 ) -> float:
     if design.branch_count > MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
-    clearance_mm = least_gap_mm(CLEARANCE, changed, taken_mm)
+    clearance_mm = least_gap_mm(CLEARANCE, changed, beside_mm)
     found = spacing(capsules, clearance_mm)
     near = float(pair_depths(capsules, found, clearance_mm).sum())
     if sheet_mm is None:

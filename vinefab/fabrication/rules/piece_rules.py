@@ -14,7 +14,7 @@ from vinefab.fabrication.rules.rule import (
     mark_branches,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.widths import lap_occupancies
+from vinefab.fabrication.rules.widths import lap_occupancies, passages_of
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
 from vinefab.physics.seam import lap_load_n_mm
@@ -158,7 +158,10 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
 
 
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it."""
+    """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it.
+
+    As for VF-W03, what rides in a child comes through its joint's passage, where that is known.
+    """
     if subject.partition is None or subject.profile is None:
         return _no_partition(subject)
     film_mm = subject.profile.material.film_mm
@@ -169,8 +172,10 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
         limits["packing"],
     )
     fullest: dict[int, int] = {}
-    for branch, share in shares.items():
+    passages = passages_of(subject)
+    for branch in shares:
         level = int(subject.layout.tree.level[branch])
+        share = shares[branch] = shares[branch] / passages.get(level, 1.0)
         if share > shares.get(fullest.get(level, -1), 0.0):
             fullest[level] = branch
     message = (

@@ -103,6 +103,12 @@ def lap_occupancies(
     }
 
 
+def passages_of(subject: Subject) -> dict[int, float]:
+    """Return the passage into the branches of each level, as far as their joint was simulated."""
+    joints = subject.pattern.joints if subject.pattern else ()
+    return {joint.level: joint.found.passage for joint in joints if joint.found is not None}
+
+
 def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-W01: no level is too narrow to be inflated and turned inside out."""
     build = subject.design.build
@@ -154,9 +160,9 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.film_mm
     found = [*occupancies(subject.design, film_mm, limits["packing"])]
-    for joint in subject.pattern.joints if subject.pattern else ():
-        if joint.found is not None and joint.level <= len(found):
-            found[joint.level - 1] /= joint.found.passage
+    for level, passage in passages_of(subject).items():
+        if level <= len(found):
+            found[level - 1] /= passage
     violations = [
         _level_violation(
             subject,

@@ -14,6 +14,7 @@ from vinefab.cli.main import main
 from vinefab.core.file_mark import marked
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.inflation.pattern import cut_design
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -212,7 +213,7 @@ def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
     assert design.build == run.build.build(design.depth)
     profile = read_profile(DEFAULT_RECIPE)
     assert not check_design(design, profile).blocking
-    assert len(partition_of(design, profile).pieces) == PIECES.get(name, 1)
+    assert len(partition_of(cut_design(design, profile), profile).pieces) == PIECES.get(name, 1)
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

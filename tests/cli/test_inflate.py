@@ -117,7 +117,15 @@ def test_a_vine_cut_as_designed_grows_longer(vinefab, tmp_path):
 
 def test_branches_that_cross_on_the_sheet_are_named(vinefab, tmp_path):
     path = tmp_path / "cave.toml"
-    path.write_text(design_text(with_compensation("cave_explorer", "inflation")))
+    below = [
+        vf.Level.of(branches=n, length_mm=length, angle_deg=angle, growth_percent=growth)
+        for n, length, angle, growth in (
+            (4, 86.0, 160.0, 137.0), (2, 98.0, 44.0, 155.0), (2, 87.0, 70.0, 125.0),
+        )
+    ]  # fmt: skip
+    build = vf.Build.standard(4, 24.0, 0.65).changed(compensation="inflation")
+    cave = vf.Design(name="cave", trunk_length_mm=40.0, levels=tuple(below), build=build)
+    path.write_text(design_text(cave))
     picture = tmp_path / "cave.svg"
     code, _, errors = vinefab("inflate", path, "--alone", "--out", picture, "-q")
     assert code == 2

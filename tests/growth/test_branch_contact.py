@@ -28,7 +28,7 @@ PASS = STOP.changed(branch_contact="pass")
 EMPTY = Terrain.of(Map(name="empty", bounds=shapely.box(-1000, -1000, 1000, 1000), obstacles=()))
 MIDDLE = Pose(x_mm=0.0, y_mm=-500.0, heading_rad=math.pi / 2.0)
 seeds = st.integers(0, 2**32 - 1)
-quick = settings(max_examples=25, suppress_health_check=list(HealthCheck), deadline=None)
+quick = settings(max_examples=12, suppress_health_check=list(HealthCheck), deadline=None)
 
 
 def crowded(rng) -> Design:
@@ -69,7 +69,7 @@ def grown_both(random_map, seed, options=STOP):
 
 def test_stops_where_small_steps_do(random_map):
     cuts = 0
-    for seed in range(12):
+    for seed in range(4):
         _, design, _, stopped, alone = grown_both(random_map, [31, seed])
         bodies = stopped_in_steps(alone, Plan.of(design, STOP).radius_mm, 0.2)
         for k, body in enumerate(bodies):
@@ -80,7 +80,7 @@ def test_stops_where_small_steps_do(random_map):
             assert stopped.stop[k] == expected, (seed, k)
             assert abs(stopped.grown_mm[k] - length_mm) <= 0.5, (seed, k)
             cuts += body.state == "cut"
-    assert cuts > 10
+    assert cuts > 3
 
 
 @quick

@@ -11,7 +11,7 @@ from shapely import box
 from tests.oracles.growth_reference import World, grow_reference_branches
 from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import KERNEL, grow_on, rules_of
+from vinefab.growth.simulator import CONTACT_KERNEL, KERNEL, grow_on, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
@@ -148,7 +148,12 @@ def test_rules_agree_one_by_one(random_map):
 
 def test_stop_codes_are_those_of_the_model():
     names = ("FULL_LENGTH", "HEAD_ON", "CORNER", "NOT_DEPLOYED", "PRESSURE")
-    assert {name: getattr(kernel, name) for name in names} == {s.name: s.value for s in Stop}
+    found = {name: getattr(kernel, name) for name in names}
+    contact = interpreted(CONTACT_KERNEL)
+    later = ("FULL_LENGTH", "NOT_DEPLOYED", "BRANCH", "NOT_EVERTED")
+    found |= {name: getattr(contact, name) for name in later}
+    assert found == {s.name: s.value for s in Stop}
+    assert all(getattr(contact, name) == Stop[name] for name in later)
 
 
 @pytest.mark.parametrize("x_mm", [-115.7, -114.7, -112.7])

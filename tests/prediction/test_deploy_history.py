@@ -138,3 +138,28 @@ def test_json_names_what_grows_on():
 def test_what_is_no_history_is_refused(text):
     with pytest.raises(BadInputError, match="--history"):
         fronts_from(text)
+
+
+@pytest.mark.parametrize("rule", [{"branch_contact": "stop"}, {"branch_contact": "pass"}])
+def test_branches_that_others_stop_end_on_their_way_to_the_final_shape(rule):
+    design = design_of([60.0, 120.0, 150.0], 1.0, width_mm=16.0)
+    pose = Pose(x_mm=150.0, y_mm=14.0, heading_rad=1.4)
+    result = deploy(design, WORLD, pose, {"pressure_stop": False, **rule})
+    final = result.deployment
+    cut = np.flatnonzero(final.stop == Stop.BRANCH).tolist()
+    assert bool(cut) == (rule["branch_contact"] == "stop")
+    history = result.history
+    for front in np.linspace(0.05, 0.999, 40) * history.full_mm:
+        frame = history.at(float(front))
+        shapes = by_name(frame)
+        base_mm, end_mm = final.base_mm, final.base_mm + final.grown_mm
+        for branch, name in enumerate(final.tree.ids):
+            assert (name in shapes) == bool(base_mm[branch] < front)
+            if name not in shapes:
+                continue
+            chain, is_growing, stop = shapes[name]
+            expected_mm = min(float(front), float(end_mm[branch])) - base_mm[branch]
+            assert length_of(chain) == pytest.approx(expected_mm, abs=1e-6)
+            if not is_growing:
+                assert stop == final.stop[branch]
+                assert chain == pytest.approx(final.chain_mm(branch), abs=1e-6)

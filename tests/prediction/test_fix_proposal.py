@@ -170,7 +170,8 @@ def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     words = score_change_lines(design, found.design, [world])
     assert words[0] == (
         "  scores of inflated body, head-on half-angle 1 deg (assumed), "
-        "stops at 35 kPa (film stored loosely, assumed):"
+        "stops at 35 kPa (film stored loosely, assumed), "
+        "bodies pass through each other (assumed):"
     )
     tasks = [line.split(",")[0].strip() for line in words[1:]]
     assert tasks == ["coverage", "reach", "anchoring"]

@@ -101,7 +101,7 @@ def test_a_start_without_spread_is_one_sample_and_that_is_said() -> None:
     assert (first, grown) == (
         "task: coverage",
         "growth: inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa (film stored "
-        "loosely, assumed)",
+        "loosely, assumed), bodies pass through each other (assumed)",
     )
     assert note == score.notes[0]
     assert score_design_on_task(TREE, [ROOM], ScorePlan(poses=1)).notes == ()

@@ -90,8 +90,9 @@ class History:
         length_mm, stop = grown.grown_mm.copy(), grown.stop.copy()
         for place in np.flatnonzero(cut).tolist():
             branch = int(out[place])
-            left_mm = min(front_mm - self.base_mm[branch], self.final.grown_mm[branch])
-            chains[place] = _first_part(self.final.chain_mm(branch), left_mm)
+            chain_mm, whole_mm = self.final.chain_mm(branch), self.final.grown_mm[branch]
+            left_mm = min(front_mm - self.base_mm[branch], whole_mm)
+            chains[place] = chain_mm if left_mm == whole_mm else _first_part(chain_mm, left_mm)
             length_mm[place], stop[place] = left_mm, self.final.stop[branch]
         return replace(
             grown,

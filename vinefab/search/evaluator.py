@@ -43,6 +43,11 @@ from vinefab.tasks.task import (
     search_form,
 )
 
+_AS_DESIGNED = (
+    "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
+    "the winner to see that robot"
+)
+
 INVALID_FITNESS = -1e6
 """Fitness of a point without a valid design or a finite score: below everything."""
 
@@ -349,15 +354,16 @@ class Evaluator:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know of starts without spread, a sentence each.
+        """What a user should know of designs and starts, a sentence each.
 
-        Nothing where the run itself asks for the starts as they are.
+        Nothing of starts without spread where the run itself asks for them as they are.
         """
+        notes = [_AS_DESIGNED] if self.space.build.compensation == "none" else []
         if self.evaluation.pose_range == 0.0:
-            return ()
+            return tuple(notes)
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)
         worlds = [prepared.world for prepared in self.maps]
-        return tuple(spread_notes(worlds, count, repeats=self.growth.draws))
+        return (*notes, *spread_notes(worlds, count, repeats=self.growth.draws))
 
     def training_conditions(self, seed: int, generation: int) -> Conditions:
         """Draw the conditions of a generation of the search, on all maps or on some of them."""

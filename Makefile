@@ -46,6 +46,9 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/pieces/many_trees.py 2000
 	$(BIN)/python tests/fabrication/pieces/partition_times.py
 	$(BIN)/python tests/observation/many_photos.py 24
+	$(BIN)/python tests/observation/many_unkind.py 40 --jobs 2 --out $(VENV)/unkind.json
+	$(BIN)/python tests/observation/many_campaigns.py $(VENV)/unkind.json 200
+	$(BIN)/python tests/photos/measure_shape.py 60 --jobs 2
 
 outlines: $(READY)
 	$(BIN)/python tests/fabrication/outline/property.py

@@ -239,6 +239,11 @@ grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300 --j
 grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8""",
     **{f"score_{design}": _score_case(design) for design in DESIGNS},
     **{f"check_{design}": _check_case(design) for design in DESIGNS},
+    **{
+        f"inflate_{design}": f"inflate {design} --out page.html --mesh body.stl --json shape.json"
+        for design in ("plain_vine", "three_level_tree", "six_branch_anchor")
+    },
+    "inflate_alone": "inflate long.toml --alone --mesh body.stl --json shape.json",
     "check_fix": "check broken.toml --fix mended.toml --json broken.json",
     **{
         f"fabricate_{design}": f"fabricate {design} --out package --allow-uncalibrated --r12"

@@ -21,7 +21,7 @@ def test_aim_prints_a_pose_that_grow_takes(room, tmp_path, capsys):
     numbers = tmp_path / "aim.json"
     assert main([*arguments, "--json", str(numbers)]) == 0
     out = capsys.readouterr().out
-    pose = out.partition("Put the base of plain_vine at ")[2].partition(":")[0]
+    pose = out.partition("put the base of plain_vine at ")[2].partition(":")[0]
     content = json.loads(numbers.read_text())
     assert content["pose"]["text"] == pose
     again = f"vinefab aim plain_vine {room} --deployments 5000"

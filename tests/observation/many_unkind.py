@@ -103,6 +103,18 @@ def flagged(branch, seen):
     return any(branch.id in caution.split(": ")[-1].split(", ") for caution in seen.cautions)
 
 
+def paired(contact, true):
+    """Return what is claimed of a contact beside the true one at its place; None if unclear."""
+    if contact.outcome == "unclear":
+        return None
+    seen = [contact.outcome, contact.angle_from_normal_deg, contact.angle_error_deg]
+    away = [np.hypot(contact.x_mm - t[0], contact.y_mm - t[1]) for t in true.contacts]
+    if not away or min(away) > 2.0 * SAME_PLACE_MM:
+        return [*seen, None, None]
+    nearest = true.contacts[int(np.argmin(away))]
+    return [*seen, nearest[3], float(nearest[2])]
+
+
 def judged(number):
     """Return what is claimed of one photo, against the truth."""
     begin = time.process_time()
@@ -134,11 +146,8 @@ def judged(number):
             "tip_mm": round(tip_mm, 1) if math.isfinite(tip_mm) else None,
             "flagged": flagged(branch, seen), "doubts": list(getattr(branch, "doubts", ())),
             "false_stop": is_false, "claims": len(claims), "stops": len(stopped),
-            "angle_off": [
-                round(c.angle_from_normal_deg - t[2], 1)
-                for c in branch.contacts if c.outcome != "unclear"
-                for t in true.contacts if np.hypot(c.x_mm - t[0], c.y_mm - t[1]) < SAME_PLACE_MM
-            ][:4],
+            "pairs": [pair for c in branch.contacts if (pair := paired(c, true)) is not None],
+            "true_angles": [round(float(t[2]), 2) for t in true.contacts],
             "contacts": sum(c.outcome != "unclear" for c in branch.contacts),
         })  # fmt: skip
     return {
@@ -178,7 +187,13 @@ def summary(rows):
         "true_stops": len(stops),
         "stops_claimed": sum(bool(b["claims"]) for b in judged_),
         "contacts_claimed": sum(b["contacts"] for b in judged_),
-        "angle_off_rms_deg": rms([a for b in judged_ for a in b["angle_off"]]),
+        "contacts_that_were_none": sum(p[3] is None for b in judged_ for p in b["pairs"]),
+        "contacts_of_wrong_outcome": sum(
+            p[3] is not None and p[0] != p[3] for b in judged_ for p in b["pairs"]
+        ),
+        "angle_off_over_error_rms": rms([
+            (p[1] - p[4]) / p[2] for b in judged_ for p in b["pairs"] if p[3] is not None
+        ]),
     }  # fmt: skip
 
 

@@ -14,31 +14,40 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import shapely
-from PIL import Image, ImageFilter
+from PIL import Image, ImageDraw, ImageFilter
 from scipy import ndimage
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.photos.conftest import TrueCamera, light_of
-from tests.photos.measure_walls import TABLE, photo_of_bricks, scattered
+from tests.photos.conftest import Floor, TrueCamera, light_of
+from tests.photos.measure_walls import BRICK, TABLE, scattered
 from vinefab.core.errors import VinefabError
 from vinefab.maps.importers.import_options import ImportOptions, PhotoOptions
 from vinefab.maps.importers.importers import import_map
 from vinefab.model.corner_marker import corner_markers
 from vinefab.model.map import Map
+from vinefab.photos.photo_camera import projected
 
 BLURS_PX = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0)
 AROUND_MM = 42.0  # from the corner of the first marker to the table's
 
 
-def blurred(picture, blur_px, kind):
-    """Return a picture out of focus (in light), or smoothed by software (as it is stored)."""
-    if blur_px == 0.0:
-        return picture
-    if kind == "stored":
-        return picture.filter(ImageFilter.GaussianBlur(blur_px))
-    light = ndimage.gaussian_filter(light_of(picture), (blur_px, blur_px, 0.0))
-    return Image.fromarray(np.round(255.0 * light ** (1.0 / 2.2)).clip(0, 255).astype(np.uint8))
+def table_of(bricks, rng):
+    """Return a light table with stains, markers around it and dark bricks painted on it."""
+    left, low, right, top = TABLE.bounds
+    floor = Floor.plain((left - 80.0, low - 80.0, right + 80.0, top + 80.0), 0.5)
+    stains = rng.normal(0.0, 60.0, floor.pixels.shape[:2])
+    floor.pixels += ndimage.gaussian_filter(stains, 6.0)[..., None]
+    floor.paint(corner_markers(TABLE_MAP))
+    rows, columns = floor.pixels.shape[:2]
+    mask = Image.new("L", (4 * columns, 4 * rows), 0)
+    for brick in bricks:
+        corners = 4.0 * projected(floor.matrix(), np.array(brick.exterior.coords)) - 0.5
+        ImageDraw.Draw(mask).polygon([tuple(place) for place in corners], fill=255)
+    share = (np.asarray(mask.reduce(4), dtype=float) / 255.0)[..., None]
+    light = (1.0 - share) * light_of(floor.pixels) + share * light_of(BRICK)
+    floor.pixels = 255.0 * light ** (1.0 / 2.2)
+    return floor
 
 
 def photo_of(number, blur_px=None):
@@ -61,10 +70,19 @@ def photo_of(number, blur_px=None):
         "tilt": round(camera.tilt_deg, 1),
     }
     bricks = scattered(number, int(rng.integers(3, 9)))
-    picture = photo_of_bricks(camera, TABLE, corner_markers(TABLE_MAP), bricks, 0.5, number)
-    stored = np.asarray(blurred(picture, taken["blur_px"], taken["kind"]), dtype=float)
-    side = np.linspace(taken["gain"], 1.0, stored.shape[1])[None, :, None]
-    return Image.fromarray((stored * side).astype(np.uint8)), bricks, taken
+    in_light = taken["blur_px"] if taken["kind"] == "light" else 0.0
+    seen = table_of(bricks, rng).photographed(
+        camera,
+        noise=4.0,
+        blur_px=float(np.hypot(0.7, in_light)),
+        seed=number,
+        supersampling=2,
+    )
+    side = np.linspace(taken["gain"], 1.0, seen.width_px)[None, :, None]
+    picture = Image.fromarray((seen.pixels * side).astype(np.uint8))
+    if taken["kind"] == "stored" and taken["blur_px"]:  # smoothed by software, as it is stored
+        picture = picture.filter(ImageFilter.GaussianBlur(taken["blur_px"]))
+    return picture, bricks, taken
 
 
 TABLE_MAP = Map(name="table", bounds=TABLE, obstacles=())

@@ -9,6 +9,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
+from vinefab.pages.map_view import STOP_WORDS
 from vinefab.prediction.deployment_sections import deployment_section, spread_blocks
 from vinefab.prediction.measures import MEASURES, SEEN, MeasureTable
 from vinefab.prediction.pictures import spread_chart
@@ -70,7 +71,8 @@ def test_endings_are_counted_level_by_level():
     assert "as wide as they inflate" in section.paragraphs[0]
     (table,) = section.tables
     assert table.rows == (
-        ("1", "100.0 %", "0.0 %", "0.0 %", "0.0 %", "0.0 %", "-"),
+        ("1", "100.0 %", *["0.0 %"] * 4, "-"),
         ("2", "0.0 %", "50.0 %", "25.0 %", "25.0 %", "0.0 %", "50 %"),
     )
     assert "how 10 branches of 2 deployments ended" in table.caption
+    assert set(STOP_WORDS) == set(Stop)

@@ -105,11 +105,18 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
     assert origin["unseen_score"] == round(found["unseen"]["score"]["mean"], 4)
     assert origin["unseen_score_over_contacts"][0] == origin["unseen_score"]
     assert min(origin["unseen_score_over_contacts"]) == round(low, 4)
-    _, contacts, placed = elsewhere_facts(found)
+    _, contacts, branches, emergence, placed = elsewhere_facts(found)
     assert (contacts.text, placed.text) == (
         f"{low:.3f} to {high:.3f}", "{:.3f} to {:.3f}".format(*placed_off_range(found))
     )  # fmt: skip
     assert "(assumed; simulated)" in contacts.detail
+    assert [rule["option"] for rule in found["rules"]] == ["branch_contact", "emergence"]
+    mean = found["unseen"]["score"]["mean"]
+    for rule in found["rules"]:  # the first choice is the run's own
+        assert rule["unseen"][0]["mean"] == pytest.approx(mean)
+    assert branches.text.startswith(f"pass: {mean:.3f}, stop: ")
+    assert emergence.text.startswith(f"1: {mean:.3f}, 0.95: ")
+    assert found["rules"][1]["unseen"][-1]["mean"] < mean
     assert "placed up to 10 mm or 10 deg off (assumed; simulated)" in placed.detail
 
 

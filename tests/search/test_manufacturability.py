@@ -123,7 +123,7 @@ def test_a_complaint_names_the_rules_that_forbid_a_design(
 ) -> None:
     assert penalty.violations(fork(1.2)) == ""
     message = penalty.violations(fork(0.1))
-    assert message.startswith("VF-T02, VF-C02, VF-C03, VF-L02 (the outline crosses itself")
+    assert message.startswith("VF-T02, VF-C02, VF-C03, VF-I01, VF-L02 (the outline")
     # It needs tiles, which a search does not take but the check does.
     assert penalty.violations(fork(1.2, 900.0)) == ""
 

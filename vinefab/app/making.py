@@ -417,6 +417,7 @@ def calibrate(
     ] = DEFAULT_RECIPE,
     *,
     out: PathText,
+    contacts: PathText | None = None,
     force: Force = False,
 ) -> Calibration:
     """Fit kerf, seam, shrinkage, burst loads, friction, growth pressure; write a recipe with them.
@@ -429,6 +430,9 @@ def calibrate(
         The recipe that the coupons were cut with, its name or path.
     out
         The recipe to write, ``NAME.toml``: what is returned can be passed as ``recipe``.
+    contacts
+        The file of measured contacts that gets the share of children that came out of their
+        parent's tip; its other numbers stay.
 
     Returns
     -------
@@ -457,15 +461,24 @@ def calibrate(
 
     from vinefab.fabrication.calibration.coupon_results import read_results
     from vinefab.fabrication.calibration.fit_recipe import calibrated_recipe, fitted_recipe
+    from vinefab.model.files.contacts_toml import contacts_with
     from vinefab.model.files.profile_toml import read_profile
 
     path, table = as_path("out", out), as_path("results", results)
     ensure_writable(path, force=force)
+    shares = None if contacts is None else as_path("contacts", contacts)
+    if shares is not None:
+        ensure_writable(shares, force=force)
     before = name_or_path("recipe", recipe, "a recipe's path or name")
     profile = read_profile(before)
     with located(table):
         found = fitted_recipe(read_results(table), profile)
+        if shares is not None and found.emergence is None:
+            allowed = "rows children_out with a value, for contacts"
+            raise BadInputError("children_out", "none", allowed)
     write_page(path, calibrated_recipe(found, before, path, table), force=force)
+    if shares is not None and found.emergence is not None:
+        write_page(shares, contacts_with(found.emergence, shares), force=force)
     return replace(found, path=path)
 
 

@@ -167,12 +167,13 @@ def subject_of(
 
 
 def _flat_subject(design: Design, profile: LaserProfile | None, deployed: Deployed) -> Subject:
-    """Return the flat tree that a design is cut as, without paths; with a recipe compensated."""
-    pattern = None
-    if profile is not None and design.build.compensation != "none":
-        pattern = pattern_of(design, profile)
+    """Return the flat tree that a design is cut as, without paths.
+
+    With a recipe it is compensated, if the design asks for it, and its joints are known.
+    """
+    pattern = None if profile is None else pattern_of(design, profile)
     names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    cut = pattern.flat if pattern else design
+    cut = pattern.flat if pattern and design.build.compensation != "none" else design
     made = Subject.of(cut, deployments=deployments, map_names=names)
     return replace(made, pattern=pattern)
 

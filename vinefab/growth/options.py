@@ -232,13 +232,25 @@ class GrowthOptions(Table):
 
     @property
     def emergence_standing(self) -> str:
-        """Where the probability comes from."""
-        return "assumed"
+        """Where the probability comes from: ``assumed``, or ``measured`` and how."""
+        found = None if self.contacts is None else self.contacts.emergence
+        if found is None or found.value != self.emergence:
+            return "assumed"
+        return f"measured: {found.text}"
 
     @property
     def emergences(self) -> tuple[float, ...]:
-        """Probabilities of emergence that predictions are shown for."""
-        return EMERGENCES
+        """Probabilities of emergence that predictions are shown for: measured, or assumed."""
+        found = None if self.contacts is None else self.contacts.emergence
+        if found is None:
+            return EMERGENCES
+        return tuple(dict.fromkeys((found.high, found.value, max(found.low, 0.01))))
+
+    @property
+    def emergences_standing(self) -> str:
+        """Where `emergences` come from: ``assumed``, or ``measured`` and how."""
+        found = None if self.contacts is None else self.contacts.emergence
+        return "assumed" if found is None else f"measured: {found.text}"
 
     def half_angles_rad(self, count: int) -> Floats:
         """Return one head-on half-angle for each of some launches, shape (count,).
@@ -461,6 +473,8 @@ def measured_values(given: object) -> dict[str, Any]:
         values[HALF_ANGLE_DEG] = list(half_angle_ends_deg(contacts.head_on_half_angle_deg))
     if contacts.body_width_ratio is not None and contacts.body_width_ratio.value is not None:
         values["body_width_ratio"] = contacts.body_width_ratio.value
+    if contacts.emergence is not None:
+        values["emergence"] = contacts.emergence.value
     return values
 
 

@@ -28,7 +28,7 @@ LEAST_LENGTH = 0.1
 """Share of its planned length that a child is always cut with, however far the law says it grows
 longer: such a child lies within its joint."""
 
-MOST_TURN_RAD = math.radians(1.5)
+MOST_TURN_RAD = math.radians(0.8)
 """Most by which a fan's outer children are turned so that their tips come near, as in patterns."""
 
 

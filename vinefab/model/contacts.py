@@ -1,4 +1,4 @@
-"""What photos of grown robots measured of contacts: numbers with intervals, read by predictions."""
+"""What was measured of contacts: numbers with intervals, read by predictions."""
 
 from typing import Annotated, Final, Literal
 
@@ -71,8 +71,44 @@ class MeasuredNumber(Table):
         return f"{counted(self.count, 'contact')} on {photos}"
 
 
+_SHARE = Interval(ge=0, le=1)
+
+
+class MeasuredShare(Table):
+    """A share of trials with its 95 % interval."""
+
+    low: Annotated[float, _SHARE, Doc("of the 95 % interval")]
+    high: Annotated[float, _SHARE, Doc("of the 95 % interval")]
+    count: Annotated[int, _COUNT, Doc("that came out")]
+    tried: Annotated[int, _COUNT, Doc("that were tried")]
+    pressure_kpa: Annotated[float, Ge(0), Le(1000), Unit("kPa"), Doc("at which they were tried")]
+    source: Annotated[str, Field(min_length=1), Doc("which coupons, and how")]
+    standing: Annotated[Literal["measured"], Doc("always that"), LATER] = "measured"
+
+    @model_validator(mode="after")
+    def _is_an_interval(self) -> "MeasuredShare":
+        number("tried", self.tried, self.count, 10**6)
+        number("high", self.high, self.low, 1.0)
+        number("count / tried", self.value, self.low, self.high)
+        return self
+
+    @property
+    def value(self) -> float:
+        """The share itself."""
+        return self.count / self.tried
+
+    @property
+    def text(self) -> str:
+        """Where it comes from: ``17 of 18 children at 20 kPa, 95 % interval 0.76 to 0.99``."""
+        tried = f"{self.count} of {self.tried} children at {self.pressure_kpa:g} kPa"
+        return f"{tried}, 95 % interval {self.low:.2f} to {self.high:.2f}"
+
+
 class MeasuredContacts(Table):
-    """What several photos together say of contacts; a number that they do not give is None."""
+    """What was measured of contacts: a number that was not is None.
+
+    Several photos together give all but the share of children that come out, which coupons give.
+    """
 
     head_on_half_angle_deg: Annotated[
         MeasuredNumber | None,
@@ -99,6 +135,12 @@ class MeasuredContacts(Table):
         Ge(0.1),
         Le(10),
         Doc("breadth of the film as seen from above, over 2 lay-flat width / pi"),
+    ] = None
+
+    emergence: Annotated[
+        MeasuredShare | None,
+        Doc("share of the children that come out of their parent's tip"),
+        LATER,
     ] = None
 
     @model_validator(mode="after")

@@ -294,19 +294,22 @@ def _passed(
     replays: Replays, seen: SeenBranch, meeting: WallMeeting, turn_deg: float, *, fits: bool
 ) -> WallMeeting:
     """Return a meeting of a replay, with what the photo says that the tip did there."""
-    line, touching_mm = LineString(seen.points_mm), max(1.5, 0.3 * seen.radius_mm)
-    away = float(shapely.distance(replays.wall_shape(meeting.wall), line))
-    touches = abs(away - seen.radius_mm) <= touching_mm
+    away = _touching_mm(replays, seen, meeting.wall)
     # What is met within the error of the length may not have been met at all.
     is_met = meeting.front_mm <= seen.length_mm - SAME_PLACE_MM
     bend_rad = BEND_PER_MM * math.sqrt(BEND_OVER_MM * min(meeting.front_mm, seen.length_mm))
     error = math.hypot(seen.heading_error_deg, 0.5 * turn_deg, deg(bend_rad))
     return meeting.changed(
-        outcome="slid" if fits and touches and is_met else "unclear",
+        outcome="slid" if fits and away is not None and is_met else "unclear",
         angle_error_deg=min(error, 30.0),
-        # None where the body does not touch the wall.
-        distance_mm=away if touches else None,
+        distance_mm=away,
     )
+
+
+def _touching_mm(replays: Replays, seen: SeenBranch, wall: str) -> float | None:
+    """Return how far a line passes from a wall; None where the body does not touch it."""
+    away = float(shapely.distance(replays.wall_shape(wall), LineString(seen.points_mm)))
+    return away if abs(away - seen.radius_mm) <= max(1.5, 0.3 * seen.radius_mm) else None
 
 
 def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool] | None:
@@ -343,7 +346,7 @@ def _stop_at_wall(replays: Replays, seen: SeenBranch) -> tuple[WallMeeting, bool
         angle_error_deg=error,
         front_mm=seen.length_mm,
         outcome="stopped",
-        distance_mm=away,
+        distance_mm=_touching_mm(replays, seen, name),
     )
     return meeting, is_corner
 

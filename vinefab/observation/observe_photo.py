@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import rounded
 from vinefab.core.limits import DEFAULT_MARKER_MM
+from vinefab.core.plain_text import counted
 from vinefab.core.view import (
     Answer,
     Block,
@@ -354,8 +355,8 @@ class Observation(WrittenResult):
         doubtful = [branch.id for branch in self.compared.branches if branch.doubts]
         if doubtful:
             return (
-                f"as predicted where it is clear: {len(clear)} branches ended as simulated, "
-                f"{len(doubtful)} are in doubt: {', '.join(doubtful)}"
+                f"as predicted where it is clear: {counted(len(clear), 'branch')} ended as "
+                f"simulated, {len(doubtful)} are in doubt: {', '.join(doubtful)}"
             )
         return (
             "as predicted: every branch ended as simulated, "
@@ -643,8 +644,8 @@ def _cautions(seen: Observation, camera: PhotoCamera, setup: PhotoSetup) -> list
         found.append(
             f"{100 * seen.traced.film_explained:.0f} % of the film lies in the lines, "
             f"{100 * seen.traced.lines_supported:.0f} % of the lines on film, and "
-            f"{sum(set(b.doubts) > {NO_VERDICT} for b in branches)} of {len(branches)} branches "
-            "are in doubt: "
+            f"{sum(set(b.doubts) > {NO_VERDICT} for b in branches)} of "
+            f"{counted(len(branches), 'branch')} are in doubt: "
             "this design from this pose hardly is what the photo shows"
         )
     if setup.obstacle_mm is None and seen.world.obstacles:

@@ -15,6 +15,7 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
@@ -165,10 +166,12 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
             levels.setdefault(level, Counter())[stop] += 1
             if stop in STUCK_STOPS:
                 shares.setdefault(level, []).append(grown)
+    # Stops that only some rules of growth have are shown where they occur.
+    met = [s for s in Stop if s <= Stop.PRESSURE or any(c[s] for c in levels.values())]
     rows = tuple(
         (
             str(level),
-            *(f"{100 * counts[stop] / counts.total():.1f} %" for stop in Stop),
+            *(f"{100 * counts[stop] / counts.total():.1f} %" for stop in met),
             f"{np.median(shares[level]):.0f} %" if level in shares else "-",
         )
         for level, counts in sorted(levels.items())
@@ -178,9 +181,6 @@ def stop_table(label: str, deployments: Sequence[Deployment]) -> Rows:
         caption=f"{_capital(label)}: how {counted(total, 'branch')} of "
         f"{counted(len(deployments), 'deployment')} ended "
         "(simulated)",
-        headings=(
-            "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "out of pressure", "at a branch", "not everted", "grown when stuck (median)",
-        ),
+        headings=("level", *(STOP_WORDS[stop] for stop in met), "grown when stuck (median)"),
         rows=rows,
-    )  # fmt: skip
+    )

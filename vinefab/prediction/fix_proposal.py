@@ -263,5 +263,6 @@ def score_change_lines(
         interval = f"{pairs}: {NO_INTERVAL}" if math.isnan(low) else interval
         scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
         where = f"mean over {counted(len(maps), 'map')}"
-        lines.append(f"  {task}, {where}: {scores} (simulated; {means.mean():+.4f}, {interval})")
+        known = f"(simulated; {means.mean():+.4f}, {interval})"
+        lines.append(f"  {new.title_of_task}, {where}: {scores} {known}")
     return lines

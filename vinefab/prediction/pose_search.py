@@ -597,7 +597,8 @@ def search_poses(
 
     budgets, scores = _budgets(deployments), np.empty(0)
     for start, budget in enumerate(budgets):
-        left = max(budget - JUDGED_DRAWS, budget // 2)
+        # The first search is never starved; the others pay for being judged.
+        left = budget - JUDGED_DRAWS if start else budget
         landscape, pose = _search_from(scored, region, errors, left, start)
         (judged,) = scored(pose[None], draws)
         if start == 0 or _clearly_better(judged, scores):

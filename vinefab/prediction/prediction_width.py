@@ -166,10 +166,10 @@ def rule_ranges(
             [options.changed(emergence=chance) for chance in chances],
             option="emergence",
             title="Probability that a child comes out of its parent's tip",
-            headings=tuple(f"{chance:g}" for chance in chances),
-            over=f"where a child comes out with probability {chances[0]:g} to {chances[-1]:g} "
-            f"({options.emergence_standing.partition(':')[0]})",
-            standing=options.emergence_standing,
+            headings=tuple(f"{chance:.3g}" for chance in chances),
+            over=f"where a child comes out with probability {chances[0]:.3g} to {chances[-1]:.3g} "
+            f"({options.emergences_standing.partition(':')[0]})",
+            standing=options.emergences_standing,
         ),
     )
 

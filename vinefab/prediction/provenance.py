@@ -107,6 +107,13 @@ def _contact_numbers(options: GrowthOptions) -> Numbers:
     if friction is not None:
         name = "contact.tip_friction"
         rows += [(name, _of_photos(friction, end)) for end in _ends_of(friction)]
+    share = None if contacts is None else contacts.emergence
+    if share is not None and share.value == options.emergence:
+        source = f"{share.text}; {share.source}"
+        measured = Quantity(value=share.value, standing=Standing.MEASURED, source=source)
+        rows.append(("growth.emergence", measured))
+    elif options.emergence < 1.0:
+        rows.append(_assumed("growth.emergence", options.emergence, "given with the command"))
     return tuple(rows)
 
 

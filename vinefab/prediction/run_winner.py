@@ -18,7 +18,7 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.growth.batch import Launches, TerrainSet
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.start_place import StartPlace, start_text, with_starts
@@ -131,6 +131,26 @@ class WinnerTrial:
         ]
         return tuple(contact_value(self.scores(family, growth), names) for growth in at_angles)
 
+    def over_rules(self, families: Mapping[str, PreparedFamily]) -> list[dict[str, Any]]:
+        """Return the mean score under each choice of what else is assumed of contacts."""
+        if not self.design.levels:
+            return []
+        found = []
+        for option, choices, standing in (
+            ("branch_contact", BRANCH_CONTACTS, "assumed"),
+            ("emergence", self.growth.emergences, self.growth.emergences_standing),
+        ):
+            variants = [self.growth.changed(**{option: choice}) for choice in choices]
+            means = {
+                key: [
+                    _value(contact_value(self.scores(family, growth), names_of(family)))
+                    for growth in variants
+                ]
+                for key, family in families.items()
+            }
+            found.append({"option": option, "choices": [*choices], "standing": standing, **means})
+        return found
+
     def placed_off(self, family: PreparedFamily) -> tuple[dict[str, Any], ...]:
         """Return what placing the body elsewhere does, a step each, from the same poses."""
         exact = self.scores(family)
@@ -180,7 +200,7 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
     trial = WinnerTrial(
         design=result.finalists[0].design,
         task=evaluator.spec.search_task,
-        growth=settings.growth.at_one_angle,
+        growth=settings.growth.at_one_angle.changed(emergence=settings.growth.emergence),
     )
     fresh = PreparedFamily(
         label=counted(len(evaluator.maps), "training map"),
@@ -199,6 +219,7 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         "trained_half_angle_deg": settings.growth.half_angle_deg,
         "unseen": _family_content(trial, unseen),
         "training": _family_content(trial, fresh),
+        "rules": trial.over_rules({"unseen": unseen, "training": fresh}),
         "placed_off": list(trial.placed_off(unseen)),
         "note": note,
     }

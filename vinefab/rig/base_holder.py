@@ -31,7 +31,7 @@ from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.rig.part import Mesh, Rig, RigPart, mesh_problems
 from vinefab.rig.rig_options import GRID_MM, RigOptions
 from vinefab.rig.rig_plan import Polygons, polygon_parts, snapped_union
-from vinefab.rig.solid import Course, centred, grooves, mesh_of, prism, strokes
+from vinefab.rig.solid import Course, centred, grooves, prism, solid_mesh, strokes
 
 G = TypeVar("G", bound=BaseGeometry)
 
@@ -553,7 +553,7 @@ def _part(name: str, body: Manifold, to_frame: Floats, volume_mm3: float, stand:
     without an area; the least welding that avoids them is taken.
     """
     for weld_mm in _WELDS_MM:
-        vertices, faces = mesh_of(body.simplify(weld_mm))
+        vertices, faces = solid_mesh(body.simplify(weld_mm))
         if not Mesh.of_corners(vertices[faces]).form_problems():
             break
     return RigPart(

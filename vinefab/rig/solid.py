@@ -67,7 +67,7 @@ def _joined(
     for pocket in pockets:
         if len(pocket.pieces):
             body -= prism(pocket)
-    return mesh_of(body.simplify(weld_mm) if weld_mm else body)
+    return solid_mesh(body.simplify(weld_mm) if weld_mm else body)
 
 
 def _is_pinched(vertices: Floats, faces: Ints) -> bool:
@@ -104,7 +104,7 @@ def _storeys(courses: Sequence[Course]) -> Iterator[tuple[float, float, list[Pol
         yield low_mm, high_mm, [one.pieces for one in here]
 
 
-def mesh_of(body: Manifold) -> tuple[Floats, Ints]:
+def solid_mesh(body: Manifold) -> tuple[Floats, Ints]:
     """Return corners, as single precision holds them, and triangles of a solid.
 
     Their order depends on the shape alone.

@@ -141,7 +141,9 @@ AT_BOUNDS_MM = 0.1
 
 BEYOND = "beyond the open bounds"
 
-ENDS = (*(stop.label + place for stop in Stop for place in (" at the bounds", "")), BEYOND)
+_TRUNK_STOPS = [stop for stop in Stop if stop <= Stop.PRESSURE]
+
+ENDS = (*(stop.label + place for stop in _TRUNK_STOPS for place in (" at the bounds", "")), BEYOND)
 """How a trunk may end: why it stopped, and where."""
 
 

@@ -31,6 +31,7 @@ from vinefab.pages.colours import HEAT_COLOURS
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import PAGE, Family, StudioState, world_of
+from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.shipped_tasks import make_task
@@ -95,6 +96,7 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
             entry["robot_svg"] = robot_svg(grown[0], widths_mm, detail=False)
     return {
         "task": state.task,
+        "title": _title(state),
         "poses": state.family.poses,
         "standing": "simulated",
         "quick": asked.quick,
@@ -107,6 +109,12 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
         "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
         "heat": heat_cells(places, by_map, widths_mm) if asked.heat else None,
     }
+
+
+def _title(state: StudioState) -> str:
+    """Return the task's name, and whether the score is only the ideal case."""
+    ideal = state.task == Anchoring.name and state.design.build.pouch is None
+    return f"{state.task}, ideal case" if ideal else state.task
 
 
 # --- What is asked ------------------------------------------------------------------------------

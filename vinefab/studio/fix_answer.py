@@ -123,7 +123,11 @@ def _score_content(
             for one in (state.design, proposed)
         )
         scores.append(
-            {"task": task, "before": before.composite["mean"], "after": after.composite["mean"]}
+            {
+                "task": after.title_of_task,
+                "before": before.composite["mean"],
+                "after": after.composite["mean"],
+            }
         )
     note = f"simulated, on {maps[0].name} from its start: one pose, so no interval"
     return {"scores": scores, "scores_note": note}

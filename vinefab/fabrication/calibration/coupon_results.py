@@ -48,6 +48,7 @@ UNITS = {
         "lbf": 4.4482216152605,
     },
     "rad": {"rad": 1.0, "deg": math.pi / 180.0},
+    "children": {"children": 1.0},
 }  # fmt: skip
 """Factor of every known unit, by the unit that the fit works in."""
 
@@ -69,6 +70,7 @@ _MEASURES = {
     "growth_free": "kPa",
     "joint_girth": "mm",
     "joint_angle": "rad",
+    "children_out": "children",
     "matrix": "",
 }
 """What may be measured, and the unit that the fit works in; empty for outcomes in words."""
@@ -175,6 +177,15 @@ def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
             f"{joint.name} {JOINT_KPA:g}",
             "deg",
             between if joint.levels[0].branches > 1 else elbow,
+        )
+        for joint in joint_designs()
+    ]
+    rows += [
+        (
+            "children_out",
+            f"{joint.name} {JOINT_KPA:g}",
+            "children",
+            f"of {joint.levels[0].branches} that came out of the trunk; setting: coupon and kPa",
         )
         for joint in joint_designs()
     ]

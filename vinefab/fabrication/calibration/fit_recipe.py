@@ -17,13 +17,15 @@ from statistics import fmean, stdev
 from typing import Any
 
 import tomli_w
+from scipy.stats import beta
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import counted
+from vinefab.core.validation import number as checked_number
 from vinefab.core.view import Block, Data, Notes, WrittenResult
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
-from vinefab.fabrication.calibration.coupons import SQUARE_MM
+from vinefab.fabrication.calibration.coupons import SQUARE_MM, joint_designs
 from vinefab.fabrication.calibration.estimate import (
     GROWTH_CONSTANTS,
     Equation,
@@ -36,6 +38,7 @@ from vinefab.fabrication.calibration.estimate import (
 )
 from vinefab.fabrication.calibration.fit_joints import fit_closing, fit_modulus
 from vinefab.fabrication.job.passes import in_one_pass, weldcut_offset_mm
+from vinefab.model.contacts import MeasuredShare
 from vinefab.model.files.profile_toml import profile_of
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
@@ -329,6 +332,7 @@ class Calibration(WrittenResult):
     windows: tuple[EnergyWindow, ...]  # line energies at which the matrix came out right
     status: RecipeStatus
     remarks: tuple[str, ...]  # further results, for people
+    emergence: MeasuredShare | None = None  # children that came out; None if none were tried
     lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
     refused: Mapping[str, str] = field(default_factory=dict)  # groups not fitted, and why
     path: Path | None = None  # the recipe with these numbers
@@ -361,6 +365,51 @@ class Calibration(WrittenResult):
                 "refused": dict(self.refused),
             }
         )
+
+
+def children_out(results: Results) -> tuple[MeasuredShare, ...]:
+    """Return how many children of joint coupons came out, by rising pressure.
+
+    Intervals are those of Jeffreys: quantiles of a beta distribution.
+    """
+    children = {joint.name: joint.levels[0].branches for joint in joint_designs()}
+    found: dict[float, tuple[int, int]] = {}
+    for reading in results.of("children_out"):
+        name, _, pressure = reading.setting.partition(" ")
+        if name not in children:
+            raise reading.wrong(name, f"a joint coupon: {', '.join(children)}")
+        try:
+            pressure_kpa = checked_number("pressure", float(pressure), 0.0, 1000.0, "kPa")
+        except ValueError as error:
+            raise reading.wrong(pressure, "the coupon and a pressure in kPa") from error
+        if reading.value not in range(children[name] + 1):
+            raise reading.wrong(reading.value, f"0 to {children[name]}, a whole number")
+        out, tried = found.get(pressure_kpa, (0, 0))
+        found[pressure_kpa] = out + int(reading.value), tried + children[name]
+    shares = []
+    for pressure_kpa, (out, tried) in sorted(found.items()):
+        if out == 0:
+            place = results.of("children_out")[0]
+            raise place.wrong(f"none of {tried} at {pressure_kpa:g} kPa", "at least one came out")
+        ends = [float(beta.ppf(q, out + 0.5, tried - out + 0.5)) for q in (0.025, 0.975)]
+        shares.append(
+            MeasuredShare(
+                low=ends[0],
+                high=1.0 if out == tried else ends[1],
+                count=out,
+                tried=tried,
+                pressure_kpa=pressure_kpa,
+                source="joint coupons that were grown; Jeffreys interval",
+            )
+        )
+    return tuple(shares)
+
+
+def _shares(results: Results, parts: _Parts) -> tuple[MeasuredShare, ...]:
+    """Return the children that came out, a group of its own."""
+    with parts.group("children out"):
+        return children_out(results)
+    return ()
 
 
 def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
@@ -419,14 +468,15 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         numbers |= _laps(results)
         method = bond
         remarks += _lap_lines(results)
-    if parts.refused and not numbers and not windows:
+    shares = _shares(results, parts)
+    remarks += [f"came out: {share.text} (measured)" for share in shares]
+    if parts.refused and not numbers and not windows and not shares:
         errors = list(parts.refused.values())
         if len(errors) == 1:
             raise errors[0]
         reasons = "; ".join(f"{group}: {error}" for group, error in parts.refused.items())
         raise BadInputError("results", "no group that can be fitted", f"at least one ({reasons})")
-    kept = [place for place, number in numbers.items() if number.readings == 0]
-    if kept:
+    if kept := [place for place, number in numbers.items() if number.readings == 0]:
         remarks.append(
             f"{' and '.join(kept)}: the readings say less than the published fit (assumed for this"
             " tube), which is kept; grow the paths of the table of vinefab coupon"
@@ -436,6 +486,7 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         windows=windows,
         status=_status(numbers, profile),
         remarks=tuple(remarks),
+        emergence=max(shares, key=lambda share: share.tried, default=None),
         lap_method=method,
         refused={group: str(error) for group, error in parts.refused.items()},
     )

@@ -155,14 +155,14 @@ MOST_TILES = 64
 _RIM_MM = 15.0
 """Margin around a tile's paths, so that windows overlap enough to share targets."""
 
-Piece = tuple[int, int]
+BranchRun = tuple[int, int]
 
 
 @dataclass(slots=True)
 class FilmTile:
     """One window onto the film."""
 
-    pieces: set[Piece]  # the pieces of the robot in it
+    pieces: set[BranchRun]  # the pieces of the robot in it
     box_mm: Box  # box around its paths
     paths: list[LaserPath] = field(default_factory=list)  # in the coordinates of the whole robot
     low_mm: Point = (0.0, 0.0)  # lower left corner of its window
@@ -185,7 +185,7 @@ def film_tiles(
     _refuse_many(wide if pass_through else max(wide, high))
     places = stations_mm(axes, contours)
     parted = [stretches(axes, contour, places) for contour in contours]
-    boxes: dict[Piece, Box] = {}
+    boxes: dict[BranchRun, Box] = {}
     for stretch in (stretch for found in parted for stretch in found):
         piece = _joined(axes, places, stretch.piece)
         box = stretch.segment.box_mm
@@ -214,7 +214,7 @@ def _refuse_many(count: float) -> None:
         raise NoTilesError(f"it would take more than {MOST_TILES} tiles")
 
 
-def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
+def _joined(axes: BranchAxes, places: list[list[float]], piece: BranchRun) -> BranchRun:
     """Return the piece that another one is part of: a branch's base belongs to its parent's end."""
     branch, part = piece
     while part == 0 and axes.parent[branch] >= 0:
@@ -223,7 +223,9 @@ def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
     return branch, part
 
 
-def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Callable[[Box], bool]:
+def _fit(
+    boxes: dict[BranchRun, Box], room_mm: Point, *, pass_through: bool
+) -> Callable[[Box], bool]:
     """Return a predicate: whether a box and the overlaps around it fit a window."""
     spare = 2.0 * _RIM_MM
     wide, high = room_mm[0] - spare, room_mm[1] - spare
@@ -242,17 +244,17 @@ def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Call
 def _grown(
     axes: BranchAxes,
     places: list[list[float]],
-    boxes: dict[Piece, Box],
+    boxes: dict[BranchRun, Box],
     fits: Callable[[Box], bool],
 ) -> list[FilmTile]:
     """Grow tiles from the tips towards the mouth."""
-    below: dict[Piece, list[Piece]] = {piece: [] for piece in boxes}
+    below: dict[BranchRun, list[BranchRun]] = {piece: [] for piece in boxes}
     for piece in boxes:
         branch, part = piece
         if part > 0:
             below[_joined(axes, places, (branch, part - 1))].append(piece)
     done: list[FilmTile] = []
-    open_tiles: dict[Piece, FilmTile] = {}
+    open_tiles: dict[BranchRun, FilmTile] = {}
     order = [(0, 0)]
     for piece in order:
         order += below[piece]
@@ -354,7 +356,7 @@ def _ordered(axes: BranchAxes, places: list[list[float]], tiles: list[FilmTile])
 
 
 def _place_windows(
-    tiles: list[FilmTile], room_mm: Point, boxes: dict[Piece, Box], *, pass_through: bool
+    tiles: list[FilmTile], room_mm: Point, boxes: dict[BranchRun, Box], *, pass_through: bool
 ) -> None:
     """Put each window around its tile, as near as possible to that of the tile before."""
     floor = min(box[1] for box in boxes.values())

@@ -140,7 +140,8 @@ def prepare(
     partition = partition_of(cut, profile, separate=separate)
     job = laser_job(cut, profile, flat_sheet, partition)
     flat = Subject.on_sheet(cut, profile, job, separate=separate)
-    flat = replace(flat, pattern=pattern, deployments=deployments)
+    joints = pattern or pattern_of(design, profile)
+    flat = replace(flat, pattern=joints, deployments=deployments)
     subject = in_pieces(flat, partition)
     report = run_checks(subject)
     named = {other.name: other for other in sheet.beside}

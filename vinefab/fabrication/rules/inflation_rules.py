@@ -32,9 +32,7 @@ from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 from vinefab.physics.seam import line_load_n_mm, seam_load_n_mm
 from vinefab.physics.tube import inflated_radius_mm
 
-_AS_DESIGNED = RuleNotApplicable(
-    reason='cut as designed: `[build] compensation = "inflation"` simulates how it deploys'
-)
+_NO_RECIPE = RuleNotApplicable(reason="needs a recipe, for how far the film stretches")
 
 
 def degrees_text(angles_deg: tuple[float, ...]) -> str:
@@ -66,24 +64,26 @@ def _simulated(pattern: Pattern) -> Iterator[tuple[LevelJoint, FlatJoint]]:
 def check_deployed(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-I01: the children of every joint deploy at their designed angles.
 
-    Those are turned by up to 1.5 degrees where that brings tips nearer (`vinefab.inflation`).
+    Those are turned by up to 0.8 degrees where that brings tips nearer (`vinefab.inflation`).
     """
     pattern = subject.pattern
     if pattern is None:
-        return _flat_is_not_deployed(subject.design)
-    violations = []
+        return _NO_RECIPE
+    compensated = pattern.design.build.compensation != "none"
+    violations = [] if compensated else _flat_is_not_deployed(pattern.design)
     for joint in pattern.joints:
         wanted = degrees_text(joint.wanted_deg)
         helps = "widen the fan, or have fewer or narrower children"
         if joint.found is None:
             unknown = BrokenLimit(severity=Severity.ERROR, limit=0.0, measured=0.0)
-            message = f"{joint.problem}: {helps}"
+            crossed = f"level {joint.level}: siblings pass through each other when inflated"
+            message = f"{joint.problem or crossed}: {helps}"
             one = _joint_violation(subject, joint.level, message, unknown)
             violations.append(replace(one, measured=None, limit=None))
             continue
         off = np.subtract(joint.found.deployed_deg, joint.aimed_deg)
         off -= 360.0 * np.round(off / 360.0)
-        if broken := limits.most(float(np.abs(off).max())):
+        if compensated and (broken := limits.most(float(np.abs(off).max()))):
             message = (
                 f"level {joint.level} is designed at {wanted} degrees, and the nearest that a flat "
                 f"joint deploys at is {degrees_text(joint.found.deployed_deg)} (simulated): {helps}"
@@ -92,18 +92,15 @@ def check_deployed(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApp
     return RuleApplied(checked=len(pattern.joints), violations=tuple(violations))
 
 
-def _flat_is_not_deployed(design: Design) -> RuleApplied | RuleNotApplicable:
-    """Return what to know of a robot that nobody simulated."""
-    if design.build.compensation != "none":
-        return RuleNotApplicable(reason="needs a recipe, for how far the film stretches")
+def _flat_is_not_deployed(design: Design) -> list[Violation]:
+    """Return what to know of a robot whose flat angles are not made for inflation."""
     if not any(np.any(fan_offsets_rad(level)) for level in design.levels):
-        return RuleApplied(checked=0)
+        return []
     message = (
         "cut as designed, and flat angles are not those under pressure: `vinefab inflate` shows by "
         'how much, and `[build] compensation = "inflation"` cuts the robot that deploys as designed'
     )
-    known = Violation(message=message, severity=Severity.INFO)
-    return RuleApplied(checked=len(design.levels), violations=(known,))
+    return [Violation(message=message, severity=Severity.INFO)]
 
 
 DEPLOYED = Rule(
@@ -125,7 +122,7 @@ def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     """VF-I02: errors of flat angles do not grow much under pressure."""
     pattern = subject.pattern
     if pattern is None:
-        return _AS_DESIGNED
+        return _NO_RECIPE
     violations = [
         _joint_violation(
             subject,
@@ -181,7 +178,7 @@ def check_crotch_load(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     """
     pattern = subject.pattern
     if pattern is None:
-        return _AS_DESIGNED
+        return _NO_RECIPE
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the seam")
     seam = subject.profile.material.seam
@@ -269,14 +266,14 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     """
     pattern = subject.pattern
     if pattern is None:
-        return _AS_DESIGNED
+        return _NO_RECIPE
     violations = []
-    share = Limits({"warning": limits["sibling_share"]})
+    share = Limits({"warning": limits["sibling_share"], "error": limits["collapsed_share"]})
     for joint, found in _simulated(pattern):
         width_mm = subject.design.build.widths_mm[joint.level - 1]
         lengths_mm = child_lengths_mm(pattern.deployed.levels[joint.level - 2]).tolist()
         touching = [
-            (min(contact_mm(two - one, width_mm), *lengths), min(lengths))
+            (min(contact_mm(two - one, width_mm), 2.0 * min(lengths)), min(lengths))
             for (one, two), lengths in zip(
                 pairwise(found.deployed_deg), pairwise(lengths_mm), strict=True
             )
@@ -285,6 +282,7 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
             continue
         along_mm, length_mm = max(touching, key=lambda pair: pair[0] / pair[1])
         if broken := share.most(along_mm / length_mm):
+            along_mm = min(along_mm, length_mm)
             message = (
                 f"siblings of level {joint.level} lie on each other for {along_mm:.0f} of "
                 f"{length_mm:.0f} mm when inflated (simulated): widen the fan, or lengthen or "
@@ -318,9 +316,10 @@ BODIES = Rule(
     id="VF-I04",
     title="inflated branches do not lie on each other",
     unit="mm",
-    limits={"warning": 0.0, "sibling_share": 0.5},
+    limits={"warning": 0.0, "sibling_share": 0.5, "collapsed_share": 1.0},
     reason="branches that touch push each other aside or up, which neither growth nor the "
-    "simulated joint knows; siblings may touch for half of the shorter one (assumed)",
+    "simulated joint knows; siblings may touch for half of the shorter one (assumed), and "
+    "those that touch all along collapse into one body",
     remedy="a wider fan, shorter or narrower branches, fewer of them",
     check=check_bodies,
 )

@@ -47,7 +47,7 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 
-def check_polygon(subject: Subject, _: Limits) -> RuleApplied:
+def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     """VF-T02: the outline encloses one valid polygon without holes."""
     body = subject.body
     if body.is_valid:
@@ -108,7 +108,7 @@ POLYGON = Rule(
     title="the body is one valid polygon without holes",
     reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
     remedy="widen angles, shorten or narrow branches until none crosses another, or pieces",
-    check=check_polygon,
+    check=check_outline_polygon,
 )
 MOUTH = Rule(
     id="VF-T04",

@@ -21,7 +21,7 @@ from vinefab.maps.cleanup.cell_walls import (
     corners_between,
     unit,
 )
-from vinefab.maps.generators.generated_map import rounded
+from vinefab.maps.generators.generated_map import rounded_points
 from vinefab.maps.importers.import_options import ImportOptions
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
@@ -271,7 +271,7 @@ class GridPlacement:
 
         def place(points: Floats) -> Floats:
             moved = points @ rotation + np.array([self.x_mm, self.y_mm])
-            return rounded(moved)
+            return rounded_points(moved)
 
         return shapely.transform(polygon, place)
 

@@ -30,7 +30,7 @@ _STRAIGHT_MM2 = 0.5 * 10.0 ** (-2 * COORDINATE_DECIMALS)
 """Twice the area of a triangle whose corners count as on one line."""
 
 
-def rounded(points_mm: Floats) -> Floats:
+def rounded_points(points_mm: Floats) -> Floats:
     """Return points on the grid of `COORDINATE_DECIMALS`, without negative zeros."""
     return np.asarray(np.round(points_mm, COORDINATE_DECIMALS) + 0.0, dtype=np.float64)
 
@@ -49,7 +49,7 @@ def signed_area_mm2(ring_mm: Floats) -> float:
 def box(width_mm: float, height_mm: float) -> Polygon:
     """Return the rectangle from the origin to (width, height), counter-clockwise."""
     corners = [(0.0, 0.0), (width_mm, 0.0), (width_mm, height_mm), (0.0, height_mm)]
-    return Polygon(rounded(np.array(corners)))
+    return Polygon(rounded_points(np.array(corners)))
 
 
 def start_zone(start: Start) -> BaseGeometry:
@@ -83,7 +83,7 @@ def _rings(polygon: Polygon) -> list[Floats]:
 
 
 def _ring(closed_mm: Floats, *, clockwise: bool) -> Floats:
-    points = rounded(closed_mm[:-1])
+    points = rounded_points(closed_mm[:-1])
     points = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     turns = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

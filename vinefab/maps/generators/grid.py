@@ -29,7 +29,7 @@ from vinefab.maps.generators.generated_map import (
     check_seed,
     directions,
     generated_map,
-    rounded,
+    rounded_points,
     start_zones,
 )
 from vinefab.model.map import Map
@@ -217,4 +217,4 @@ def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
     if count > 3 and length > count + 4:
         far_mm *= 1.0 - _DEEPEST * options.concavity * numbers[:, count + 4 :]
     round_mm = far_mm[:, :, None] * directions(angles_rad)
-    return rounded(middle_mm[:, None] + round_mm).reshape(rows, count, 2)
+    return rounded_points(middle_mm[:, None] + round_mm).reshape(rows, count, 2)

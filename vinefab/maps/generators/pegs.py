@@ -20,7 +20,7 @@ from vinefab.maps.generators.generated_map import (
     check_seed,
     directions,
     generated_map,
-    rounded,
+    rounded_points,
     start_zones,
 )
 from vinefab.model.map import Map, Start
@@ -143,5 +143,5 @@ def _pegs(
     # Turned by half a step: flat sides face along the axes.
     angles_rad = 2.0 * math.pi * (np.arange(options.sides) + 0.5) / options.sides
     peg_mm = 0.5 * options.diameter_mm * directions(angles_rad)
-    corners_mm = rounded(middles_mm[chosen, None] + peg_mm)
+    corners_mm = rounded_points(middles_mm[chosen, None] + peg_mm)
     return tuple(Polygon(corners) for corners in corners_mm)

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from os import PathLike
+from pathlib import Path
 
 import tomli_w
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.table import validated
-from vinefab.model.contacts import CONTACTS_SCHEMA, ContactsFile, MeasuredContacts
+from vinefab.model.contacts import CONTACTS_SCHEMA, ContactsFile, MeasuredContacts, MeasuredShare
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
 
@@ -42,4 +43,17 @@ def contacts_text(contacts: MeasuredContacts, method: Mapping[str, object]) -> s
         How they were found, for readers; vinefab does not read it.
     """
     content = {"schema": CONTACTS_SCHEMA, **contacts.content, "method": dict(method)}
-    return f"# {GENERATOR}: what photos of grown robots measured\n{tomli_w.dumps(content)}"
+    return f"# {GENERATOR}: measured contacts\n{tomli_w.dumps(content)}"
+
+
+def contacts_with(emergence: MeasuredShare, path: Path) -> str:
+    """Return a file of measured contacts, or a new one, with the share of children that come out.
+
+    Its other numbers stay.
+    """
+    found, method = {}, {}
+    if path.exists():
+        before = validated(ContactsFile, read_toml(path), path)
+        found = {name: getattr(before, name) for name in MeasuredContacts.model_fields}
+        method = dict(before.method)
+    return contacts_text(MeasuredContacts(**{**found, "emergence": emergence}), method)

@@ -9,7 +9,7 @@ from typing import Self, TypeVar
 from vinefab.core.errors import WorkersLostError
 from vinefab.core.interruption import end_with_parent, stops_deferred
 
-Job = TypeVar("Job")
+_Job = TypeVar("_Job")
 Found = TypeVar("Found")
 
 
@@ -37,7 +37,7 @@ class WorkerProcesses:
                     process.terminate()
             self._pool.shutdown(cancel_futures=True)
 
-    def map(self, work: Callable[[Job], Found], jobs: Sequence[Job]) -> Iterator[Found]:
+    def map(self, work: Callable[[_Job], Found], jobs: Sequence[_Job]) -> Iterator[Found]:
         """Yield what the work makes of each job, in the order of the jobs."""
         with stops_deferred():
             others = set(multiprocessing.active_children())

@@ -55,12 +55,53 @@ def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
             detail=f"mean there at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg "
             f"({standing.partition(':')[0]}; simulated)",
         ),
+        *(_rule_fact(task, rule) for rule in content.get("rules", ())),
         Fact(
             f"{task} placed off",
             f"{low:.3f} to {high:.3f}",
             detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
             "off (assumed; simulated)",
         ),
+    )
+
+
+_RULES = {
+    "branch_contact": ("at branches", "at the body of another branch a tip passes or stops"),
+    "emergence": ("over emergence", "a child comes out with a probability of"),
+}
+"""What facts and tables call a rule of growth that is not known."""
+
+
+def _choices(rule: Mapping[str, Any]) -> list[str]:
+    return [one if isinstance(one, str) else f"{one:.3g}" for one in rule["choices"]]
+
+
+def _rule_fact(task: str, rule: Mapping[str, Any]) -> Fact:
+    """Return the mean scores under each choice of a rule."""
+    name, meaning = _RULES[rule["option"]]
+    means = (f"{value['mean']:.3f}" for value in rule["unseen"])
+    return Fact(
+        f"{task} {name}",
+        ", ".join(f"{choice}: {mean}" for choice, mean in zip(_choices(rule), means, strict=True)),
+        detail=f"mean there where {meaning} (growth.{rule['option']}; "
+        f"{rule['standing'].partition(':')[0]}; simulated)",
+    )
+
+
+def rule_tables(content: Mapping[str, Any]) -> tuple[Rows, ...]:
+    """Return the mean scores under each choice of the rules, on unseen and on training maps."""
+    return tuple(
+        Rows(
+            caption=f"mean {content.get('title', content['task'])} score where "
+            f"{_RULES[rule['option']][1]} ({rule['standing'].partition(':')[0]}), with 95 % "
+            "intervals over maps, from the same poses (simulated)",
+            headings=("where", *_choices(rule)),
+            rows=tuple(
+                (content[key]["label"], *map(mean_score, rule[key]))
+                for key in ("unseen", "training")
+            ),
+        )
+        for rule in content.get("rules", ())
     )
 
 

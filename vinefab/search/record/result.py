@@ -40,7 +40,12 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score, composite_text
 from vinefab.model.start_place import start_of_record, start_record, start_text
 from vinefab.search.evaluator import final_seed
-from vinefab.search.record.elsewhere import contacts_table, elsewhere_facts, mean_score
+from vinefab.search.record.elsewhere import (
+    contacts_table,
+    elsewhere_facts,
+    mean_score,
+    rule_tables,
+)
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
 from vinefab.search.settings import (
     RunSettings,
@@ -189,6 +194,7 @@ class RunResult(Result):
             yield self.front
         if found:
             yield contacts_table(found)
+            yield from rule_tables(found)
         yield Rows(
             caption="finalists on the same fresh poses, the winner first (simulated)",
             headings=("fitness", "mean score", "penalty", "branches", "levels"),

@@ -503,7 +503,7 @@ export function mount(root, app) {
     const about = answer.quick ? "≈ " : "";
     const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
     summary.replaceChildren(
-      el("span", { class: "name" }, `${answer.task}, mean `), el("span", { class: "value" }, `${about}${score(mean)}`),
+      el("span", { class: "name" }, `${answer.title}, mean `), el("span", { class: "value" }, `${about}${score(mean)}`),
       el("span", { class: "facts" }, ` ${interval}${partly} · half of the maps ${range(quantiles[25], quantiles[75])} · ${number(100 * answer.grown_share, 0)} % grown`),
       el("span", { class: "standing" }, "simulated"),
     );

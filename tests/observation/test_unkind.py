@@ -1,0 +1,100 @@
+"""`vinefab.observation` on photos that are not kind: nothing is claimed that was not seen.
+
+`many_unkind.py` has forty of them, larger; these are small enough for every run of the suite.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from unkind_photo import Body, Unkind, grow_bent, photographed
+
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Map, Pose, Start
+from vinefab.observation.doubts import GOES_ON, NO_VERDICT
+from vinefab.observation.observe_photo import observe_photo
+from vinefab.observation.photo_setup import PhotoSetup
+from vinefab.photos.photo import read_photo
+
+POSE = Pose(x_mm=100.0, y_mm=12.0, heading_rad=np.pi / 2)
+WORLD = Map(
+    name="table",
+    bounds=shapely.box(0, 0, 220, 190),
+    obstacles=(
+        shapely.box(60, 120, 90, 140),
+        shapely.Polygon([(128, 96), (170, 88), (162, 128)]),
+        shapely.box(20, 40, 44, 70),
+    ),
+    starts=(Start(pose=POSE),),
+)
+DESIGN = Design(
+    name="fork",
+    trunk_length_mm=50.0,
+    levels=(
+        Level.of(branches=3, length_mm=65.0, angle_deg=110.0),
+        Level.of(branches=2, length_mm=35.0, angle_deg=80.0),
+    ),
+    build=Build(widths_mm=(18.0, 14.0, 11.0), fillet_mm=(2.0, 2.0), tail_mm=20.0, pressure_kpa=0.0),
+)
+LOOK = Unkind(
+    tilt_deg=14.0, turn_deg=200.0, distance_mm=620.0, pixels=(1000, 800), height_mm=15.0,
+    opacity=0.55, wrinkle=0.05, lamp_deg=(60.0, 26.0), shade=0.2, wave_mm=1.0,
+)  # fmt: skip
+BODY = Body(half_angle_deg=12.0, bend_per_mm=1 / 450, joint_deg=6.0, absent=0.15)
+
+
+def seen_of(folder, design, seed, look=LOOK, grown_by=None):
+    """Return the true branches of a photo and its observation by a design."""
+    truth = grow_bent(grown_by or design, WORLD, POSE, BODY, np.random.default_rng(seed))
+    path = folder / "table.jpg"
+    path.write_bytes(photographed(WORLD, truth, replace(look, seed=seed)))
+    setup = PhotoSetup(obstacle_mm=look.height_mm)
+    return truth, observe_photo(read_photo(path), WORLD, design, POSE, setup)
+
+
+@pytest.mark.parametrize(("seed", "seam_mm"), [(1, 0.4), (2, 2.0), (5, 0.4)])
+def test_tips_are_right_or_in_doubt_and_no_stop_is_invented(tmp_path, seed, seam_mm):
+    truth, seen = seen_of(tmp_path, DESIGN, seed, replace(LOOK, seam_mm=seam_mm))
+    assert seen.fits
+    clear = [(t, b) for t, b in zip(truth, seen.compared.branches, strict=True) if not b.doubts]
+    assert len(clear) >= len(truth) / 2
+    for true, branch in clear:
+        assert branch.deployed_observed == (len(true.points_mm) > 0)
+        if branch.deployed_observed:
+            assert np.hypot(*(branch.points_mm[-1] - true.points_mm[-1])) < 8.0
+        if branch.stop_observed in ("head_on", "corner"):
+            assert true.stop in ("head_on", "corner")
+    for branch in seen.compared.branches:
+        if branch.doubts:
+            assert {contact.outcome for contact in branch.contacts} <= {"unclear"}
+            assert branch.stop_observed not in ("head_on", "corner")
+
+
+def test_film_that_goes_on_beyond_a_tip_is_no_stop(tmp_path):
+    build = DESIGN.build.changed(widths_mm=(18.0, 14.0), fillet_mm=(2.0,))
+    short, longer = (
+        DESIGN.changed(levels=(Level.of(3, length_mm, 110.0),), build=build)
+        for length_mm in (40.0, 65.0)
+    )
+    truth, seen = seen_of(tmp_path, short, 3, grown_by=longer)
+    assert any(len(true.points_mm) > 45 for true in truth[1:])
+    for true, branch in zip(truth, seen.compared.branches, strict=True):
+        if len(true.points_mm) > 50 and true.level == 2:
+            assert {GOES_ON, NO_VERDICT} & set(branch.doubts)
+            assert branch.stop_observed not in ("head_on", "corner")
+
+
+def test_a_photo_without_a_verdict_gives_no_contact(tmp_path):
+    other = DESIGN.changed(levels=(Level.of(3, 20.0, 40.0), Level.of(2, 15.0, 40.0)))
+    _, seen = seen_of(tmp_path, other, 4, grown_by=DESIGN)
+    assert not seen.fits
+    assert seen.verdict.startswith("no verdict")
+    for branch in seen.compared.branches:
+        assert NO_VERDICT in branch.doubts
+        assert {contact.outcome for contact in branch.contacts} <= {"unclear"}

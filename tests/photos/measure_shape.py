@@ -1,5 +1,7 @@
 """How far walls of maps from photos are off, and how far they say: over blur, angle, light, JPEG.
 
+Four markers lie around, and that is said: photos that show fewer are refused.
+
 Run: python tests/photos/measure_shape.py [PHOTOS] [--jobs N] [--out FILE] [--blur PX] [--first N]
 """
 
@@ -112,7 +114,9 @@ def judged(number, blur_px=None):
         path = Path(folder) / "table.jpg"
         picture.save(path, quality=taken["jpeg"])
         try:
-            world = import_map(path, ImportOptions(photo=PhotoOptions(marker_mm=30.0)))
+            world = import_map(
+                path, ImportOptions(photo=PhotoOptions(marker_mm=30.0, marker_count=4))
+            )
         except VinefabError as error:
             return {"photo": number, **taken, "refused": str(error).split(": ", 1)[-1]}
     off, corners = off_mm(world, bricks)
@@ -146,6 +150,8 @@ def main():
             rows.append(row)
             print(json.dumps(row), flush=True)  # noqa: T201
     read = [row for row in rows if "refused" not in row]
+    if not read:
+        return 1
     held = [row for row in read if max(row["most_mm"], row["corner_mm"]) <= row["stated_mm"]]
     found = {
         "photos": len(rows),

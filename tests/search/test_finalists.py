@@ -10,14 +10,16 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
-from vinefab.model.design import Design
+from vinefab.model.design import Compensation, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import FRESH
-from vinefab.search.finalists import FRESH_POSES
+from vinefab.search.finalists import FRESH_POSES, _passing
 from vinefab.search.loop import Search
+from vinefab.search.record.generations import Generation
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import FRESH_MAPS, fresh_maps, training_maps
 from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.space import BuildSettings, Space, SpaceSettings
 from vinefab.tasks.evaluate import PreparedMap, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -150,3 +152,30 @@ def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSetti
         small.changed(evaluation=small.evaluation.changed(finalists_by="training")),
     ):
         assert fresh_maps(other) == ()
+
+
+@pytest.mark.parametrize(("compensation", "most"), [("inflation", 60), ("none", 200)])
+def test_fewer_designs_are_checked_where_joints_are_simulated(
+    compensation: Compensation, most: int
+) -> None:
+    space = Space(SpaceSettings(), BuildSettings(compensation=compensation))
+    x, checked = np.random.default_rng(1).random((300, len(space))), list[Design]()
+    history = [
+        Generation(
+            number=0,
+            x=x,
+            fitness=x[:, 0],
+            composite=x[:, 0],
+            penalty=np.zeros(len(x)),
+            terms={},
+            seconds=0.0,
+        )
+    ]
+
+    def refuse(design: Design) -> bool:
+        checked.append(design)
+        return False
+
+    assert _passing(history, space, 3, refuse) == []
+    assert len(checked) == most
+    assert checked[0] == space.design(x[x[:, 0].argmax()])

@@ -263,12 +263,24 @@ def simulated_flat_joint(wanted: Joint) -> FlatJoint:
     """Return the flat joint whose children deploy at given angles, by simulations; as `flat_joint`.
 
     Newton's method. Small steps keep their triangles, so that it converges; what differs from mesh
-    to mesh is left.
+    to mesh is left. Where children crowd it may stall: then it starts again from what the table
+    says, if it knows the joint.
     """
+    try:
+        return _solved(wanted, likely_flat_deg(np.array(wanted.angles_deg)))
+    except UnreachableJointError:
+        told = _by_table("flat", wanted)
+        if told is None:
+            raise
+        return _solved(wanted, np.array(told.flat.angles_deg))
+
+
+def _solved(wanted: Joint, start_deg: Floats) -> FlatJoint:
+    """Return the flat joint that Newton's method finds from some flat angles."""
     goal = np.array(wanted.angles_deg)
     even = is_even(wanted)
     best: InflatedJoint | None = None
-    flat, best_off, step = likely_flat_deg(goal), np.inf, np.zeros_like(goal)
+    flat, best_off, step = start_deg, np.inf, np.zeros_like(goal)
     for _ in range(MOST_SIMULATIONS):
         try:
             found = _simulated(wanted.with_angles(tuple(flat.tolist())), best)

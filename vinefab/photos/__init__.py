@@ -4,7 +4,8 @@ What other rooms use:
 
 - ``photo.read_photo``: a `Photo` from a PNG or JPEG file.
 - ``found_markers.marker_points``: the corners of a map's markers in a photo as `ControlPoints`;
-  ``found_markers.square_points``: those of markers that lie anywhere; ``find_markers``: pixels.
+  ``found_markers.square_points``: those of markers that lie anywhere;
+  ``measured_markers``: pixels, blur and noise of each.
 - ``photo_camera.fit_camera``: the `PhotoCamera` by control points, with its errors;
   ``PhotoCamera.to_map`` and ``to_photo`` convert places, at any height.
 - ``rectify.rectified``: a `PlanView` of an area, at any height.

@@ -22,6 +22,9 @@ from vinefab.tasks.evaluate import Conditions, score_designs
 MOST_FULL_CHECKS = 200
 """Most full checks among the designs of a run; each takes some 50 ms."""
 
+MOST_SIMULATED_CHECKS = 60
+"""The same where patterns are compensated: their joints are simulated, which takes seconds."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FinalistChoice:
@@ -95,7 +98,9 @@ def _passing(
 ) -> list[Floats]:
     """Return the best points whose designs pass the full check, best first."""
     points: list[Floats] = []
-    for x, penalty in _ranked(history, space, MOST_FULL_CHECKS):
+    simulated = space.build.compensation != "none"
+    most = max(MOST_SIMULATED_CHECKS, 2 * count) if simulated else MOST_FULL_CHECKS
+    for x, penalty in _ranked(history, space, most):
         if len(points) == count or penalty > 0.0:
             break
         if passes(space.design(x)):

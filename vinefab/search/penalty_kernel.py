@@ -230,9 +230,10 @@ def _joints(designs, d, tables, limits, scratch):
         parent_mm, child_mm = _straight_begins(beside, wide, narrow, fillet, 0.0)
         if branches > 1:
             between, share = math.inf, 0.0
-            for child in range(1, branches):
+            # Fans are their own mirror images.
+            for child in range(1, branches // 2 + 1):
                 between = min(between, gap[child])
-                shorter_mm = min(run[child - 1], run[child])
+                shorter_mm = _shorter(run, branches, child)
                 share = max(share, _bare_reach(gap[child], narrow, narrow, disc) / shorter_mm)
             found += _narrow(between, limits) + _excess(share, limits.crotch, limits.most)
             sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
@@ -248,17 +249,28 @@ def _joints(designs, d, tables, limits, scratch):
 
 @inlined
 def _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits):
-    """Return by how much fillets of a joint fall short of what rules and laser take."""
+    """Return by how much fillets of a joint fall short of what rules and laser take.
+
+    Fans are their own mirror images: of two gaps alike the one beside the shorter branch counts.
+    """
     found, disc = 0.0, max(wide, narrow)
-    for place in range(branches + 1):
-        after, before = place > 0, place < branches
-        one, two = narrow if after else wide, narrow if before else wide
-        one_mm = run[place - 1] if after else above_mm
-        two_mm = run[place] if before else above_mm
-        reach_mm = max(0.5 * min(one_mm, two_mm), disc)
-        drawn = max(0.0, min(fillet, _largest_fillet(gap[place], one, two, reach_mm)))
-        found += _excess(limits.fillet_mm, drawn, limits.most)
+    for place in range((branches + 2) // 2):
+        one, shorter_mm = narrow, above_mm
+        if place == 0:
+            one = wide
+            shorter_mm = min(above_mm, run[0], run[branches - 1])
+        else:
+            shorter_mm = _shorter(run, branches, place)
+        most = _largest_fillet(gap[place], one, narrow, max(0.5 * shorter_mm, disc))
+        found += _excess(limits.fillet_mm, max(0.0, min(fillet, most)), limits.most)
     return found
+
+
+@inlined
+def _shorter(run, branches, place):
+    """Return the length of the shortest child beside a gap between children or its mirror image."""
+    other = branches - place
+    return min(run[place - 1], run[place], run[other - 1], run[other])
 
 
 @inlined

@@ -205,19 +205,24 @@ def least_fillet_mm(changed: LimitChanges, profile: LaserProfile) -> float:
 
 
 def _fillets_mm(design: Design) -> Iterator[float]:
-    """Yield the radius that is drawn in every gap of each level's joint; no tapers."""
+    """Yield the radius that is drawn in the gaps of each level's joint; no tapers.
+
+    Fans are their own mirror images: of two gaps alike the smaller radius counts.
+    """
     build, above_mm = design.build, design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
         lengths_mm = child_lengths_mm(level).tolist()
         headings = [-math.pi, *fan_offsets_rad(level).tolist(), math.pi]
         sides = [(wide, above_mm), *((narrow, mm) for mm in lengths_mm), (wide, above_mm)]
+        drawn_mm = []
         for (one, one_mm), (two, two_mm), (before, after) in zip(
             sides, sides[1:], pairwise(headings), strict=False
         ):
             reach_mm = max(0.5 * min(one_mm, two_mm), wide, narrow)
             most = largest_fillet_mm(after - before, (one, two), reach_mm)
-            yield max(0.0, min(build.fillet_mm[number - 1], most))
+            drawn_mm.append(max(0.0, min(build.fillet_mm[number - 1], most)))
+        yield from map(min, drawn_mm[: (len(drawn_mm) + 1) // 2], reversed(drawn_mm))
         above_mm = min(lengths_mm)
 
 

@@ -41,6 +41,9 @@ def both(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 CHOICES: tuple[Compensation, ...] = ("inflation", "none")
 
+WITHIN = {"inflation": 1e-6, "none": 1e-9}
+"""Flat angles differ in their last digits, distances of lines that cross by the root of that."""
+
 
 @pytest.mark.parametrize("compensation", CHOICES)
 @pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
@@ -58,7 +61,7 @@ def test_penalties_at_once_are_those_one_by_one(
     x[:40] = np.round(x[:40])
     found, wanted = both(space, x)
     assert np.array_equal(found == 0.0, wanted == 0.0)
-    assert np.abs(found - wanted).max() < 1e-9
+    assert np.abs(found - wanted).max() < WITHIN[compensation]
     assert (wanted > 0.0).sum() > 50
 
 
@@ -80,7 +83,7 @@ def test_penalties_at_once_know_a_measured_gain_and_large_fans(gain: float) -> N
     x = np.random.default_rng(9).random((40, len(space)))
     found = penalty.within(space)(space.batch(x))
     wanted = [penalty(space.design(point)) for point in x]
-    assert np.abs(found - wanted).max() < 1e-9
+    assert np.abs(found - wanted).max() < WITHIN["inflation"]
     assert np.abs(found - PENALTY.within(space)(space.batch(x))).max() > 1e-3
 
 
@@ -172,7 +175,7 @@ def test_penalties_in_pieces_at_once_are_those_one_by_one(
     x[:6] = np.round(x[:6])
     found, wanted = both(space, x)
     assert np.array_equal(found == 0.0, wanted == 0.0)
-    assert np.abs(found - wanted).max() < 1e-9
+    assert np.abs(found - wanted).max() < WITHIN[compensation]
 
 
 def in_pieces(most: int, compensation: Compensation = "none") -> Space:

@@ -157,7 +157,7 @@ SCENES = {
     ),
     "VF-P05": RuleScene(wrong=seamed(-0.25), right=seamed(0.0), draw=drawn.draw_seam),
     "VF-I01": RuleScene(
-        wrong=of((2, 200.0, 50.0), compensation="none"),
+        wrong=inflated((2, 200.0, 50.0), compensation="none"),
         right=inflated((2, 200.0, 50.0)),
         draw=drawn.draw_deployed,
     ),

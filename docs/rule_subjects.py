@@ -63,8 +63,9 @@ def of(*fans: Fan, **build: object) -> Callable[[], Subject]:
 
 
 def inflated(*fans: Fan, **build: object) -> Callable[[], Subject]:
-    """Return a maker of a robot that is cut so that it deploys as designed (simulated)."""
-    return lambda: subject_of(design(*fans, compensation="inflation", **build), profile())
+    """Return a maker of a robot that is cut to deploy as designed, unless told (simulated)."""
+    given = {"compensation": "inflation", **build}
+    return lambda: subject_of(design(*fans, **given), profile())
 
 
 def quantity(value: float) -> Quantity:

@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 import numpy as np
 import shapely
-from annotated_types import Ge
+from annotated_types import Ge, Le
 from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
@@ -248,7 +248,10 @@ def _nasty_value(rng: np.random.Generator, option: DeclaredKey) -> Any:
     if option.field == "contacts":  # says where the other numbers come from, and changes nothing
         return None
     if option.limits:
-        low, high = (one.ge if isinstance(one, Ge) else one.le for one in option.limits)
+        low, high = (
+            one.ge if isinstance(one, Ge) else one.le if isinstance(one, Le) else one.gt + 1e-6
+            for one in option.limits
+        )
         return float(
             rng.choice([option.default, option.default, low, high, rng.uniform(low, high)])
         )

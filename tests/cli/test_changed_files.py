@@ -14,6 +14,7 @@ length = 120.0
 angle_deg = 30.0
 [build]
 widths_mm = [40.0, 24.0]
+tail_mm = 90.0
 """
 
 COMMANDS = {

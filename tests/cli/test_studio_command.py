@@ -63,7 +63,7 @@ def test_a_snapshot_is_written_without_a_server(capsys, tmp_path):
     one = (tmp_path / "one.html").read_bytes()
     assert one == (tmp_path / "two.html").read_bytes()
     stored = json.loads(re.search(rb'id="stored">(.*?)</script>', one, re.DOTALL)[1])
-    assert set(stored["answers"]) == {"live", "rules"}
+    assert set(stored["answers"]) == {"live", "cut", "rules"}
     assert stored["hello"]["state"]["map"]["source"] == {"environment": "pegs", "seed": 3}
     assert "ending in .html" in refused(capsys, "plain_vine", "--snapshot", "one.txt")
     (tmp_path / "mine.html").write_text("<html>mine</html>")

@@ -98,8 +98,8 @@ def observe(
     $ vinefab observe examples/arena/grown_1.jpg --map arena.geojson
       --design examples/arena/sprig.toml --pose 152,132,2 --obstacle-height 30 --json seen.json
 
-    $ vinefab observe photo.jpg --map coupons/joints_W20.geojson --design PAIR-80-W20
-      --results coupons/results.csv
+    >>> coupon = ("joints.jpg", "coupons/joints_W20.geojson", "PAIR-80-W20")
+    >>> seen = observe(*coupon, results="coupons/results.csv")  # doctest: +SKIP
 
     >>> seen = observe("photo.jpg", "grid.geojson", "grid_explorer")  # doctest: +SKIP
     >>> seen.numbers["summary"]["shape_error_mm"]  # doctest: +SKIP

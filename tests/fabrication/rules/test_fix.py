@@ -1,5 +1,6 @@
 """Fixes against a grid search and against values computed by hand."""
 
+import functools
 import importlib.util
 import math
 import sys
@@ -37,6 +38,12 @@ from vinefab.model.laser import LaserProfile
 from vinefab.physics.growth_pressure import FITTED, NO_TENSION, riding_mm
 
 Make = Callable[..., Design]
+
+
+@pytest.fixture
+def make(make: Make) -> Make:
+    """Return what makes designs that are cut as designed: no joint is simulated."""
+    return functools.partial(make, compensation="none")
 
 
 @pytest.fixture(scope="module")

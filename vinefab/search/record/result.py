@@ -52,7 +52,7 @@ from vinefab.search.settings import (
     plain_settings,
     settings_from_plain,
 )
-from vinefab.search.space import Space
+from vinefab.search.space import BuildSettings, Space
 from vinefab.search.timing import TimeSplit
 from vinefab.tasks.evaluate import composite
 
@@ -499,8 +499,9 @@ def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
         identity = recorded_identity(entries, path)
         limits, build = identity.limits, settings.build
         if "compensation" not in build.model_fields_set:
-            was = settings_from_plain(identity.settings).build.compensation
-            settings = settings.changed(build=build.changed(compensation=was))
+            recorded = identity.settings.get("build")
+            held = BuildSettings.before() | (recorded if isinstance(recorded, dict) else {})
+            settings = settings.changed(build=build.changed(compensation=held["compensation"]))
         known = [limits, *(one.before for one in read_extensions(connection))]
         if {name: getattr(settings.search, name) for name in limits} not in known:
             return settings

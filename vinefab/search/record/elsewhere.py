@@ -3,14 +3,28 @@
 That is on unseen maps, over contacts and placed off. `vinefab.prediction.run_winner` finds it.
 """
 
+import collections
+import json
 from collections.abc import Mapping
 from typing import Any
 
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Fact, Number, Rows
+from vinefab.core.view import Fact, Facts, Number, Rows, lines
 
 PLACED_OFF = 10.0
 """A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
+
+
+def read_prediction(text: str) -> dict[str, Any]:
+    """Return what was recorded of a winner elsewhere, where all of it can be shown.
+
+    Text that was damaged raises what decoding and showing it raise, such as KeyError.
+    """
+    content = dict(json.loads(text))
+    if content:
+        tables = (contacts_table(content), *rule_tables(content))
+        collections.deque(lines((Facts(elsewhere_facts(content)), *tables)), maxlen=0)
+    return content
 
 
 def placed_off_range(content: Mapping[str, Any]) -> tuple[float, float]:

@@ -44,6 +44,7 @@ from vinefab.search.record.elsewhere import (
     contacts_table,
     elsewhere_facts,
     mean_score,
+    read_prediction,
     rule_tables,
 )
 from vinefab.search.record.generations import Extension, Finalist, Generation, RunIdentity
@@ -676,7 +677,7 @@ class RunArchive:
             ),
             repair=entries.get("repair", ""),
             extensions=read_extensions(connection),
-            prediction=json.loads(entries.get("prediction", "{}")),
+            prediction=read_prediction(entries.get("prediction", "{}")),
             recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
         )
 

@@ -20,6 +20,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileE
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.lock import lock_folder
 from vinefab.model.map import Map
+from vinefab.search.record.elsewhere import read_prediction
 from vinefab.search.record.generations import Extension, Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import (
     BUSY,
@@ -207,7 +208,8 @@ class RunStore:
         with damage_errors(self.path):
             query = "SELECT value FROM run WHERE key = ?"
             row = self._connection.execute(query, (key,)).fetchone()
-            return {} if row is None else dict(json.loads(row[0]))
+            read = read_prediction if key == "prediction" else json.loads
+            return {} if row is None else dict(read(row[0]))
 
     def keep(self, key: str, content: Mapping[str, Any]) -> None:
         """Record plain values: the ``recipe``, or the ``prediction`` of the winner."""

@@ -123,7 +123,12 @@ def test_branches_that_cross_need_no_change_in_pieces(profile):
         Level(branches=count, length_mm=length_mm, fan_rad=math.radians(angle_deg))
         for count, length_mm, angle_deg in ((3, 34.0, 100.0), (3, 140.0, 120.0))
     )
-    build = Build(widths_mm=(40.0, 24.0, 12.0), fillet_mm=(6.0, 3.0), pieces=PieceSettings())
+    build = Build(
+        widths_mm=(40.0, 24.0, 12.0),
+        fillet_mm=(6.0, 3.0),
+        pieces=PieceSettings(),
+        compensation="none",
+    )
     design = Design(name="tree", trunk_length_mm=150.0, levels=levels, build=build)
     found = propose_fix(design, profile)
     assert "VF-C03" in {finding.rule for finding in found.before.blocking}

@@ -10,7 +10,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
-from vinefab.model.design import Compensation, Design
+from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.search.evaluator import FRESH
 from vinefab.search.finalists import FRESH_POSES, _passing
@@ -154,11 +154,9 @@ def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSetti
         assert fresh_maps(other) == ()
 
 
-@pytest.mark.parametrize(("compensation", "most"), [("inflation", 60), ("none", 200)])
-def test_fewer_designs_are_checked_where_joints_are_simulated(
-    compensation: Compensation, most: int
-) -> None:
-    space = Space(SpaceSettings(), BuildSettings(compensation=compensation))
+@pytest.mark.parametrize(("count", "most"), [(3, 60), (40, 80)])
+def test_so_many_designs_are_checked_in_full(count: int, most: int) -> None:
+    space = Space(SpaceSettings(), BuildSettings())
     x, checked = np.random.default_rng(1).random((300, len(space))), list[Design]()
     history = [
         Generation(
@@ -176,6 +174,6 @@ def test_fewer_designs_are_checked_where_joints_are_simulated(
         checked.append(design)
         return False
 
-    assert _passing(history, space, 3, refuse) == []
+    assert _passing(history, space, count, refuse) == []
     assert len(checked) == most
     assert checked[0] == space.design(x[x[:, 0].argmax()])

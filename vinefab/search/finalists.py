@@ -19,11 +19,8 @@ from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions, score_designs
 
-MOST_FULL_CHECKS = 200
-"""Most full checks among the designs of a run; each takes some 50 ms."""
-
-MOST_SIMULATED_CHECKS = 60
-"""The same where patterns are compensated: their joints are simulated, which takes seconds."""
+MOST_FULL_CHECKS = 60
+"""Most full checks among the designs of a run: joints are simulated, which may take seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,9 +95,7 @@ def _passing(
 ) -> list[Floats]:
     """Return the best points whose designs pass the full check, best first."""
     points: list[Floats] = []
-    simulated = space.build.compensation != "none"
-    most = max(MOST_SIMULATED_CHECKS, 2 * count) if simulated else MOST_FULL_CHECKS
-    for x, penalty in _ranked(history, space, most):
+    for x, penalty in _ranked(history, space, max(MOST_FULL_CHECKS, 2 * count)):
         if len(points) == count or penalty > 0.0:
             break
         if passes(space.design(x)):

@@ -157,13 +157,12 @@ def growth_choice(
     contacts: object = None,
     *,
     children_of_stuck: str | None = None,
-) -> tuple[list[Design], GrowthChoice, Mapping[str, Any]]:
-    """Return designs as they deploy, the growth options for them, and those that were passed.
+) -> tuple[GrowthChoice, Mapping[str, Any]]:
+    """Return the growth options for designs, and those that were passed.
 
     An error in the origin of a design names its file.
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
-    from vinefab.prediction.deploy import as_grown
 
     given = as_growth(
         growth,
@@ -176,8 +175,7 @@ def growth_choice(
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
             trained_growth(design)
-    grown = [as_grown(design) for design in designs]
-    return grown, GrowthChoice.of(designs, given), given
+    return GrowthChoice.of(designs, given), given
 
 
 def families_of(

@@ -150,7 +150,7 @@ def check(
         from vinefab.growth.options import growth_text
         from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
 
-        _, _, given = growth_choice([design], [robot], growth)
+        _, given = growth_choice([design], [robot], growth)
         choice = growth_on_maps(robot, given)
         notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
         deployed = deploy_from_starts(robot, worlds, given)
@@ -228,7 +228,7 @@ def fix(
     for word in words:
         if not isinstance(word, str):
             raise BadInputError("keep", word, "a name")
-    given = growth_choice([design], [robot], growth)[2] if worlds else {}
+    given = growth_choice([design], [robot], growth)[1] if worlds else {}
     with told("fix", progress) as tell:
         found = propose_fix(
             robot, profile, changed, worlds, lambda share: tell(share, ""),

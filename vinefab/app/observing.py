@@ -108,7 +108,7 @@ def observe(
     from vinefab.observation.observe_photo import observe_photo
     from vinefab.observation.photo_setup import PhotoSetup
     from vinefab.photos.photo import read_photo
-    from vinefab.prediction.deploy import first_start
+    from vinefab.prediction.deploy import as_grown, first_start
 
     page = page_path("out", out, force=force)
     picture = as_path("photo", photo)
@@ -120,7 +120,8 @@ def observe(
 
         design = joint_coupon(str(getattr(design, "name", design)))
     robot = as_design(design)
-    [robot], _, given = growth_choice([design], [robot], growth)
+    _, given = growth_choice([design], [robot], growth)
+    robot = as_grown(robot)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",

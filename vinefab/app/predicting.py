@@ -138,7 +138,7 @@ def grow(
     """
     from vinefab.core.limits import positive, whole
     from vinefab.model.map import Pose
-    from vinefab.prediction.deploy import MOST_FRAMES, deploy
+    from vinefab.prediction.deploy import MOST_FRAMES, as_grown, deploy
 
     picture = page_path("out", out, force=force)
     film = page_path("animate", animate, force=force)
@@ -154,7 +154,7 @@ def grow(
     if pose is not None and as_starts(start):
         raise BadInputError("pose", pose, "not together with start")
     robot = as_design(design)
-    [robot], _, given = growth_choice(
+    _, given = growth_choice(
         [design],
         [robot],
         growth,
@@ -164,7 +164,7 @@ def grow(
         children_of_stuck=children_of_stuck,
     )
     here = None if pose is None else Pose.of(pose)
-    found = deploy(robot, as_map(map, start=start), here, given)
+    found = deploy(as_grown(robot), as_map(map, start=start), here, given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -220,6 +220,7 @@ def score(
     >>> found.scores.shape
     (2,)
     """
+    from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
     worlds = as_maps(maps, start)
@@ -227,10 +228,8 @@ def score(
         raise BadInputError("maps", "none", "at least one map")
     plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
     robot = as_design(design)
-    [robot], choice, _ = growth_choice(
-        [design], [robot], growth, body, head_on_half_angle_deg, contacts
-    )
-    return score_design_on_task(robot, worlds, plan, choice.options)
+    choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
+    return score_design_on_task(as_grown(robot), worlds, plan, choice.options)
 
 
 @verb
@@ -313,6 +312,7 @@ def aim(
     True
     """
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
+    from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
@@ -321,8 +321,8 @@ def aim(
     read = [as_design(design)]
     if against is not None:
         read.append(as_design(against, "against"))
-    grown, _, given = growth_choice(named, read, growth, body, head_on_half_angle_deg, contacts)
-    compared = held_against(*grown, alone=alone)
+    _, given = growth_choice(named, read, growth, body, head_on_half_angle_deg, contacts)
+    compared = held_against(*map(as_grown, read), alone=alone)
     choice = aim_growth(compared, given)
     plan = AimPlan(
         where=where,
@@ -397,6 +397,7 @@ def compare(
     ['plain_vine', 'three_level_tree']
     """
     from vinefab.prediction.comparison import compare_designs, measure_named
+    from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.family_deployments import PredictionPlan
 
     page = page_path("out", out, force=force)
@@ -404,9 +405,8 @@ def compare(
     main = measure_named(measure)
     with told("compare", progress) as tell:
         robots = [as_design(one, "designs") for one in named]
-        robots, choice, _ = growth_choice(
-            named, robots, growth, body, head_on_half_angle_deg, contacts
-        )
+        choice, _ = growth_choice(named, robots, growth, body, head_on_half_angle_deg, contacts)
+        robots = [as_grown(robot) for robot in robots]
         families = families_of(maps, start, environment, count, seed, options)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(
@@ -474,9 +474,7 @@ def report(
         robot = as_design(design)
         profile = recipe_for(robot, recipe).profile
         families = families_of(maps, start, environment, count, seed, options)
-        _, choice, _ = growth_choice(
-            [design], [robot], growth, body, head_on_half_angle_deg, contacts
-        )
+        choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
         found = with_origin(found, [robot], families, profile)

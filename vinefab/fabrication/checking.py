@@ -173,7 +173,7 @@ def _flat_subject(design: Design, profile: LaserProfile | None, deployed: Deploy
     """
     pattern = None if profile is None else pattern_of(design, profile)
     names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    cut = pattern.flat if pattern and design.build.compensation != "none" else design
+    cut = pattern.flat if pattern else design
     made = Subject.of(cut, deployments=deployments, map_names=names)
     return replace(made, pattern=pattern)
 

@@ -207,8 +207,9 @@ def pattern_of(design: Design, profile: LaserProfile, *, known_only: bool = Fals
             backs_mm = width_mm * np.array(found.pull_backs)
             stretch = stretch_of(design, material, build.widths_mm[place + 1])
             reached_mm = lengths_mm if compensated else lengths_mm * stretch - backs_mm
-            cut_mm = (lengths_mm + backs_mm) / stretch if compensated else lengths_mm
-            flat[place] = UnevenLevel.of_children(found.flat.angles_deg, cut_mm.tolist())
+            if compensated:
+                cut_mm = (lengths_mm + backs_mm) / stretch
+                flat[place] = UnevenLevel.of_children(found.flat.angles_deg, cut_mm.tolist())
             deployed[place] = UnevenLevel.of_children(found.deployed_deg, reached_mm.tolist())
         parents *= level.branches
     stretch = stretch_of(design, material, build.widths_mm[0])

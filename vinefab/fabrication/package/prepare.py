@@ -84,7 +84,7 @@ class Prepared:
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
-    pattern: Pattern | None = None  # how it deploys; None where it is cut as designed
+    pattern: Pattern | None = None  # how it deploys; None where nobody looked, cut as designed
 
     @property
     def cut(self) -> Design:
@@ -134,14 +134,13 @@ def prepare(
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     separate = sheet.process == "weld+cut"
-    pattern = None if design.build.compensation == "none" else pattern_of(design, profile)
-    cut = pattern.flat if pattern else design
+    pattern = pattern_of(design, profile)
+    cut = pattern.flat
     flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
     partition = partition_of(cut, profile, separate=separate)
     job = laser_job(cut, profile, flat_sheet, partition)
     flat = Subject.on_sheet(cut, profile, job, separate=separate)
-    joints = pattern or pattern_of(design, profile)
-    flat = replace(flat, pattern=joints, deployments=deployments)
+    flat = replace(flat, pattern=pattern, deployments=deployments)
     subject = in_pieces(flat, partition)
     report = run_checks(subject)
     named = {other.name: other for other in sheet.beside}
@@ -219,7 +218,7 @@ class PackageContent:
     laser: Mapping[str, bytes] | None = None
     partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
     others: tuple[Design, ...] = ()  # the other designs on the sheet
-    pattern: Pattern | None = None  # how it deploys; None where it is cut as designed
+    pattern: Pattern | None = None  # how it deploys; None where nobody looked, cut as designed
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:

@@ -27,6 +27,7 @@ from vinefab.search.settings import (
     plain_settings,
 )
 from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks.targets import TARGETS, TOUCHED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,6 +85,16 @@ class Progress:
     elapsed_s: float  # of all sessions together
     left_s: float  # for the rest, at this pace
     history: Sequence[Generation] = ()  # every generation so far
+
+    @property
+    def targets_text(self) -> str:
+        """How many targets the best design so far touches; empty where there are none."""
+        if not self.history or TARGETS not in self.history[-1].terms:
+            return ""
+        best = max(self.history, key=lambda generation: generation.best)
+        place = int(best.fitness.argmax())
+        touched, total = (float(best.terms[name][place]) for name in (TOUCHED, TARGETS))
+        return f"{touched:.3g} of {total:g} touched"
 
     @property
     def share(self) -> float:

@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_of
 
 if TYPE_CHECKING:
@@ -282,9 +282,21 @@ def as_path(key: str, given: object, allowed: str = "a path") -> Path:
     return path_given(key, given, allowed)
 
 
-def name_or_path(key: str, given: object, allowed: str) -> str | Path:
-    """Return what a file is looked up by, or raise BadInputError for anything else."""
-    return given if isinstance(given, str) else as_path(key, given, allowed)
+def name_or_path(key: str, given: object, allowed: str, kind: str = "") -> str | Path:
+    """Return what a file is looked up by, or raise BadInputError for anything else.
+
+    Parameters
+    ----------
+    kind
+        Of the file: where a registered name of it is a file here too, the caller is told so.
+    """
+    if not isinstance(given, str):
+        return as_path(key, given, allowed)
+    here = Path(f"{given}.toml")
+    if kind and given in all_names(kind) and here.is_file() and not Path(given).is_file():
+        note(f"{given} is the {kind} that ships or that your own folder has; type {here} for the "
+             "file here")  # fmt: skip
+    return given
 
 
 def as_design(given: "DesignLike", key: str = "design") -> "Design":
@@ -294,7 +306,7 @@ def as_design(given: "DesignLike", key: str = "design") -> "Design":
     if isinstance(given, Design):
         return given
     allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
-    return Design.read(name_or_path(key, given, allowed))
+    return Design.read(name_or_path(key, given, allowed, "design"))
 
 
 def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
@@ -310,7 +322,7 @@ def as_recipe(given: "RecipeLike") -> "LaserProfile":
     if isinstance(given, LaserProfile):
         return given
     allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
-    return read_profile(name_or_path("recipe", given, allowed))
+    return read_profile(name_or_path("recipe", given, allowed, "recipe"))
 
 
 def recipe_for(design: "Design", given: "RecipeLike | None") -> "ChosenRecipe":
@@ -332,6 +344,7 @@ def as_map(
     given: "MapLike", key: str = "map", start: "StartsLike" = (), targets: "TargetsLike" = ()
 ) -> "Map":
     """Return a map, passed as such or by its path; with other starts and targets, if given."""
+    from vinefab.model.files.shipped import existing_file
     from vinefab.model.map import Map
     from vinefab.model.start_place import start_given, with_starts
 
@@ -339,10 +352,13 @@ def as_map(
         world = given
     else:
         path = as_path(key, given, "a Map, or the path of a map file (GeoJSON)")
+        named = (path.parent / f"{path.name}{suffix}" for suffix in ("", *MAP_SUFFIXES))
+        path = next((one for one in named if one.is_file()), path)
         if path.suffix == "" and path.parent == Path() and not path.exists():
+            near = nearest(f"{path}{MAP_SUFFIXES[0]}", [one.name for one in Path().glob("*json")])
             allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
-            raise BadInputError(key, str(given), allowed)
-        world = Map.read(path)
+            raise BadInputError(key, str(given), f"{allowed}{near}")
+        world = Map.read(existing_file(path, near=path.suffix))
     aims = as_targets(targets)
     world = world.with_targets(*aims) if aims else world
     starts = [start_given(one) for one in as_starts(start)]

@@ -205,7 +205,7 @@ class Search:
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=(*self.evaluator.notes, *points.notes),
+            notes=(*self.evaluator.notes, *points.notes, *check.notes(finalists)),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )

@@ -90,8 +90,8 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
         return RuleApplied(checked=count, note=f"{counted(count, 'piece')}, {least}")
     many = f"at least {count}" if partition.unfinished else f"{count}"
     message = (
-        f"it takes {many} pieces to lie flat ({least}): set build.pieces.most to {count} or more, "
-        "or have fewer or shorter branches"
+        f"{many} pieces are needed to lie flat ({least}): set build.pieces.most to {count} or "
+        "more, or have fewer or shorter branches"
     )
     violation = Violation(message=message, measured=float(count), limit=float(settings.most))
     return RuleApplied(checked=count, violations=(violation,))
@@ -135,6 +135,7 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
                 severity=Severity.WARNING,
                 branches=subject.ids(*rows),
                 aspect="band",
+                title="a lap is too short for its band",
             )
         )
     return RuleApplied(checked=len(sleeves), violations=tuple(violations))
@@ -213,8 +214,8 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
         passages_of(subject.pattern),
     )
     message = (
-        "with the laps of sleeves in it, the film that rides here fills too much of the lumen: "
-        "fewer or narrower children, or fewer cuts below"
+        "folded film may jam here, doubled by laps: fewer or narrower children, fewer cuts below, "
+        "or a wider branch"
     )
     violations = [
         branch_violation(subject, [branch], message, broken)
@@ -256,7 +257,8 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppl
 
 SLEEVE_ROOM = Rule(
     id="VF-J01",
-    title="room for a sleeve where the robot must be parted",
+    title="branches to be cut have room for a sleeve",
+    broken="no room for a sleeve where the robot must be cut",
     unit="mm",
     reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
     remedy="lengthen the branch named, or shorten fillets, lap or pouch",
@@ -264,14 +266,16 @@ SLEEVE_ROOM = Rule(
 )
 PIECE_COUNT = Rule(
     id="VF-J02",
-    title="number of pieces",
+    title="the robot goes in as few pieces as allowed",
+    broken="the robot needs too many pieces",
     reason="each joint is one more place to leak and some minutes of work",
     remedy="allow more pieces, or change what makes branches overlap",
     check=check_piece_count,
 )
 LAP = Rule(
     id="VF-J03",
-    title="laps of sleeves bear the working pressure",
+    title="laps bear the working pressure",
+    broken="a lap is too weak or too short",
     unit="N/mm",
     limits={"safety_factor": 1.5},
     reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
@@ -281,7 +285,8 @@ LAP = Rule(
 )
 LAP_PACKING = Rule(
     id="VF-J04",
-    title="folded film with the laps of sleeves within the lumen it rides in",
+    title="folded film leaves room where laps double it",
+    broken="too much folded film and laps ride in a branch",
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
@@ -290,14 +295,16 @@ LAP_PACKING = Rule(
 )
 PIECE_LABELS = Rule(
     id="VF-J05",
-    title="a label beside every piece, plug and socket",
+    title="every piece, plug and socket is labelled",
+    broken="labels of pieces or joints are missing",
     reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
     remedy="more room beside the piece, or mark it by hand before it leaves the bed",
     check=check_piece_labels,
 )
 EASE = Rule(
     id="VF-J06",
-    title="sockets are wide enough for their plugs, and not too wide",
+    title="sockets fit their plugs",
+    broken="sockets are too narrow or too wide for their plugs",
     unit="mm",
     limits={"films": 1.0, "rooms": 2.0},
     reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "

@@ -118,7 +118,7 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
         _level_violation(
             subject,
             level,
-            f"level {level} is too narrow: widen it, or widen the trunk and keep the ratios",
+            f"tubes of level {level} may burst before they grow: widen them, or the whole robot",
             broken,
         )
         for level, width_mm in enumerate(widths_mm, start=1)
@@ -141,7 +141,7 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
         _level_violation(
             subject,
             level,
-            f"level {level} is too wide for the level before it: narrow it or widen its parent",
+            f"level {level} is nearly as wide as the level before it: narrow it, or widen that one",
             broken,
         )
         for level, ratio in enumerate(ratios, start=2)
@@ -168,10 +168,9 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         _level_violation(
             subject,
             level,
-            f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
+            f"folded pouches may jam in level {level}: narrow them, or widen the level"
             if level == subject.design.depth
-            else f"what grows out of level {level} fills too much of it: fewer or narrower"
-            " children",
+            else f"folded film may jam in level {level}: fewer or narrower children, or widen it",
             broken,
         )
         for level, share in enumerate(found, start=1)
@@ -190,7 +189,8 @@ def _level_violation(
 
 LEAST_WIDTH = Rule(
     id="VF-W01",
-    title="least lumen width",
+    title="every level is wide enough to inflate",
+    broken="a level or pouch is too narrow to inflate",
     unit="mm",
     limits={"error": 5.0, "warning": 8.0},
     reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
@@ -199,7 +199,8 @@ LEAST_WIDTH = Rule(
 )
 WIDTH_RATIO = Rule(
     id="VF-W02",
-    title="width of the parent over that of the child",
+    title="every parent is much wider than its children",
+    broken="a child is too wide for its parent",
     limits={"error": 1.2, "warning": 1.5},
     reason="each level should be much wider than the next one, or it does not deploy (paper)",
     remedy="narrow the child's level or widen its parent's",
@@ -207,7 +208,8 @@ WIDTH_RATIO = Rule(
 )
 PACKING = Rule(
     id="VF-W03",
-    title="folded descendants and pouches within the lumen they ride in",
+    title="folded film leaves room in every branch",
+    broken="too much folded film rides in a branch",
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",

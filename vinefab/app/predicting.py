@@ -48,6 +48,7 @@ from vinefab.model.inputs import (
     PoseLike,
     RecipeLike,
     StartsLike,
+    TargetsLike,
     as_design,
     as_map,
     as_maps,
@@ -86,6 +87,7 @@ def grow(
     pose: PoseLike | None = None,
     *,
     start: StartsLike = (),
+    targets: TargetsLike = (),
     growth: GrowthLike | None = None,
     body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
@@ -172,7 +174,7 @@ def grow(
     )
     (robot,), here = context.robots, None if pose is None else Pose.of(pose)
     grown = as_grown(robot, context.profile)
-    found = deploy(grown, as_map(map, start=start), here, context.given)
+    found = deploy(grown, as_map(map, start=start, targets=targets), here, context.given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -187,6 +189,7 @@ def score(
     *,
     maps: Annotated[MapsLike, also("--map")],
     start: StartsLike = (),
+    targets: TargetsLike = (),
     poses: PoseCount = 3,
     seed: Seed = 0,
     body: BodyWidth | None = None,
@@ -234,7 +237,7 @@ def score(
     from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
-    worlds = as_maps(maps, start)
+    worlds = as_maps(maps, start, targets)
     if not worlds:
         raise BadInputError("maps", "none", "at least one map")
     context = context_of(
@@ -260,6 +263,7 @@ def aim(
     world: Annotated[MapLike, also("--map")],
     task: TaskLike | None = None,
     *,
+    targets: TargetsLike = (),
     where: Annotated[str, Kind(metavar="PLACE")] = "border",
     robots: int = 1,
     against: DesignLike | None = None,
@@ -339,7 +343,7 @@ def aim(
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
-    place = as_map(world, "world")
+    place = as_map(world, "world", targets=targets)
     context = context_of(
         [design] if against is None else [design, as_design(against, "against")],
         task=task,
@@ -461,6 +465,7 @@ def report(
     out: PageFile,
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
+    targets: TargetsLike = (),
     environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
     options: EnvironmentOptions = None,
@@ -514,7 +519,7 @@ def report(
             contacts=contacts,
         )
         (robot,), profile = context.robots, context.recipe
-        families = families_of(maps, start, environment, count, seed, options)
+        families = families_of(maps, start, environment, count, seed, options, targets=targets)
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))

@@ -136,7 +136,7 @@ def optimize(
         Write the page, also while the run is going on.
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called after every generation.
+        called after every generation, and at the end while the winner is chosen.
 
     Returns
     -------

@@ -322,7 +322,7 @@ def measured_shapes(
 ) -> Floats:
     """Return all but the last two of `MEASURES`, which are the pressures, a row per growth."""
     coverage = Coverage().evaluate_block(block, contexts)
-    reach = Reach().evaluate_block(block, contexts)
+    reach = Reach().evaluate_block(block, [one.without_targets for one in contexts])
     rows = []
     for index, terrain in enumerate(block.terrain.tolist()):
         grown = block.deployment(index)

@@ -37,6 +37,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
 from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
@@ -98,6 +99,7 @@ from vinefab.prediction.sensitivity import (
     tolerance,
     tolerance_blocks,
 )
+from vinefab.tasks.targets import touched_targets
 
 MOST_PICTURES = 6
 
@@ -141,6 +143,16 @@ class Predicted(WrittenResult):
         return growth_text(self.plan.options, [self.prepared.design])
 
     @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets of the maps it touches, in which share of deployments; None without any."""
+        return touched_targets(
+            (deployment, result.prepared_map(index).world)
+            for result in self.results
+            if any(prepared_map.world.targets for prepared_map in result.prepared.maps)
+            for index, deployment in enumerate(result.deployments)
+        )
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know about the deployments, a sentence each."""
         families = [result.prepared for result in self.results]
@@ -158,6 +170,8 @@ class Predicted(WrittenResult):
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
         yield Answer(words, tone, "verdict")
+        if (targets := self.targets) is not None:
+            yield from targets.view()
         (median,) = typical(outcomes, SEEN.key, [0.5])
         yield Picture(
             image=lambda: deployment_picture(

@@ -358,7 +358,7 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
     return tuple(
         (
             one.rule,
-            f"{how} ({one.severity}): {RULES[one.rule].title}",
+            f"{how} ({one.severity}): {one.title if kind is found else RULES[one.rule].title}",
             Number(one.measured, one.unit).text,
             Number(limit, one.unit).text,
             ", ".join(one.branches[:4]),

@@ -16,9 +16,10 @@ from vinefab.core.jsontext import rounded
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.start_place import StartPlace, start_text, with_starts
@@ -224,7 +225,8 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         "note": note,
     }
     if trial.design.build.pieces is not None:  # how many it is cut in (computed)
-        cut = partition_of(trial.design, run_profile(settings.evaluation))
+        profile = run_profile(settings.evaluation)
+        cut = pieces_of(pattern_of(trial.design, profile), profile)
         count = None if cut.unparted else len(cut.pieces)
         proven = cut.proven_least and not cut.unparted
         content["pieces"] = {"count": count, "proven_least": proven}

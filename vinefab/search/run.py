@@ -235,8 +235,10 @@ def _raised(settings: RunSettings, limits: RunLimits, folder: Path) -> RunSettin
 
 def progress_line(progress: Progress, *, checked: bool) -> str:
     """Return the progress of a run as a line for the user."""
-    share = f"  manufacturable {100 * progress.fabricable_share:.0f} %" if checked else ""
+    if progress.stage:
+        return progress.stage
+    made = f"  manufacturable: {progress.manufacturable}" if checked else ""
     return (
         f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
-        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{share}"
+        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{made}"
     )

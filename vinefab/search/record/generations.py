@@ -84,6 +84,16 @@ class Progress:
     elapsed_s: float  # of all sessions together
     left_s: float  # for the rest, at this pace
     history: Sequence[Generation] = ()  # every generation so far
+    # Whether the best so far passes the full check, joints by the table; None where that is not
+    # asked, or only a simulation tells.
+    passes: bool | None = None
+    advice: str = ""  # which rules stop all designs so far, and what to relax
+    stage: str = ""  # what is done after the last generation
+
+    @property
+    def manufacturable(self) -> str:
+        """Whether the best so far is manufacturable, for the user."""
+        return {True: "yes", False: "not yet", None: "by the quick rules"}[self.passes]
 
     @property
     def share(self) -> float:

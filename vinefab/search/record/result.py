@@ -443,6 +443,7 @@ def map_to_text(world: Map) -> str:
         "bounds": world.bounds.wkb_hex,
         "obstacles": [obstacle.wkb_hex for obstacle in world.obstacles],
         "starts": [start_record(start) for start in world.starts],
+        "targets": [target.content for target in world.targets],
         "environment": world.environment,
         "seed": world.seed,
     }
@@ -457,6 +458,7 @@ def map_from_text(text: str) -> Map:
         bounds=shapely.from_wkb(record["bounds"]),
         obstacles=tuple(shapely.from_wkb(wkb) for wkb in record["obstacles"]),
         starts=tuple(cast("Start", start_of_record(start)) for start in record["starts"]),
+        targets=tuple(record.get("targets", ())),
         environment=record["environment"],
         seed=record["seed"],
     )

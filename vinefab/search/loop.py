@@ -204,7 +204,7 @@ class Search:
                 store.finish(finalists, stopped, ledger.split(), repair)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
+            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,

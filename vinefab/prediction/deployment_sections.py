@@ -123,7 +123,6 @@ def deployment_picture(
     options: GrowthOptions,
     *,
     whole: bool = False,
-    targets_mm: Floats | None = None,
 ) -> bytes:
     """Return a deployment on its map, as pixels where lines would take megabytes.
 
@@ -135,9 +134,7 @@ def deployment_picture(
     """
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     whole = whole or bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
-    plan = deployment_plan(
-        world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, targets_mm=targets_mm
-    )
+    plan = deployment_plan(world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole)
     return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
 
 

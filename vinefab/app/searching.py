@@ -309,6 +309,8 @@ def _searched(
     progress: Callable[[Generation], None],
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
+    from dataclasses import replace
+
     from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
     from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
@@ -318,6 +320,11 @@ def _searched(
     result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)
+        if (file := Path(settings.evaluation.recipe)).is_file():  # nothing keeps a copy
+            best, folder = result.best, file.resolve().parent
+            found = {**best.origin["recipe"], "file": file.name}
+            best = best.changed(origin={**best.origin, "recipe": found}, folder=folder)
+            result = replace(result, best=best)
     return result.with_prediction(predict_winner(search, result))
 
 

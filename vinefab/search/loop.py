@@ -1,11 +1,13 @@
 """The search itself: generation after generation, then the finalists."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
@@ -13,6 +15,7 @@ from vinefab.core.registry import parameter_names
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
+from vinefab.model.target import out_of_reach
 from vinefab.search.best_check import BestCheck
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated, settled
@@ -37,6 +40,7 @@ from vinefab.search.settings import (
 from vinefab.search.start_room import refuse_starts_without_room
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
+from vinefab.tasks.targets import task_targets
 from vinefab.tasks.task import Task
 
 AHEAD = 8
@@ -144,6 +148,7 @@ class Search:
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
         _check_room(evaluator, conditions)
+        _check_reach(evaluator)
         return search
 
     def run(
@@ -199,7 +204,7 @@ class Search:
                 store.finish(finalists, stopped, ledger.split(), repair)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
+            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,
@@ -303,6 +308,25 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
         raise BadInputError("space", "too many levels or branches", allowed)
     space.refuse_limits_without_designs()
     refuse_starts_without_room(evaluator, conditions)
+
+
+def _check_reach(evaluator: Evaluator) -> None:
+    """Refuse targets that lie beyond the longest robot of the space from every start."""
+    longest_mm = evaluator.space.settings.longest_mm
+    for task in evaluator.spec.tasks:
+        for prepared in evaluator.maps:
+            world = prepared.world
+            starts = [
+                shapely.Point(start.pose.x_mm, start.pose.y_mm).buffer(
+                    max(math.hypot(start.spread_x_mm, start.spread_y_mm), 1e-6)
+                )
+                if start.area is None
+                else start.area
+                for start in world.starts
+            ]
+            targets = task_targets(task, world)
+            for place, far, most in out_of_reach(targets, starts, longest_mm):
+                raise BadInputError(f"targets[{place}]", far, f"within {most} (space.length_mm)")
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

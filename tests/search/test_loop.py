@@ -64,7 +64,8 @@ def test_a_run_gives_a_named_design_and_its_whole_history(small: RunSettings, ma
     assert result.best.origin["score_mean"] == result.score.composite["mean"]
     assert [g.number for g in result.history] == [0, 1, 2, 3, 4]
     assert result.evaluations == 30
-    assert [p.generation for p in seen] == [1, 2, 3, 4, 5]
+    assert [p.generation for p in seen if not p.stage] == [1, 2, 3, 4, 5]
+    assert [p.stage for p in seen if p.stage] == ["choosing 3 finalists"]
     assert seen[-1].best == max(g.fitness.max() for g in result.history)
     assert seen[-1].left_s == 0.0
     assert set(result.history[0].terms) == {"area", "count", "length", "film", "eta"}

@@ -121,7 +121,7 @@ def test_unknown_environments_and_options_are_refused() -> None:
         generated_maps(MapSettings(options={"colums": 3}))
 
 
-def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> None:
+def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked() -> None:
     progress = Progress(
         generation=3,
         generations=6,
@@ -133,8 +133,12 @@ def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> N
         left_s=1.0,
     )
     start = "generation 3/6  best 0.5000  mean 0.2500 +- 0.1250"
-    assert progress_line(progress, checked=True) == f"{start}  manufacturable 75 %"
     assert progress_line(progress, checked=False) == start
+    words = {True: "yes", False: "not yet", None: "by the quick rules"}
+    for passes, made in words.items():
+        line = progress_line(replace(progress, passes=passes), checked=True)
+        assert line == f"{start}  manufacturable: {made}"
+    assert progress_line(replace(progress, stage="checking"), checked=True) == "checking"
 
 
 def test_the_result_says_whether_the_winner_is_manufacturable(

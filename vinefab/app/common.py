@@ -18,6 +18,7 @@ from vinefab.model.inputs import (
     Pairs,
     PathText,
     StartsLike,
+    TargetsLike,
     as_growth,
     as_map,
     as_mapping,
@@ -185,8 +186,10 @@ def families_of(
     count: int,
     seed: int,
     options: object,
+    *,
+    targets: TargetsLike = (),
 ) -> tuple[MapFamily, ...]:
-    """Return the maps passed, and unseen ones of an environment, as families."""
+    """Return the maps passed, with targets, and unseen ones of an environment, as families."""
     from dataclasses import replace
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
@@ -196,7 +199,7 @@ def families_of(
         unseen = unseen_maps(environment, count, seed, chosen)
         worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(as_maps(maps, start), unseen)
+    return map_families(as_maps(maps, start, targets), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

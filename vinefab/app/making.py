@@ -469,7 +469,7 @@ def calibrate(
     shares = None if contacts is None else as_path("contacts", contacts)
     if shares is not None:
         ensure_writable(shares, force=force)
-    before = name_or_path("recipe", recipe, "a recipe's path or name")
+    before = name_or_path("recipe", recipe, "a recipe's path or name", "recipe")
     profile = read_profile(before)
     with located(table):
         found = fitted_recipe(read_results(table), profile)
@@ -558,7 +558,7 @@ def rig(
         refuse_fine(place, Path(world))
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(all_names('printer'))}"
-        machine = read_printer(name_or_path("printer", machine, allowed))
+        machine = read_printer(name_or_path("printer", machine, allowed, "printer"))
     if sheet_mm is not None:
         sizes |= {"sheet_width_mm": sheet_mm[0], "sheet_depth_mm": sheet_mm[1]}
     options = RigOptions(**sizes)

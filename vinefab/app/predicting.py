@@ -47,6 +47,7 @@ from vinefab.model.inputs import (
     PoseLike,
     RecipeLike,
     StartsLike,
+    TargetsLike,
     as_design,
     as_map,
     as_maps,
@@ -77,6 +78,7 @@ def grow(
     pose: PoseLike | None = None,
     *,
     start: StartsLike = (),
+    targets: TargetsLike = (),
     growth: GrowthLike | None = None,
     body: BodyWidth | None = None,
     head_on_half_angle_deg: HalfAngle | None = None,
@@ -164,7 +166,7 @@ def grow(
         children_of_stuck=children_of_stuck,
     )
     here = None if pose is None else Pose.of(pose)
-    found = deploy(as_grown(robot), as_map(map, start=start), here, given)
+    found = deploy(as_grown(robot), as_map(map, start=start, targets=targets), here, given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -179,6 +181,7 @@ def score(
     *,
     maps: Annotated[MapsLike, also("--map")],
     start: StartsLike = (),
+    targets: TargetsLike = (),
     poses: PoseCount = 3,
     seed: Seed = 0,
     body: BodyWidth | None = None,
@@ -223,7 +226,7 @@ def score(
     from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
-    worlds = as_maps(maps, start)
+    worlds = as_maps(maps, start, targets)
     if not worlds:
         raise BadInputError("maps", "none", "at least one map")
     plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
@@ -238,6 +241,7 @@ def aim(
     world: Annotated[MapLike, also("--map")],
     task: TaskLike = "reach",
     *,
+    targets: TargetsLike = (),
     where: Annotated[str, Kind(metavar="PLACE")] = "border",
     robots: int = 1,
     against: DesignLike | None = None,
@@ -316,7 +320,7 @@ def aim(
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
-    place, scored_on = as_map(world, "world"), task_of(task, parameters)
+    place, scored_on = as_map(world, "world", targets=targets), task_of(task, parameters)
     named = [design] if against is None else [design, against]
     read = [as_design(design)]
     if against is not None:
@@ -427,6 +431,7 @@ def report(
     out: PageFile,
     maps: Annotated[MapsLike, also("--map")] = (),
     start: StartsLike = (),
+    targets: TargetsLike = (),
     environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
     options: EnvironmentOptions = None,
@@ -473,7 +478,7 @@ def report(
         tell(0.0, "reading and generating maps")
         robot = as_design(design)
         profile = recipe_for(robot, recipe).profile
-        families = families_of(maps, start, environment, count, seed, options)
+        families = families_of(maps, start, environment, count, seed, options, targets=targets)
         choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))

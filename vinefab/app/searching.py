@@ -136,7 +136,7 @@ def optimize(
         Write the page, also while the run is going on.
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called after every generation.
+        called after every generation, and at the end while the winner is chosen.
 
     Returns
     -------
@@ -275,7 +275,7 @@ def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     if isinstance(given, RunSettings):
         return given, None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
-    path = locate("run file", name_or_path("run", given, allowed))
+    path = locate("run file", name_or_path("run", given, allowed, "run file"))
     return read_run(path), path
 
 
@@ -451,7 +451,8 @@ def contest(
         contest_rows,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files", "run file"))
+             for one in as_several(run_files)]  # fmt: skip
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
         contenders=tuple(_contender(text) for text in as_several(optimizers)),
@@ -707,10 +708,12 @@ def studio(
 
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
-        design=str(name_or_path("design", design, "a design file, or a shipped name")),
+        design=str(name_or_path("design", design, "a design file, or a shipped name", "design")),
         map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
-        recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
+        recipe=""
+        if recipe is None
+        else str(name_or_path("recipe", recipe, "a path or a name", "recipe")),
     )
     if page is None:
         if family:

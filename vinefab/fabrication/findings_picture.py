@@ -131,7 +131,7 @@ def _line(number: int, group: Sequence[Finding]) -> Listed:
         severity=worst.severity,
         rule=worst.rule,
         branches=worst.branches,
-        words=f"{count}{_values(worst)}{worst.message}",
+        words=f"{count}{worst.numbers}{'; ' if worst.numbers else ''}{worst.message}",
         findings=tuple(group),
     )
 
@@ -141,12 +141,6 @@ def _excess(finding: Finding) -> float:
     if finding.measured is None or finding.limit is None:
         return 0.0
     return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
-
-
-def _values(finding: Finding) -> str:
-    if finding.measured is None or finding.limit is None:
-        return ""
-    return f"is {finding.measured:.4g}, limit {finding.limit:.4g} {finding.unit}".strip() + "; "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

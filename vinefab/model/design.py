@@ -646,8 +646,8 @@ class Design(Table):
         Parameters
         ----------
         name_or_path
-            A path, or a name such as ``grid_explorer``; a bare name is a file here, in the user's
-            own folder, or a shipped design.
+            A path, or a name such as ``grid_explorer``: of the user's own folder, of a shipped
+            design, or else ``mine`` for the file ``mine.toml`` here.
 
         Raises
         ------

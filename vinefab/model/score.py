@@ -9,6 +9,7 @@ from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
 from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Rows
 from vinefab.model.map import Pose
+from vinefab.model.target import TargetsResult
 
 MEAN_SHARE = 0.25
 """Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
@@ -78,6 +79,8 @@ class Score(Result):
         What a user should know about the deployments, a sentence each.
     grown
         By which rules the robot was grown.
+    targets
+        Which targets it touches; None where there are none, and in scores of a search.
     """
 
     task: str
@@ -87,11 +90,15 @@ class Score(Result):
     growth: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     grown: str = ""
+    targets: TargetsResult | None = None
     schema = "vinefab/score-1"
 
     def view(self) -> Iterator[Block]:
         """Yield the composites, what earned and cost the mean, and the evaluations."""
         composite, parts = self.composite, self.parts
+        if self.targets is not None:
+            yield self.targets.answer(f"{self.title_of_task} {composite['mean']:.3f}")
+            yield self.targets.table
         task = Fact("task", self.title_of_task, "task", data=self.task)
         yield Facts((task, Fact("growth", self.grown or "as trained")))
         yield Rows(

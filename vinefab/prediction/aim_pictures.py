@@ -37,7 +37,7 @@ from vinefab.pages.plan import (
 from vinefab.prediction.deploy import pose_text
 from vinefab.prediction.robot_set import RobotSet, union_curve
 from vinefab.tasks.covered_cells import BodyCover, TargetCover, TipCover
-from vinefab.tasks.reach import Reach
+from vinefab.tasks.targets import task_targets
 
 if TYPE_CHECKING:
     from vinefab.prediction.aiming import AimedRobot, AimResult
@@ -110,8 +110,7 @@ def _draw_best(panel: Panel, found: AimResult, robot: AimedRobot) -> None:
     pose = robot.best.pose
     draw_pose(panel, pose, max(found.world.size_mm))
     panel.marks([(pose.x_mm, pose.y_mm)], "o", 13.0, Ink(line=ALERT, width_pt=1.8), rank=8.0)
-    if isinstance(found.task, Reach) and found.task.target_mm:
-        draw_targets(panel, np.array(found.task.target_mm))
+    draw_targets(panel, robot.targets.outcomes if robot.targets else ())
 
 
 def best_deployments_panel(
@@ -191,7 +190,7 @@ def team_panel(found: AimResult, team: RobotSet, longest_pt: float = COLUMN_PT) 
         x, y, side = cover.grid.box.tolist()
         panel.add(Raster((x, y, x + columns * side, y + rows * side), pixels), 0.5)
     elif isinstance(cover, TargetCover):
-        draw_targets(panel, cover.targets_mm)
+        draw_targets(panel, task_targets(found.task, found.world))
         for index, colour in enumerate(colours):
             reached = cover.targets_mm[team.covered[index]]
             panel.marks(reached, "o", 5.0, Ink(fill=colour), rank=6.5)

@@ -44,6 +44,7 @@ from vinefab.growth.options import (
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import ORIGIN_GROWTH, Build, Design
 from vinefab.model.map import Map, Pose
+from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import Panel, page_of
@@ -83,6 +84,7 @@ from vinefab.prediction.robot_set import (
 )
 from vinefab.tasks.covered_cells import Cover, cover_of
 from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.targets import task_targets, touched_targets
 from vinefab.tasks.task import Task, check_on_map, search_form
 
 FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
@@ -246,6 +248,7 @@ class AimedRobot:
     turned: TurnedScores  # at the best place
     shown: tuple[Deployment, ...]  # from the best pose, at some fresh draws
     team: RobotSet | None  # where several robots are asked for
+    targets: TargetsResult | None = None  # that it touches at fresh draws; None without targets
     notes: tuple[str, ...] = ()  # what a user should know, a sentence each
 
     @property
@@ -307,6 +310,11 @@ class AimResult(Result):
     schema = "vinefab/aim-1"
 
     @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets the design touches from its best pose; None where there are none."""
+        return self.first.targets
+
+    @property
     def title(self) -> str:
         """What was asked."""
         return f"Where to put {self.first.name} on {self.world.name}"
@@ -320,10 +328,14 @@ class AimResult(Result):
         score = Number(
             best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
         )
+        if self.targets is not None:
+            yield self.targets.answer(f"{self.task.name} {best.mean:.3f}")
         yield Answer(
             f"Best found: put the base of {first.name} at {best.pose.text}: expected "
             f"{self.task.name} score {score}."
         )
+        if self.targets is not None:
+            yield self.targets.table
         yield Picture(
             image=partial(_svg, landscape_panel, self, first),
             caption=f"Expected score of {counted(len(first.search.landscape.places_mm), 'place')}, "
@@ -623,6 +635,10 @@ def _aimed(
                 f"the trunk of {name} has no room at the map's start: there it begins "
                 f"{away_mm:.1f} mm aside, at the nearest place with room"
             )
+    targets = None
+    if task_targets(task, world := trial.prepared.world):
+        grown = trial.deployments(rows[0], fresh)
+        targets = touched_targets(((deployment, world) for deployment in grown), task)
     return AimedRobot(
         name=name,
         design=trial.design,
@@ -634,6 +650,7 @@ def _aimed(
         ),
         shown=tuple(trial.deployments(rows[0], fresh.part(0, SHOWN_DEPLOYMENTS))),
         team=team,
+        targets=targets,
         notes=tuple(notes),
     )
 

@@ -18,7 +18,17 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.core.verbs import note
-from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Result,
+    document,
+)
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
@@ -28,8 +38,10 @@ from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
+from vinefab.model.target import TargetsResult
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.plan import deployment_plan, page_bytes
+from vinefab.tasks.targets import touched_targets
 
 MOST_FRAMES = 1000
 
@@ -299,6 +311,11 @@ class DeployedDesign(Result):
         return self.deployment.stops
 
     @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets of the map it touches; None where there are none."""
+        return touched_targets([(self.deployment, self.world)])
+
+    @property
     def metrics(self) -> dict[str, object]:
         """Numbers about the whole robot (simulated) and the rules that they depend on."""
         tree = self.deployment.tree
@@ -323,6 +340,8 @@ class DeployedDesign(Result):
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}: "
             f"{counted(len(tree), 'branch')}, {stops} (simulated)"
         )
+        if self.targets is not None:
+            yield from self.targets.view()
         yield Picture(image=lambda: self.picture(".svg"), caption="Where it ended (simulated).")
         grown = Number(float(self.deployment.grown_mm.sum()), "mm", ".1f")
         planned = f"of {tree.total_length_mm:.1f} mm planned"
@@ -354,7 +373,8 @@ class DeployedDesign(Result):
         names = (self.design.name, self.world.name)
         fronts = self.fronts
         shapes = None if fronts is None else history_content(frames_of(self.history, fronts))
-        return deployment_text(self.deployment, *names, self.metrics, shapes)
+        targets = {} if self.targets is None else document(self.targets.view())
+        return deployment_text(self.deployment, *names, self.metrics, shapes, targets)
 
     @property
     def _widths_mm(self) -> tuple[float, ...]:

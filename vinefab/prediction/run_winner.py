@@ -16,9 +16,10 @@ from vinefab.core.jsontext import rounded
 from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.start_place import StartPlace, start_text, with_starts
@@ -41,7 +42,7 @@ from vinefab.search.record.elsewhere import placed_off_range
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult, resumed_limits
 from vinefab.search.run import run_profile, run_search
-from vinefab.search.settings import RunLimits, RunSettings, targets_mm
+from vinefab.search.settings import RunLimits, RunSettings, has_own_targets
 from vinefab.tasks.evaluate import score_designs, trunks_with_room
 from vinefab.tasks.task import Task
 
@@ -224,7 +225,8 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         "note": note,
     }
     if trial.design.build.pieces is not None:  # how many it is cut in (computed)
-        cut = partition_of(trial.design, run_profile(settings.evaluation))
+        profile = run_profile(settings.evaluation)
+        cut = pieces_of(pattern_of(trial.design, profile), profile)
         count = None if cut.unparted else len(cut.pieces)
         proven = cut.proven_least and not cut.unparted
         content["pieces"] = {"count": count, "proven_least": proven}
@@ -261,7 +263,7 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
         The training maps.
     """
     start, note = settings.maps.start, ""
-    if len(targets_mm(settings)):
+    if has_own_targets(settings):
         note = "on no unseen maps, because the run's targets are points of its own"
     elif start is not None and not (isinstance(start, StartPlace) and start.side):
         note = "on no unseen maps, because the run's start is a place on its own"

@@ -17,6 +17,7 @@ from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Work
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start_place import share_around
@@ -169,6 +170,15 @@ class FullCheck(Protocol):
 
     def passes(self, design: Design) -> bool:
         """Return whether no rule at all blocks a design."""
+        ...
+
+
+@runtime_checkable
+class TableCheck(Protocol):
+    """A full check that simulates nothing, fast enough for the best designs of a search."""
+
+    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+        """Return what forbids a design; None where only a simulation tells."""
         ...
 
 
@@ -351,6 +361,20 @@ class Evaluator:
         if not self.space.most:
             return self.penalty
         return PenaltyWithLimits(rules=self.penalty, space=self.space)
+
+    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+        """Return what forbids a design by the full check; None where only a simulation tells."""
+        return self.penalty.broken(design) if isinstance(self.penalty, TableCheck) else None
+
+    @property
+    def has_table(self) -> bool:
+        """Whether designs can be asked for all rules without a simulation."""
+        return isinstance(self.penalty, TableCheck)
+
+    def may_win(self, design: Design) -> bool:
+        """Return whether a design keeps all limits and rules, as far as no simulation is needed."""
+        excess = self.space.limit_excess(DesignBatch.of(design))[0] if self.space.most else 0.0
+        return excess == 0.0 and not self.broken(design)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -106,7 +106,7 @@ class LivePage:
 
     @staticmethod
     def _done(progress: Progress) -> str:
-        return f"generation {progress.generation} of {progress.generations}"
+        return progress.stage or f"generation {progress.generation} of {progress.generations}"
 
     def _write(self, state: str, *, running: bool) -> None:
         try:
@@ -162,12 +162,12 @@ class LivePage:
             detail=f"standard deviation {progress.spread:.4f} (simulated)",
         )
         if self._settings.evaluation.fabricable:
-            share = 100.0 * progress.fabricable_share
             yield Fact(
-                "manufacturable",
-                f"{share:.0f} %",
-                detail="of the last generation, by the quick rules",
-                tone="good" if share > 0.0 else "caution",
+                "the best is manufacturable",
+                progress.manufacturable,
+                detail=f"{100.0 * progress.fabricable_share:.0f} % of the last generation are, by "
+                "the quick rules; the winner's joints are simulated at the end",
+                tone="caution" if progress.passes is False else "good",
             )
 
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_names
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
+from vinefab.search.best_check import BestCheck
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
-from vinefab.search.finalists import choose_finalists, reevaluated
+from vinefab.search.finalists import choose_finalists, reevaluated, settled
 from vinefab.search.front import minimized
 from vinefab.search.optimizers.islands import (
     ScreeningOptimizer,
@@ -159,7 +161,7 @@ class Search:
         store
             Record of the run; what it holds already is not evaluated again. None keeps no record.
         progress
-            Called after every generation.
+            Called after every generation, and at the end with the `stage` of choosing the winner.
         workers
             Number of threads, or a point evaluator. Results do not depend on it.
 
@@ -179,13 +181,17 @@ class Search:
         points = ThreadEvaluator(workers) if isinstance(workers, int) else workers
         ledger = Ledger(points.count)
         schedule = Schedule(self.evaluator, settings.search.seed)
-        with points.started(self.evaluator, ledger) as begin:
-            with Recorder(store, progress, settings.search, ledger) as recorder:
-                while (stopped := why_stop(history, settings.search)) is None:
-                    last = self._generation(len(history), schedule, begin, recorder, ledger)
-                    history.append(last)
-                    recorder.note(history, self.optimizer.state())
-            finalists, repair = self._final(history, store, begin, ledger)
+        check = BestCheck(self.evaluator, history)
+        with (
+            points.started(self.evaluator, ledger) as begin,
+            Recorder(store, progress, settings.search, ledger, check.judged) as recorder,
+        ):
+            while (stopped := why_stop(history, settings.search)) is None:
+                number = len(history)
+                last = self._generation(number, schedule, begin, recorder, ledger, check)
+                history.append(last)
+                recorder.note(history, self.optimizer.state())
+            finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
             with ledger.spending("store"):
@@ -205,7 +211,13 @@ class Search:
         )
 
     def _generation(
-        self, number: int, schedule: Schedule, begin: Begin, recorder: Recorder, ledger: Ledger
+        self,
+        number: int,
+        schedule: Schedule,
+        begin: Begin,
+        recorder: Recorder,
+        ledger: Ledger,
+        check: BestCheck,
     ) -> Generation:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
@@ -223,7 +235,9 @@ class Search:
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score, conditions.weights)
         costs = self.evaluator.joint_costs(x)
-        fitness = self.evaluator.fitness(composite, evaluations.penalty, costs)
+        with ledger.spending("evaluating"):
+            penalty = check.penalties(x, composite, evaluations.penalty, costs)
+        fitness = self.evaluator.fitness(composite, penalty, costs)
         terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
             self._tell(asked, fitness.copy(), terms)
@@ -232,7 +246,7 @@ class Search:
             x=x,
             fitness=fitness,
             composite=composite,
-            penalty=evaluations.penalty,
+            penalty=penalty,
             terms=terms,
             seconds=time.perf_counter() - began,
         )
@@ -259,16 +273,23 @@ class Search:
         store: RunStore | None,
         begin: Begin,
         ledger: Ledger,
+        stage: Callable[[str], None],
     ) -> tuple[tuple[Finalist, ...], str]:
         """Return the finalists, from the record or evaluated now, and the repair's message."""
         evaluator, settings = self.evaluator, self.settings
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, further = settings.evaluation.finalists, settings.further_objectives
-        choice = choose_finalists(history, evaluator, count, further)
         conditions = evaluator.final_conditions(settings.search.seed)
-        with ledger.spending("evaluating"):
-            finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+        for by_table in (True, False):
+            stage(f"choosing {counted(count, 'finalist')}")
+            choice = choose_finalists(history, evaluator, count, further, by_table=by_table)
+            with ledger.spending("evaluating"):
+                finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+            if not (choice.checked and by_table):
+                break
+            if found := settled(finalists, conditions, evaluator, stage):
+                return found, choice.repair
         return finalists, choice.repair
 
 

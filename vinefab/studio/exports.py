@@ -53,8 +53,8 @@ class ExportSource:
     @property
     def growth_given(self) -> dict[str, object]:
         """The growth options that the design would not be grown with by itself."""
-        usual = GrowthChoice.of([self.design]).options.content
-        return {n: value for n, value in self.growth.content.items() if value != usual.get(n)}
+        usual = GrowthChoice.of([self.design]).options.values
+        return {n: value for n, value in self.growth.values.items() if value != usual[n]}
 
     def as_read(self) -> "ExportSource":
         """Return the same with the design and the map that reading ``inputs`` gives."""
@@ -274,7 +274,7 @@ class ReportExport:
             **unseen,
             "poses": self.poses,
             "seed": self.seed,
-            "growth": _without_contacts(source.growth.content),
+            "growth": _without_contacts(source.growth_given),
         }
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.studio.design_form import design_form
+from vinefab.studio.design_form import design_form, growth_form
 from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.state import PAGE, StudioState
 
@@ -162,6 +162,7 @@ class Workplace:
             "folder": str(opened.folder),
             "environments": list(ENVIRONMENTS),
             "form": design_form(),
+            "growth_form": growth_form(),
             "state": {**_EMPTY, **state},
             "file": file,
         }

@@ -43,7 +43,7 @@ from vinefab.fabrication.package.package_page import (
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.exploded import piece_lumens
-from vinefab.fabrication.pieces.partition import in_pieces, partition_of
+from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.as_built import READBACK
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
@@ -139,7 +139,7 @@ def prepare(
     pattern = pattern_of(design, profile)
     cut = pattern.flat
     flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
-    partition = partition_of(cut, profile, separate=separate)
+    partition = pieces_of(pattern, profile, separate=separate)
     job = laser_job(cut, profile, flat_sheet, partition)
     flat = Subject.on_sheet(cut, profile, job, separate=separate)
     flat = replace(flat, pattern=pattern, deployments=deployments)

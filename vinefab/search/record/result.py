@@ -39,6 +39,7 @@ from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score, composite_text
 from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import final_seed
 from vinefab.search.record.elsewhere import (
     contacts_table,
@@ -155,9 +156,19 @@ class RunResult(Result):
         """The summary, and where the time went."""
         return (*self.summary, self.times.summary)
 
+    @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets the winner touches; None where there are none."""
+        return self.score.targets
+
     def view(self) -> Iterator[Block]:
         """Yield the winner, what it scores, how it was found, and the finalists."""
+        if self.targets is not None:
+            mean = self.score.composite["mean"]
+            yield self.targets.answer(f"{self.score.title_of_task} {mean:.3f}")
         yield self.answer
+        if self.targets is not None:
+            yield self.targets.table
         if (picture := self.best._repr_svg_()) is not None:
             yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
         best, found, growth = self.best, self.prediction, trained_growth(self.best)
@@ -398,6 +409,7 @@ def score_to_text(score: Score) -> str:
         "task": score.task,
         "evaluations": evaluations,
         "composite": dict(score.composite),
+        **({} if score.targets is None else {"targets": score.targets.record}),
     }
     return json.dumps(content, allow_nan=False)
 
@@ -418,6 +430,7 @@ def score_from_text(text: str) -> Score:
         task=record["task"],
         evaluations=evaluations,
         composite=record.get("composite") or composite([e.score for e in evaluations]),
+        targets=TargetsResult.of_record(record["targets"]) if "targets" in record else None,
     )
 
 
@@ -428,6 +441,7 @@ def map_to_text(world: Map) -> str:
         "bounds": world.bounds.wkb_hex,
         "obstacles": [obstacle.wkb_hex for obstacle in world.obstacles],
         "starts": [start_record(start) for start in world.starts],
+        "targets": [target.content for target in world.targets],
         "environment": world.environment,
         "seed": world.seed,
     }
@@ -442,6 +456,7 @@ def map_from_text(text: str) -> Map:
         bounds=shapely.from_wkb(record["bounds"]),
         obstacles=tuple(shapely.from_wkb(wkb) for wkb in record["obstacles"]),
         starts=tuple(cast("Start", start_of_record(start)) for start in record["starts"]),
+        targets=tuple(record.get("targets", ())),
         environment=record["environment"],
         seed=record["seed"],
     )

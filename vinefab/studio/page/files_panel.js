@@ -289,7 +289,8 @@ function mountLive(root, app, name, mark) {
     }
     isKept = restored;
     const found = (await app.desk("recoveries")).recoveries
-      .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key));
+      .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key))
+      .filter((entry) => plainText(entry.design) !== plainText(store.get().design)); // what is open is not lost
     offer(found);
   }
 

@@ -25,7 +25,7 @@ from vinefab.search.front_files import write_front
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import rebuild
-from vinefab.search.settings import PartSettings, read_run, targets_mm
+from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
 from vinefab.studies import cluster_scaling
 
@@ -148,7 +148,7 @@ def starts_where_it_is_told(settings, result, folder):
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)
     drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
-    assert drawn == marked(page_svg(map_plan(world, targets_mm=targets_mm(settings))))
+    assert drawn == marked(page_svg(map_plan(world, targets=run_task(settings).own)))
     assert drawn != marked(page_svg(map_plan(world)))
 
 

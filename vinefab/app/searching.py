@@ -290,8 +290,15 @@ def _generations(
         yield given
         return
     with told(f"optimizing {settings.name}", given) as tell:
-        checked = settings.evaluation.fabricable
-        yield lambda now: tell(now.share, progress_line(now, checked=checked))
+        checked, advised = settings.evaluation.fabricable, set[str]()
+
+        def show(now: Generation) -> None:
+            if now.advice and now.advice not in advised:
+                note(now.advice, only_in_shell=True)
+            advised.add(now.advice)
+            tell(now.share, progress_line(now, checked=checked))
+
+        yield show
 
 
 def _searched(

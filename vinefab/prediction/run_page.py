@@ -45,9 +45,10 @@ from vinefab.search.record.generations import curve_of
 from vinefab.search.record.result import RECORD_FILE, RunArchive, RunResult
 from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps, run_profile, violations_of
 from vinefab.search.run_pages import search_section
-from vinefab.search.settings import RunSettings, targets_mm
+from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.targets import touched_targets
 
 PICTURES = "pictures"
 """The folder beside the page with its pictures."""
@@ -204,9 +205,9 @@ def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: 
     widths_mm = run.growth.drawn_widths_mm(run.design.build.widths_mm)
     # A robot that hardly grew would be shown without the map that stopped it.
     whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
-    targets = targets_mm(run.settings)
+    touched = touched_targets([(deployment, world)], run_task(run.settings))
     plan = deployment_plan(
-        world, deployment, widths_mm, longest_pt=331.0, whole=whole, targets_mm=targets
+        world, deployment, widths_mm, longest_pt=331.0, whole=whole, touched=touched
     )
     fine = run.design.branch_count > TOO_FINE
     image = page_bytes(plan, ".png" if fine else ".svg", dpi=130)

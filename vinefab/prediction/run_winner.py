@@ -42,7 +42,7 @@ from vinefab.search.record.elsewhere import placed_off_range
 from vinefab.search.record.generations import Progress
 from vinefab.search.record.result import RunResult, resumed_limits
 from vinefab.search.run import run_profile, run_search
-from vinefab.search.settings import RunLimits, RunSettings, targets_mm
+from vinefab.search.settings import RunLimits, RunSettings, has_own_targets
 from vinefab.tasks.evaluate import score_designs, trunks_with_room
 from vinefab.tasks.task import Task
 
@@ -263,7 +263,7 @@ def unseen_family(settings: RunSettings, fresh: PreparedFamily) -> tuple[Prepare
         The training maps.
     """
     start, note = settings.maps.start, ""
-    if len(targets_mm(settings)):
+    if has_own_targets(settings):
         note = "on no unseen maps, because the run's targets are points of its own"
     elif start is not None and not (isinstance(start, StartPlace) and start.side):
         note = "on no unseen maps, because the run's start is a place on its own"

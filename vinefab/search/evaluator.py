@@ -33,6 +33,7 @@ from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.targets import check_targets_on
 from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,
@@ -317,6 +318,8 @@ class Evaluator:
         for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
             with keys_of_other_task(name):
                 check_on_map(task, prepared.world, prepared.context)
+        for task in spec.tasks:
+            check_targets_on(task, spec.maps)
         deepest = space.build_of(int(space.settings.levels.high))
         return cls(
             spec=replace(spec, penalty=penalty),

@@ -19,6 +19,7 @@ from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions, score_designs
+from vinefab.tasks.targets import design_touches
 
 MOST_FULL_CHECKS = 60
 """Most full checks among the designs of a run: joints are simulated, which may take seconds."""
@@ -168,7 +169,14 @@ def reevaluated(
     x = np.array(choice.points)
     evaluations = begin(x, conditions)()
     designs = [evaluator.space.design(point) for point in x]
-    scores = _scores(designs, evaluations, conditions, evaluator)
+    worlds = [prepared.world for prepared in evaluator.maps]
+    launches, task = evaluator.launches(conditions), evaluator.spec.tasks[0]
+    scores = [
+        replace(one, targets=design_touches(design, worlds, launches, evaluator.growth, task))
+        for one, design in zip(
+            _scores(designs, evaluations, conditions, evaluator), designs, strict=True
+        )
+    ]
     finalists = [
         Finalist(
             x=point,

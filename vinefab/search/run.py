@@ -33,8 +33,8 @@ from vinefab.search.settings import (
     MapSettings,
     RunLimits,
     RunSettings,
+    has_own_targets,
     limit_option,
-    targets_mm,
 )
 from vinefab.search.space import Space
 from vinefab.tasks.task import Task
@@ -68,7 +68,7 @@ FRESH_MAPS, _STREAM = 20, 1417
 def chooses_on_fresh_maps(settings: RunSettings) -> bool:
     """Return whether the winner of a run is chosen on maps that the search has not seen."""
     maps = settings.maps
-    places = maps.start is not None or len(targets_mm(settings)) > 0
+    places = maps.start is not None or has_own_targets(settings)
     return settings.evaluation.finalists_by == "fresh_maps" and not maps.files and not places
 
 
@@ -238,7 +238,9 @@ def progress_line(progress: Progress, *, checked: bool) -> str:
     if progress.stage:
         return progress.stage
     made = f"  manufacturable: {progress.manufacturable}" if checked else ""
+    touched = f" ({progress.targets_text})" if progress.targets_text else ""
     return (
-        f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
+        f"generation {progress.generation}/{progress.generations}  "
+        f"best {progress.best:.4f}{touched}  "
         f"mean {progress.mean:.4f} +- {progress.spread:.4f}{made}"
     )

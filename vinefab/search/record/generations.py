@@ -27,6 +27,7 @@ from vinefab.search.settings import (
     plain_settings,
 )
 from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks.targets import TARGETS, TOUCHED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,6 +95,16 @@ class Progress:
     def manufacturable(self) -> str:
         """Whether the best so far is manufacturable, for the user."""
         return {True: "yes", False: "not yet", None: "by the quick rules"}[self.passes]
+
+    @property
+    def targets_text(self) -> str:
+        """How many targets the best design so far touches; empty where there are none."""
+        if not self.history or TARGETS not in self.history[-1].terms:
+            return ""
+        best = max(self.history, key=lambda generation: generation.best)
+        place = int(best.fitness.argmax())
+        touched, total = (float(best.terms[name][place]) for name in (TOUCHED, TARGETS))
+        return f"{touched:.3g} of {total:g} touched"
 
     @property
     def share(self) -> float:

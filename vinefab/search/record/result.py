@@ -39,6 +39,7 @@ from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score, composite_text
 from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import final_seed
 from vinefab.search.record.elsewhere import (
     contacts_table,
@@ -172,9 +173,19 @@ class RunResult(Result):
         """The summary, and where the time went."""
         return (*self.summary, self.times.summary)
 
+    @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets the winner touches; None where there are none."""
+        return self.score.targets
+
     def view(self) -> Iterator[Block]:
         """Yield the winner, what it scores, how it was found, and the finalists."""
+        if self.targets is not None:
+            mean = self.score.composite["mean"]
+            yield self.targets.answer(f"{self.score.title_of_task} {mean:.3f}")
         yield self.answer
+        if self.targets is not None:
+            yield self.targets.table
         if (picture := self.best._repr_svg_()) is not None:
             yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
         best, found, growth = self.best, self.prediction, trained_growth(self.best)
@@ -415,6 +426,7 @@ def score_to_text(score: Score) -> str:
         "task": score.task,
         "evaluations": evaluations,
         "composite": dict(score.composite),
+        **({} if score.targets is None else {"targets": score.targets.record}),
     }
     return json.dumps(content, allow_nan=False)
 
@@ -435,6 +447,7 @@ def score_from_text(text: str) -> Score:
         task=record["task"],
         evaluations=evaluations,
         composite=record.get("composite") or composite([e.score for e in evaluations]),
+        targets=TargetsResult.of_record(record["targets"]) if "targets" in record else None,
     )
 
 

@@ -62,11 +62,13 @@ from vinefab.tasks.evaluate import composite
 def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) -> RunContext:
     """Return what the designs of a run remember of it; the recipe comes with its result."""
     parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
+    asked = {world.targets for world in worlds}
     return RunContext(
         run=run_id,
         run_name=settings.name,
         task=settings.task.name,
         task_parameters={key: value for key, value in parameters.items() if value is not None},
+        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
         maps=tuple(map(shape_fingerprint, worlds)),
         growth=settings.growth.content,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -19,18 +20,23 @@ from vinefab.model.inputs import (
     PathText,
     StartsLike,
     TargetsLike,
+    as_design,
     as_growth,
     as_map,
     as_mapping,
     as_maps,
     as_path,
+    as_recipe,
+    as_several,
     written,
 )
 
 if TYPE_CHECKING:
     from vinefab.growth.options import GrowthChoice
     from vinefab.model.design import Design
+    from vinefab.model.files.run_context import RunContext
     from vinefab.model.laser import LaserProfile
+    from vinefab.model.map import Map
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
@@ -149,34 +155,153 @@ def file_of(kind: str, given: object) -> object:
     return locate(kind, given) if isinstance(given, str | PathLike) else given
 
 
-def growth_choice(
-    named: Sequence[object],
-    designs: Sequence[Design],
-    growth: object,
-    body: str | None = None,
-    head_on_half_angle_deg: object = None,
-    contacts: object = None,
-    *,
-    children_of_stuck: str | None = None,
-) -> tuple[GrowthChoice, Mapping[str, Any]]:
-    """Return the growth options for designs, and those that were passed.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Context:
+    """What a verb works with: what its caller gave, else what the design's run had, else defaults.
 
-    An error in the origin of a design names its file.
+    Parameters
+    ----------
+    robots
+        The designs.
+    run
+        What the designs remember; empty where none does.
+    profile
+        Laser profile by which the first design is checked and made.
+    task
+        The task, if the verb scores.
+    growth
+        How they grow.
+    given
+        Growth options that the caller gave, by name.
+    """
+
+    robots: list[Design]
+    run: RunContext
+    profile: LaserProfile | None
+    task: Task | None
+    growth: GrowthChoice
+    given: Mapping[str, Any]
+
+    @property
+    def recipe(self) -> LaserProfile:
+        """The laser profile of a verb that asked for one."""
+        assert self.profile is not None  # noqa: S101  see `context_of`
+        return self.profile
+
+    @property
+    def scored(self) -> Task:
+        """The task of a verb that asked for one."""
+        assert self.task is not None  # noqa: S101  as above
+        return self.task
+
+
+def context_of(
+    designs: Sequence[object] | object,
+    *,
+    key: str = "design",
+    recipe: Any = ...,
+    task: Any = ...,
+    usual_task: str = "coverage",
+    parameters: Mapping[str, object] | None = None,
+    growth: object = ...,
+    worlds: Sequence[Map] = (),
+    **shortcuts: object,
+) -> Context:
+    """Return what a verb works with, and say in one line what of it is the design's run's.
+
+    Parameters
+    ----------
+    designs
+        One or several designs, as their caller named them.
+    recipe, task, growth
+        As the caller gave them, None where not; left out by a verb that does not use them.
+    usual_task, parameters
+        The task where neither caller nor run names one, and the caller's parameters of the task.
+    worlds
+        The maps: targets of a run hold on the maps that it trained on.
+    **shortcuts
+        Growth options that are parameters of the verb themselves.
     """
     from vinefab.growth.options import GrowthChoice, trained_growth
+    from vinefab.model.files.run_context import ChosenRecipe, RunContext
 
-    given = as_growth(
-        growth,
-        body=body,
-        head_on_half_angle_deg=head_on_half_angle_deg,
-        contacts=contacts,
-        children_of_stuck=children_of_stuck,
-    )
-    for name, design in zip(named, designs, strict=True):
+    named = as_several(designs)
+    robots = [as_design(one, key) for one in named]
+    runs = list[RunContext]()
+    for name, robot in zip(named, robots, strict=True):
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
-            trained_growth(design)
-    return GrowthChoice.of(designs, given), given
+            runs.append(RunContext.of(robot))
+            trained_growth(robot)
+    run = next((one for one in runs if one.kept), runs[0])
+    used, others = list[str](), list[str]()
+    profile = as_recipe(recipe) if recipe is not None and recipe is not ... else None
+    if profile is not None and run.recipe and profile.recipe.name != run.recipe.name:
+        others.append(f"recipe {profile.recipe.name} in place of {run.recipe.name}")
+    elif profile is None and (recipe is None or robots[0].build.compensation == "none"):
+        chosen = ChosenRecipe.of(robots[0])
+        profile = chosen.profile
+        if chosen.is_other:
+            note(chosen.note)
+        elif chosen.note:
+            used.append(f"recipe {profile.recipe.name} ({chosen.recipe})")
+    scored = None
+    if task is not ...:
+        scored, *words = _task_of_run(run, task, usual_task, parameters or {}, worlds)
+        used, others = [*used, words[0]], [*others, words[1]]
+    given = {} if growth is ... else as_growth(growth, **shortcuts)
+    if growth is not ... and run.growth:
+        used.append("growth options")
+        others += [f"{', '.join(given)} as given"] * bool(given)
+    if any((*used, *others)):
+        of_run = f"{', '.join(filter(None, used))} of {run.title}".removeprefix(" of ")
+        note("; ".join(filter(None, (of_run, *others))), only_in_shell=True)
+    return Context(
+        robots=robots,
+        run=run,
+        profile=profile,
+        task=scored,
+        growth=GrowthChoice.of(robots, given),
+        given=given,
+    )
+
+
+_PLACES = ("targets", "target_mm")
+"""Parameters of tasks that are places on the maps of a run."""
+
+
+def _task_of_run(
+    run: RunContext,
+    task: Any,
+    usual: str,
+    parameters: Mapping[str, object],
+    worlds: Sequence[Map],
+) -> tuple[Task, str, str]:
+    """Return a task, the words for what of it is the run's, and those for what is not."""
+    from vinefab.model.files.run_context import shape_fingerprint
+    from vinefab.tasks.shipped_tasks import TASKS
+
+    if not run.task or task not in (None, run.task):
+        chosen = usual if task is None else task
+        other = f"task {getattr(chosen, 'name', chosen)} in place of {run.task}" if run.task else ""
+        return task_of(chosen, parameters), "", other
+    if run.task not in TASKS:
+        note(f"task {run.task} of {run.title} is not installed here: used is {usual}")
+        return task_of(usual, parameters), "", ""
+    kept, other = dict(run.task_parameters), ""
+    is_elsewhere = run.maps and not any(shape_fingerprint(one) in run.maps for one in worlds)
+    if any(name in kept for name in _PLACES):
+        if is_elsewhere:
+            other = "without its targets, which are places on other maps"
+        if is_elsewhere or any(name in parameters for name in _PLACES):
+            kept = {name: value for name, value in kept.items() if name not in _PLACES}
+    return task_of(run.task, {**kept, **parameters}), f"task {run.task}", other
+
+
+def note_seen(context: Context, families: Sequence[MapFamily]) -> None:
+    """Say on how many maps the run of the designs trained, where it remembers them."""
+    if seen := context.run.seen_words(one for family in families for one in family.worlds):
+        note(seen, only_in_shell=True)
 
 
 def families_of(

@@ -431,7 +431,7 @@ def as_grown(
         return design
     # Designs that deploy as drawn need not wait for the simulation of joints.
     from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
-    from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
+    from vinefab.model.files.run_context import ChosenRecipe  # noqa: PLC0415
 
     profile = profile or ChosenRecipe.of(design).profile
     found = pattern_of(design, profile, known_only=known_only)

@@ -40,6 +40,7 @@ class Measure:
     digits: int  # decimals that are shown and written
     better: Literal["more", "less"]  # whether more or less of it is wanted
     meaning: str  # one sentence
+    does: tuple[str, str] = ("", "")  # how a sentence says that a robot does it, around a number
     # least, most: no value lies outside
     least: float = -math.inf
     most: float = math.inf
@@ -106,6 +107,7 @@ SEEN = Measure(
     digits=1,
     better="more",
     meaning="share of the free space within the discs of sight around the tips",
+    does=("sees", "of the free space"),
     least=0.0,
     most=100.0,
 )
@@ -117,6 +119,7 @@ REACH = Measure(
     digits=1,
     better="more",
     meaning="share of the free space near the deployed body",
+    does=("reaches", "of the free space"),
     least=0.0,
     most=100.0,
 )

@@ -4,6 +4,7 @@ Whether a tip that meets a wall slides or stops changes scores more than most de
 tube that the growth pressure was fitted to, and how the film is stored. None of them is known.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -95,6 +96,7 @@ class RuleRange:
     choices: tuple[str | float, ...]  # its values
     headings: tuple[str, ...]  # what tables call them
     over: str  # the range in a few words
+    short: str  # the same where there is little room
     standing: str  # ``assumed``, or ``measured`` and how
     values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, one for each choice
 
@@ -158,6 +160,7 @@ def rule_ranges(
             title="What a tip does at the body of another branch",
             headings=("passes through", "stops there"),
             over="from bodies that pass through each other to tips that stop there (assumed)",
+            short="branches pass, or stop at each other",
             standing="assumed",
         ),
         _rule_range(
@@ -169,6 +172,7 @@ def rule_ranges(
             headings=tuple(f"{chance:.3g}" for chance in chances),
             over=f"where a child comes out with probability {chances[0]:.3g} to {chances[-1]:.3g} "
             f"({options.emergences_standing.partition(':')[0]})",
+            short=f"children come out, {chances[0]:.3g} to {chances[-1]:.3g}",
             standing=options.emergences_standing,
         ),
     )
@@ -317,6 +321,25 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
+def contact_costs(
+    found: ContactRange, measured: MeasureTable, measure: Measure
+) -> tuple[str, tuple[float, ...], tuple[tuple[str, tuple[float, ...]], ...]]:
+    """Return what `cost_chart` draws: a measure as predicted and over what is assumed."""
+    spread = measured.spread(measure)
+    predicted = (math.nan,) if spread is None else (spread.mean, spread.low, spread.high)
+
+    def row(words: str, values: Sequence[ContactValue]) -> tuple[str, tuple[float, ...]]:
+        means = tuple(value.mean for value in values)
+        ends = " to ".join(measure.number(means[place]) for place in (0, -1))
+        return f"{words}: {ends}", means
+
+    low, high = found.angles_deg[0], found.angles_deg[-1]
+    return f"{measure.label}, simulated", predicted, (
+        row(f"tips stop within {low:g} to {high:g} deg", found.values[measure.key]),
+        *(row(rule.short, rule.values[measure.key]) for rule in found.rules),
+    )  # fmt: skip
+
+
 CONTACT_WORDS = (
     "Whether a tip that meets a wall slides on or stops there is not known: films of real robots "
     "show sliding down to 15 degrees from head-on. Every number here holds for one half-angle "
@@ -413,4 +436,5 @@ def width_blocks(
         paragraphs=tuple(words),
         tables=tuple(tables),
         pictures=(picture,),
+        folded=True,
     )

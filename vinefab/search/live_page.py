@@ -16,7 +16,7 @@ from vinefab.core.errors import (
     InterruptedRunError,
 )
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Text
+from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Remark, Text
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
@@ -125,6 +125,7 @@ class LivePage:
             (
                 Answer(state, "good" if running else "caution"),
                 Notes(() if running else (f"To go on: {self._again}",)),
+                *([Remark(progress.advice, "warning")] if progress.advice else []),
                 Facts(tuple(self._headlines(progress)), lead=True),
                 *self._best.view(),
                 Picture(

@@ -37,6 +37,7 @@ from vinefab.search.settings import (
     SearchSettings,
     check_objectives,
 )
+from vinefab.search.start_room import refuse_starts_without_room
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.targets import task_targets
@@ -203,14 +204,14 @@ class Search:
                 store.finish(finalists, stopped, ledger.split(), repair)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
+            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=(*self.evaluator.notes, *points.notes),
+            notes=(*self.evaluator.notes, *points.notes, *check.notes(finalists)),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )
@@ -299,32 +300,14 @@ class Search:
 
 
 def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
-    """Refuse a space whose smallest design is too large, and trunks too wide for all starts."""
+    """Refuse a space whose smallest design is too large, and starts that no trunk can leave."""
     space = evaluator.space
     least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
     if least > MOST_BRANCHES:
         allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
         raise BadInputError("space", "too many levels or branches", allowed)
     space.refuse_limits_without_designs()
-    radius_mm = evaluator.radii_mm[0]
-    # Where the run gives its maps a start, the trunk must have room on each of them.
-    given = evaluator.spec.settings.maps.start is not None and radius_mm > 0.0
-    for prepared in evaluator.maps if given else ():
-        pose = prepared.world.starts[0].pose
-        base_mm = prepared.terrain.starts_mm([pose])
-        if not prepared.terrain.have_room(base_mm, radius_mm).all():
-            where = f"({pose.x_mm:g}, {pose.y_mm:g}) mm"
-            wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
-            allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
-            raise BadInputError("maps.start", where, allowed)
-    rooms = [
-        prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
-        for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
-        if places
-    ]
-    if radius_mm > 0.0 and not any(rooms):
-        allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
-        raise BadInputError(space.build.widths_key, space.build.widths_value, allowed)
+    refuse_starts_without_room(evaluator, conditions)
 
 
 def _check_reach(evaluator: Evaluator) -> None:

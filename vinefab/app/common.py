@@ -19,7 +19,6 @@ from vinefab.model.inputs import (
     Pairs,
     PathText,
     StartsLike,
-    TargetsLike,
     as_design,
     as_growth,
     as_map,
@@ -205,6 +204,7 @@ def context_of(
     parameters: Mapping[str, object] | None = None,
     growth: object = ...,
     worlds: Sequence[Map] = (),
+    aimed: bool = False,
     **shortcuts: object,
 ) -> Context:
     """Return what a verb works with, and say in one line what of it is the design's run's.
@@ -219,6 +219,8 @@ def context_of(
         The task where neither caller nor run names one, and the caller's parameters of the task.
     worlds
         The maps: targets of a run hold on the maps that it trained on.
+    aimed
+        Whether the caller gives targets, in place of the run's.
     **shortcuts
         Growth options that are parameters of the verb themselves.
     """
@@ -247,7 +249,7 @@ def context_of(
             used.append(f"recipe {profile.recipe.name} ({chosen.recipe})")
     scored = None
     if task is not ...:
-        scored, *words = _task_of_run(run, task, usual_task, parameters or {}, worlds)
+        scored, *words = _task_of_run(run, task, usual_task, parameters or {}, worlds, aimed=aimed)
         used, others = [*used, words[0]], [*others, words[1]]
     given = {} if growth is ... else as_growth(growth, **shortcuts)
     if growth is not ... and run.growth:
@@ -276,6 +278,8 @@ def _task_of_run(
     usual: str,
     parameters: Mapping[str, object],
     worlds: Sequence[Map],
+    *,
+    aimed: bool,
 ) -> tuple[Task, str, str]:
     """Return a task, the words for what of it is the run's, and those for what is not."""
     from vinefab.model.files.run_context import shape_fingerprint
@@ -293,9 +297,25 @@ def _task_of_run(
     if any(name in kept for name in _PLACES):
         if is_elsewhere:
             other = "without its targets, which are places on other maps"
-        if is_elsewhere or any(name in parameters for name in _PLACES):
+        if is_elsewhere or aimed or any(name in parameters for name in _PLACES):
             kept = {name: value for name, value in kept.items() if name not in _PLACES}
     return task_of(run.task, {**kept, **parameters}), f"task {run.task}", other
+
+
+def with_run_targets(worlds: Sequence[Map], run: RunContext) -> list[Map]:
+    """Return maps with the targets of a run's task, those that it trained on."""
+    from dataclasses import replace
+
+    from vinefab.model.files.run_context import shape_fingerprint
+    from vinefab.tasks.shipped_tasks import TASKS
+
+    if run.task not in TASKS or not {*_PLACES} & {*run.task_parameters}:
+        return list(worlds)
+    own = getattr(task_of(run.task, run.task_parameters), "own", ())
+    return [
+        replace(one, targets=own) if own and shape_fingerprint(one) in run.maps else one
+        for one in worlds
+    ]
 
 
 def note_seen(context: Context, families: Sequence[MapFamily]) -> None:
@@ -311,10 +331,8 @@ def families_of(
     count: int,
     seed: int,
     options: object,
-    *,
-    targets: TargetsLike = (),
 ) -> tuple[MapFamily, ...]:
-    """Return the maps passed, with targets, and unseen ones of an environment, as families."""
+    """Return the maps passed, and unseen ones of an environment, as families."""
     from dataclasses import replace
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
@@ -324,7 +342,7 @@ def families_of(
         unseen = unseen_maps(environment, count, seed, chosen)
         worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(as_maps(maps, start, targets), unseen)
+    return map_families(as_maps(maps, start), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -22,6 +22,7 @@ from vinefab.app.common import (
     note_seen,
     page_path,
     with_origin,
+    with_run_targets,
     write_page,
 )
 from vinefab.core.errors import BadInputError
@@ -54,6 +55,7 @@ from vinefab.model.inputs import (
     as_maps,
     as_several,
     as_starts,
+    as_targets,
     written,
 )
 
@@ -174,7 +176,10 @@ def grow(
     )
     (robot,), here = context.robots, None if pose is None else Pose.of(pose)
     grown = as_grown(robot, context.profile)
-    found = deploy(grown, as_map(map, start=start, targets=targets), here, context.given)
+    world = as_map(map, start=start, targets=targets)
+    if not as_targets(targets):
+        (world,) = with_run_targets([world], context.run)
+    found = deploy(grown, world, here, context.given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -245,6 +250,7 @@ def score(
         task=task,
         parameters=parameters,
         worlds=worlds,
+        aimed=bool(as_targets(targets)),
         growth=growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
@@ -350,6 +356,7 @@ def aim(
         usual_task="reach",
         parameters=parameters,
         worlds=[place],
+        aimed=bool(as_targets(targets)),
         growth=growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
@@ -519,7 +526,10 @@ def report(
             contacts=contacts,
         )
         (robot,), profile = context.robots, context.recipe
-        families = families_of(maps, start, environment, count, seed, options, targets=targets)
+        worlds = as_maps(maps, start, targets)
+        if not as_targets(targets):
+            worlds = with_run_targets(worlds, context.run)
+        families = families_of(worlds, start, environment, count, seed, options)
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
 from pydantic import Field, model_validator
+from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
@@ -193,7 +194,7 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets")
 
 
 def out_of_reach(
-    targets: Sequence[Target], starts: Sequence[shapely.Geometry], longest_mm: float
+    targets: Sequence[Target], starts: Sequence[BaseGeometry], longest_mm: float
 ) -> Iterator[tuple[int, str, str]]:
     """Yield the places, from 1, of targets too far for a robot from any start, how far, and why.
 

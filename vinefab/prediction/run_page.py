@@ -34,8 +34,7 @@ from vinefab.model.map import Map
 from vinefab.pages.html import page
 from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.plan import deployment_plan, page_bytes
-from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
+from vinefab.prediction.deployment_sections import TOO_FINE, deployment_picture, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.run_winner import unseen_family
 from vinefab.search.evaluator import with_pose_range
@@ -202,15 +201,8 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
 
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
-    widths_mm = run.growth.drawn_widths_mm(run.design.build.widths_mm)
-    # A robot that hardly grew would be shown without the map that stopped it.
-    whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     touched = touched_targets([(deployment, world)], run_task(run.settings))
-    plan = deployment_plan(
-        world, deployment, widths_mm, longest_pt=331.0, whole=whole, touched=touched
-    )
-    fine = run.design.branch_count > TOO_FINE
-    image = page_bytes(plan, ".png" if fine else ".svg", dpi=130)
+    image = deployment_picture(run.design, world, deployment, run.growth, touched=touched)
     return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
 
 

@@ -98,7 +98,7 @@ def test_a_target_that_no_robot_can_touch_is_one_clear_line(target, words):
 
 
 def test_two_targets_of_one_name_are_refused():
-    with pytest.raises(BadInputError, match="a name for each target") as caught:
+    with pytest.raises(BadInputError, match="one target of each name") as caught:
         ROOM.with_targets("B=100,50", "B=400,50")
     assert caught.value.key == "targets[1].name"
     named = targets_given([(1, 2), Target(name="A", point_mm=(5, 5))])

@@ -120,7 +120,7 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     taken = Counter(one.name for one in found if one.name)
     for place, one in enumerate(found, start=1):
         if taken[one.name] > 1:
-            raise BadInputError(f"{key}[{place}].name", one.name, "a name for each target")
+            raise BadInputError(f"{key}[{place}].name", one.name, "one target of each name")
     free = (name for name in _letters() if name not in taken)
     return tuple(one if one.name else one.changed(name=next(free)) for one in found)
 

@@ -77,6 +77,7 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
+    TOUCHED,
     UNDEPLOYED,
     Measure,
     MeasureTable,
@@ -142,8 +143,8 @@ class Predicted(WrittenResult):
 
     @property
     def main(self) -> FamilyDeployments:
-        """The family with most deployments: what headlines are about."""
-        return max(self.results, key=lambda result: len(result.deployments))
+        """What headlines are about."""
+        return _main(self.results)
 
     @property
     def growth(self) -> str:
@@ -170,11 +171,16 @@ class Predicted(WrittenResult):
     @property
     def title(self) -> str:
         """What the page is about."""
-        return f"{self.prepared.design.name} on {self.main.outcomes.label}"
+        main = self.main
+        (first, *others) = main.prepared.maps
+        where = main.outcomes.label if others else first.world.name
+        return f"{self.prepared.design.name} on {where}"
 
     @property
     def asked(self) -> Measure:
         """The measure that shows whether the robot does what its search asked for."""
+        if self.main.outcomes.spread(TOUCHED) is not None:
+            return TOUCHED
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     def view(self) -> Iterator[Block]:
@@ -183,17 +189,18 @@ class Predicted(WrittenResult):
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
         targets = self.targets
-        asked = self._deed if targets is None else targets.headline
-        yield Answer(f"{asked}; {words}", tone, "verdict")
-        yield from self._typical()
-        yield Facts(tuple(self._headlines()), lead=True)
+        yield Answer(f"{self._deed(targets)}; {words}", tone, "verdict")
         if targets is not None:
-            yield targets.table
+            yield Data({"targets_headline": targets.headline})
+        yield from self._typical()
+        yield Facts(tuple(self._headlines(targets)), lead=True)
         yield Picture(
             image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
             caption="What assumed contacts cost; line: predicted, grey: its 95 % interval.",
             file="contacts",
         )
+        if targets is not None:
+            yield targets.table
         yield Notes(self.notes, "notes")
         yield Notes(cautions(prepared, self.window, outcomes))
         yield Facts((Fact("growth model", self.growth),))
@@ -230,10 +237,11 @@ class Predicted(WrittenResult):
         yield from (rules, pattern, bill)
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
-    @property
-    def _deed(self) -> str:
-        """What it does of what was asked, as a sentence."""
+    def _deed(self, targets: TargetsResult | None) -> str:
+        """Return how much of what was asked it does, as a sentence."""
         spread, name = self.main.outcomes.spread(self.asked), self.prepared.design.name
+        if targets is not None:
+            return f"{name}: {targets.headline}"
         does, what = self.asked.does
         found = "-" if spread is None else self.asked.text(spread.mean)
         return f"{name} {does} {found} {what}"
@@ -241,7 +249,7 @@ class Predicted(WrittenResult):
     def _typical(self) -> Iterator[Picture]:
         """Yield the worst, the median and the best deployment by what was asked."""
         found, main = self.asked, self.main
-        indices = typical(main.outcomes, found.key, [share for share, _ in _SHARES])
+        indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
         for index, (_, words) in zip(indices, _SHARES, strict=True):
             yield Picture(
                 image=partial(
@@ -252,11 +260,20 @@ class Predicted(WrittenResult):
                 file=words.lower(),
             )  # fmt: skip
 
-    def _headlines(self) -> Iterator[Fact]:
+    def _headlines(self, targets: TargetsResult | None) -> Iterator[Fact]:
         """Yield the numbers to take away: what was asked, failures, pressure, making."""
         outcomes, prepared, window = self.main.outcomes, self.prepared, self.window
         held = next(one for one in self.anchoring if one.label == outcomes.label)
-        if prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
+        if targets is not None:
+            total = len(targets.outcomes)
+            yield Fact(
+                "asked: targets",
+                f"touches {total - len(targets.missed)} of {total}",
+                detail=f"all in {100.0 * targets.together:.0f} % of the deployments",
+                tone=targets.tone,
+                standing="simulated",
+            )
+        elif prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
             yield anchoring_headline(held)
         else:
             task = prepared.design.origin.get("task", "no task")
@@ -313,7 +330,7 @@ def predict(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
-    main = max(results, key=lambda result: len(result.deployments))
+    main = _main(results)
     evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
@@ -338,6 +355,15 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+def _main(results: Sequence[FamilyDeployments]) -> FamilyDeployments:
+    """Return the family with targets, or of several the one with most deployments."""
+
+    def weight(result: FamilyDeployments) -> tuple[bool, int]:
+        return result.outcomes.spread(TOUCHED) is not None, len(result.deployments)
+
+    return max(results, key=weight)
 
 
 class _AllDeployments(Collection[Deployment]):
@@ -455,7 +481,13 @@ FAILED_PERCENT = 10.0
 
 def failures(outcomes: MeasureTable) -> Fact:
     """Return in how many deployments a robot hardly gets out of its base."""
-    failed = outcomes.values[GROWN.key] < FAILED_PERCENT
+    targets, words = outcomes.values[TOUCHED.key], "touches no target"
+    failed = targets == 0.0
+    if np.isnan(targets).all():
+        failed, words = (
+            outcomes.values[GROWN.key] < FAILED_PERCENT,
+            "grows less than a tenth of its length",
+        )
     samples = means_by_map(failed.astype(np.float64), outcomes.maps)
     share = float(samples.mean())
     low, high = share_interval(share, len(samples))
@@ -465,7 +497,7 @@ def failures(outcomes: MeasureTable) -> Fact:
         "fails completely",
         f"{failed.sum()} of {len(failed)}",
         "failed",
-        f"{number.text}; grows less than a tenth of its length",
+        f"{number.text}; {words}",
         "bad" if 100.0 * share >= MANY_PERCENT else "caution" if failed.any() else "plain",
         {"deployments": int(failed.sum()), "percent": round(100.0 * share, 1),
          "percent_low": round(100.0 * low, 1), "percent_high": round(100.0 * high, 1)},

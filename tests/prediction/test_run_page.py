@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
-from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.partition import pieces_of
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -99,7 +100,8 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     result = run_in_folder(run, tmp_path, again="", progress=look)
     assert "at most 3, joined by sleeves, every joint costs 0.01 of the fitness" in seen[0]
     assert re.search(r"levels, (\d pieces? by the quick rules|not yet in 3 pieces)", seen[0])
-    partition = partition_of(result.best, read_profile(DEFAULT_RECIPE))
+    profile = read_profile(DEFAULT_RECIPE)
+    partition = pieces_of(pattern_of(result.best, profile), profile)
     count = len(partition.pieces)
     words = f"{count} piece{'s' * (count > 1)}, no fewer possible"
     assert (result.pieces_words, result.best.origin["pieces"]) == (words, count)

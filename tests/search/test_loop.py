@@ -272,7 +272,9 @@ def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: M
         build=BuildSettings(trunk_width_mm=400.0),
         growth=GrowthOptions.published(body="inflated"),
     )
-    with pytest.raises(BadInputError, match="a trunk with room at a start"):
+    with pytest.raises(
+        BadInputError, match=r"start of map .* mm from a wall of map .* a trunk of 400 mm needs 127"
+    ):
         Search.of(wide, maps, None)
     huge = SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=9, high=10))
     with pytest.raises(BadInputError, match="at most 100000 branches"):

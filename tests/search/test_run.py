@@ -95,7 +95,16 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
     [
         (start(-5.0, 30.0), r"maps\.start is '\(-5, 30\) mm'; .*outside the bounds of map 'wall'"),
         (start(150.0, 150.0), "inside an obstacle of map 'wall'"),
-        (start(95.0, 150.0), "room for the trunk, inflated 25 mm wide; map 'wall' has less there"),
+        (
+            start(95.0, 150.0),
+            r"it is 5 mm from a wall of map 'wall', and a trunk of 40 mm needs 12\.7 mm, or "
+            r"build\.trunk_width_mm of at most 15\.7",
+        ),
+        (start(0.0, 150.0), "it is 0 mm from a wall of map 'wall', and a trunk of 40 mm needs"),
+        (
+            start(150.0, 285.0),
+            r"heading 90 deg'; allowed: a pose that a robot can leave: the trunk stops after 2 mm",
+        ),
     ],
 )
 def test_a_start_without_room_is_refused_by_name(

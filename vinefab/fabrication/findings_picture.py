@@ -131,7 +131,7 @@ def _line(number: int, group: Sequence[Finding]) -> Listed:
         severity=worst.severity,
         rule=worst.rule,
         branches=worst.branches,
-        words=f"{count}{worst.numbers}{'; ' if worst.numbers else ''}{worst.message}",
+        words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
         findings=tuple(group),
     )
 

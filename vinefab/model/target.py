@@ -192,6 +192,26 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets")
         raise BadInputError(f"{key}[{place}]", named, allowed)
 
 
+def out_of_reach(
+    targets: Sequence[Target], starts: Sequence[shapely.Geometry], longest_mm: float
+) -> Iterator[tuple[int, str, str]]:
+    """Yield the places, from 1, of targets too far for a robot from any start, how far, and why.
+
+    Parameters
+    ----------
+    starts
+        Where bases may stand, mm.
+    longest_mm
+        Greatest length of a robot from its base to a tip.
+    """
+    for place, target in enumerate(targets, start=1):
+        far_mm = min((shapely.distance(start, target.shape) for start in starts), default=0.0)
+        if far_mm > longest_mm + target.tolerance_mm:
+            within = f" with {target.tolerance_mm:g} mm of tolerance" if target.tolerance_mm else ""
+            most = f"{longest_mm:.0f} mm, the robot's greatest length,{within}".rstrip(",")
+            yield place, f"{target.name}, {far_mm:.0f} mm from the start", most
+
+
 # --- Results -------------------------------------------------------------------------------------
 
 

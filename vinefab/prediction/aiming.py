@@ -42,7 +42,7 @@ from vinefab.growth.options import (
     growth_text,
 )
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import ORIGIN_GROWTH, Build, Design
+from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
@@ -160,7 +160,6 @@ def aim_growth(designs: Sequence[Design], given: Mapping[str, object] | None) ->
 def plain_vine_of(design: Design) -> Design:
     """Return the plain vine of a design's trunk that is as long as all its branches together."""
     build = design.build
-    origin = {key: value for key, value in design.origin.items() if key == ORIGIN_GROWTH}
     return Design(
         name=f"{design.name[:80]}_as_plain_vine",
         trunk_length_mm=branch_tree(design).total_length_mm,
@@ -171,7 +170,6 @@ def plain_vine_of(design: Design) -> Design:
             tail_mm=build.tail_mm,
             pressure_kpa=build.pressure_kpa,
         ),
-        origin=origin,
     )
 
 

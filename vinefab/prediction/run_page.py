@@ -28,7 +28,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
-from vinefab.model.files.run_recipe import ChosenRecipe
+from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map

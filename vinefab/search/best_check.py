@@ -14,7 +14,9 @@ import numpy as np
 from vinefab.core.validation import Floats
 from vinefab.model.finding import Finding
 from vinefab.search.evaluator import Evaluator
-from vinefab.search.record.generations import Generation, Progress
+from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.record.generations import Finalist, Generation, Progress
+from vinefab.search.relaxing import relaxations
 
 FAILED = 1.0
 """Penalty of a design that fails the full check alone."""
@@ -22,6 +24,14 @@ FAILED = 1.0
 MOST_OF_GENERATION, MOST_FAILURES = 8, 200
 """Full checks of one generation, and failures of a run after which no more are asked for: counts,
 not times, so that results are the same on every computer."""
+
+
+ADVICE_AT = 0.1
+"""Share of a run without a manufacturable design after which its rules and their relaxations are
+looked for."""
+
+NEAREST, MOST_NEAR = 5, 64
+"""Designs with the least penalties whose broken rules are named, and that changes are tried on."""
 
 
 class BestCheck:
@@ -40,6 +50,7 @@ class BestCheck:
         self.passes: bool | None = None
         if evaluator.penalty is not None:
             self.passes = self._best >= evaluator.lowest
+        self._advice = ""
 
     def penalties(self, x: Floats, composite: Floats, penalty: Floats, costs: Floats) -> Floats:
         """Return penalties in which designs count that would be the best and fail the check.
@@ -70,19 +81,32 @@ class BestCheck:
 
     def judged(self, progress: Progress) -> Progress:
         """Return the progress of the run with what is known of its best design."""
-        return replace(progress, passes=self.passes)
+        if self.passes is False and progress.share >= ADVICE_AT:
+            self._advice = self._advice or advice(self._evaluator, progress.history)
+        shown = self._advice if self.passes is False else ""
+        return replace(progress, passes=self.passes, advice=shown)
+
+    def notes(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
+        """Return the advice, where it was asked for and none of the finalists may win."""
+        beaten = all(finalist.penalty > 0.0 for finalist in finalists)
+        return (self._advice,) if self._advice and beaten else ()
 
 
-def nearest_broken(
-    evaluator: Evaluator, history: Sequence[Generation], most: int = 5
-) -> Counter[str]:
-    """Return how many of the designs with the least penalties break each rule, commonest first."""
+def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:
+    """Return which rules stop the designs of a run, and which single changes let some pass."""
+    penalty, settings = evaluator.penalty, evaluator.spec.settings
+    if not isinstance(penalty, ManufacturabilityPenalty):
+        return ""
     x = np.concatenate([generation.x for generation in history])
-    penalty = np.concatenate([generation.penalty for generation in history])
-    valid = np.concatenate([np.isfinite(generation.composite) for generation in history])
-    rows = np.flatnonzero(valid)
+    penalties = np.concatenate([generation.penalty for generation in history])
+    valid = np.isfinite(np.concatenate([generation.composite for generation in history]))
+    rows = np.flatnonzero(valid)[np.argsort(penalties[valid], kind="stable")]
     rules = Counter[str]()
-    for row in rows[np.argsort(penalty[rows], kind="stable")][:most].tolist():
-        found = evaluator.broken(evaluator.space.design(x[row])) or ()
-        rules.update({finding.rule for finding in found})
-    return rules
+    for row in rows[:NEAREST].tolist():
+        found = penalty.broken(evaluator.space.design(x[row])) or ()
+        rules.update({f"{finding.rule} ({finding.title})" for finding in found})
+    stops = ", ".join(rule for rule, _ in rules.most_common(2)) or "the rules of the quick penalty"
+    helps = relaxations(settings, penalty, x[rows[:MOST_NEAR]])
+    named = " or ".join(change.text for change in helps)
+    helped = f"tried, and lets designs pass: {named}" if helps else "no single change tried helps"
+    return f"no design passes all rules yet; the nearest break {stops}; {helped}"

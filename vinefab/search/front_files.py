@@ -15,8 +15,9 @@ from vinefab.core.view import Number, Rows
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.map import Map
 from vinefab.model.target import Target
 from vinefab.pages.charts import ends_of
@@ -164,10 +165,7 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
 
 
 def _named(design: Design, settings: RunSettings, result: RunResult, place: int) -> Design:
-    origin: dict[str, object] = {"run": result.run_id, "task": settings.task.name, "front": place}
-    origin[ORIGIN_GROWTH] = settings.growth.content
-    if result.recipe is not None:
-        origin[ORIGIN_RECIPE] = result.recipe.origin
+    origin = {**RunContext.of(result.best).kept, "front": place}
     return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
 
 

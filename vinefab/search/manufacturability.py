@@ -294,7 +294,13 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     full = 100.0 * max(shares[: len(design.levels)], default=0.0)
     if full > most * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
-        allowed = f"fewer, or a wider trunk: their film would fill {full:.0f} % of it"
+        # Wider by a factor, every level holds so many times as much.
+        wide_mm = [math.ceil(10.0 * mm * full / most) / 10.0 for mm in design.build.widths_mm]
+        values = wide_mm[: len(settings.build.widths_mm)] or wide_mm[0]
+        allowed = (
+            f"fewer, or {settings.build.widths_key} = {values}: their film would fill {full:.0f} % "
+            "of the trunk"
+        )
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
     if window_penalty(design, query.profile, query.changed) > 0.0:
         pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))

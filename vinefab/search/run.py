@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.run_recipe import RunRecipe
+from vinefab.model.files.run_context import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
@@ -61,6 +62,17 @@ def _inner(task: Task | None) -> Task | None:
     while (inside := getattr(task, "task", None)) is not None:
         task = inside
     return task
+
+
+def check_targets_on(task: Task, worlds: Sequence[Map]) -> None:
+    """Raise `BadInputError` where a task would count targets on some maps and areas on others."""
+    if not hasattr(_inner(task), "goals"):
+        return
+    aimed = [bool(task_targets(task, world)) for world in worlds]
+    if any(aimed) and not all(aimed):
+        bare = worlds[aimed.index(False)].name
+        allowed = "targets on every map, or targets of the task, which hold on all"
+        raise BadInputError("maps", f"map {bare!r} without targets", allowed)
 
 
 def touched_targets(

@@ -4,7 +4,7 @@ import base64
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
@@ -32,9 +32,9 @@ from vinefab.core.view import (
     Rows,
 )
 from vinefab.growth.options import growth_text, trained_growth
-from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.run_recipe import RunRecipe
+from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score, composite_text
@@ -60,17 +60,35 @@ from vinefab.search.timing import TimeSplit
 from vinefab.tasks.evaluate import composite
 
 
+def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) -> RunContext:
+    """Return what the designs of a run remember of it; the recipe comes with its result."""
+    parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
+    asked = {world.targets for world in worlds}
+    return RunContext(
+        run=run_id,
+        run_name=settings.name,
+        task=settings.task.name,
+        task_parameters={key: value for key, value in parameters.items() if value is not None},
+        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
+        maps=tuple(map(shape_fingerprint, worlds)),
+        growth=settings.growth.content,
+    )
+
+
 def with_origin(
-    finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
+    finalist: Finalist,
+    settings: RunSettings,
+    run_id: str,
+    versions: Mapping[str, str],
+    worlds: Sequence[Map],
 ) -> Design:
-    """Return a finalist's design with its name and origin, the growth options among it.
+    """Return a finalist's design with its name and origin, the context of the run among it.
 
     The origin holds no times: the same run gives the same bytes.
     """
     space = Space(settings.space, settings.build)
     origin: dict[str, object] = {
-        "run": run_id,
-        "task": settings.task.name,
+        **context_of_run(settings, run_id, worlds).kept,
         "optimizer": settings.optimizer.name,
         "seed": settings.search.seed,
         "population": settings.search.population,
@@ -83,7 +101,6 @@ def with_origin(
         **({"start": start_text(start)} if (start := settings.maps.start) else {}),
         **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
-        ORIGIN_GROWTH: settings.growth.content,
     }
     return finalist.design.changed(name=settings.name, origin=origin)
 
@@ -332,7 +349,7 @@ class RunResult(Result):
 
     def with_recipe(self, recipe: RunRecipe, folder: Path | None = None) -> "RunResult":
         """Return the result with the recipe of the run, which is copied into its folder."""
-        origin = {**self.best.origin, ORIGIN_RECIPE: recipe.origin}
+        origin = {**self.best.origin, "recipe": recipe.remembered.content}
         return replace(self, recipe=recipe, best=self.best.changed(origin=origin, folder=folder))
 
     def write_winner(self, folder: Path, *, force: bool = False) -> None:
@@ -724,7 +741,9 @@ class RunArchive:
         run_id = self.identity.run_id
         result = RunResult(
             run_id=run_id,
-            best=with_origin(self.finalists[0], self.settings, run_id, self.identity.versions),
+            best=with_origin(
+                self.finalists[0], self.settings, run_id, self.identity.versions, self.maps
+            ),
             finalists=self.finalists,
             history=self.history,
             stopped=self.stopped,

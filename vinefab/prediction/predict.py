@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import share_interval
 from vinefab.core.view import (
     Answer,
     Block,
@@ -17,7 +16,6 @@ from vinefab.core.view import (
     Fact,
     Facts,
     Notes,
-    Number,
     Origin,
     Picture,
     Rows,
@@ -42,6 +40,7 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.model.map import Map
+from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
@@ -81,11 +80,10 @@ from vinefab.prediction.measures import (
     UNDEPLOYED,
     Measure,
     MeasureTable,
-    means_by_map,
-    samples_text,
 )
 from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import (
+    COST_CAPTION,
     ContactRange,
     PressureRange,
     contact_costs,
@@ -196,7 +194,7 @@ class Predicted(WrittenResult):
         yield Facts(tuple(self._headlines(targets)), lead=True)
         yield Picture(
             image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
-            caption="What assumed contacts cost; line: predicted, grey: its 95 % interval.",
+            caption=COST_CAPTION,
             file="contacts",
         )
         if targets is not None:
@@ -215,7 +213,12 @@ class Predicted(WrittenResult):
             }
         )
         *sheet, rules, pattern, bill = making_sections(prepared)
-        yield from sheet
+        yield from (replace(one, tables=()) for one in sheet)
+        yield Section(
+            title="Sheet and pieces in numbers",
+            tables=tuple(replace(table, folded=False) for one in sheet for table in one.tables),
+            folded=True,
+        )
         yield from self.more
         yield self._deployments()
         design_rows = tuple((fact.name, fact.value) for fact in design_facts(prepared))
@@ -278,7 +281,7 @@ class Predicted(WrittenResult):
         else:
             task = prepared.design.origin.get("task", "no task")
             yield replace(measured(outcomes, self.asked), name=f"asked: {task}")
-        yield failures(outcomes)
+        yield failures(outcomes).fact
         if window is not None:
             room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
             yield Fact(
@@ -475,34 +478,13 @@ def span_notes(prepared: Prepared) -> list[str]:
     return notes
 
 
-FAILED_PERCENT = 10.0
-"""A deployment in which a robot grows a smaller share of its length has failed [assumed]."""
-
-
-def failures(outcomes: MeasureTable) -> Fact:
-    """Return in how many deployments a robot hardly gets out of its base."""
-    targets, words = outcomes.values[TOUCHED.key], "touches no target"
-    failed = targets == 0.0
-    if np.isnan(targets).all():
-        failed, words = (
-            outcomes.values[GROWN.key] < FAILED_PERCENT,
-            "grows less than a tenth of its length",
-        )
-    samples = means_by_map(failed.astype(np.float64), outcomes.maps)
-    share = float(samples.mean())
-    low, high = share_interval(share, len(samples))
-    over = samples_text(len(samples), outcomes.maps)
-    number = Number(share, "%", ".1f", (low, high), per=0.01, over=over)
-    return Fact(
-        "fails completely",
-        f"{failed.sum()} of {len(failed)}",
-        "failed",
-        f"{number.text}; {words}",
-        "bad" if 100.0 * share >= MANY_PERCENT else "caution" if failed.any() else "plain",
-        {"deployments": int(failed.sum()), "percent": round(100.0 * share, 1),
-         "percent_low": round(100.0 * low, 1), "percent_high": round(100.0 * high, 1)},
-        "simulated",
-    )  # fmt: skip
+def failures(outcomes: MeasureTable) -> Failures:
+    """Return in how many deployments a robot touches no target, or hardly leaves its base."""
+    touched = outcomes.values[TOUCHED.key]
+    if np.isnan(touched).all():
+        hardly = outcomes.values[GROWN.key] < FAILED_PERCENT
+        return Failures.of(hardly, outcomes.maps, HARDLY_GROWN)
+    return Failures.of(touched == 0.0, outcomes.maps, NOTHING_TOUCHED)
 
 
 def measured(outcomes: MeasureTable, measure: Measure) -> Fact:

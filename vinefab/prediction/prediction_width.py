@@ -334,6 +334,9 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
+COST_CAPTION = "What assumed contacts cost; line: predicted, grey: its 95 % interval."
+
+
 def contact_costs(
     found: ContactRange, measured: MeasureTable, measure: Measure
 ) -> tuple[str, tuple[float, ...], tuple[tuple[str, tuple[float, ...]], ...]]:

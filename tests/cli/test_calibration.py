@@ -216,7 +216,7 @@ def test_a_recipe_without_a_lap_gets_one_only_with_its_bond(vinefab, tmp_path):
 
 BAD = {
     "no file": ("missing.csv", None, "no such file"),
-    "empty": ("r.csv", "", "no row with a value"),
+    "empty": ("r.csv", "", "empty in every row"),
     "no header": ("r.csv", "a,b\n", "measure,setting,value,unit"),
     "negative kerf": ("r.csv", "kerf_piece,cut,50.4,mm,0.02", "kerf of -0.400 mm"),
     "one for two": ("r.csv", "width,20,19.9,mm,0.05", "apart"),

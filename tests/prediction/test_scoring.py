@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab import maps
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MOST_SHOWN, Evaluation, Score
@@ -53,3 +54,19 @@ def test_a_score_is_that_of_every_map_and_pose():
     assert score.composite["mean"] == pytest.approx(np.mean(expected), rel=4e-3)
     with pytest.raises(ValueError, match="--maps"):
         score_design_on_task(design, [], plan)
+
+
+def test_a_score_says_which_targets_are_touched_by_which_branch():
+    world = maps.pegs(seed=1)
+    world = world.with_start(world.starts[0].pose)
+    grown = Design.read("plain_vine").grow(world)
+    x_mm, y_mm = grown.chain_mm(0)[-1].tolist()
+    aimed = world.with_targets({"name": "tip", "point_mm": [x_mm, y_mm]})
+    plan = ScorePlan(task="reach", poses=1)
+    score = score_design_on_task(Design.read("plain_vine"), [aimed], plan)
+    assert score.targets is not None
+    assert score.targets.headline == "1 of 1 touched"
+    assert score.targets.outcomes[0].branch == "0"
+    assert score.composite["mean"] == 1.0
+    assert "1 of 1 touched; reach 1.000" in score.summary[0]
+    assert score_design_on_task(Design.read("plain_vine"), [world], plan).targets is None

@@ -96,6 +96,16 @@ def test_the_command_shown_writes_the_same_bytes(what, out, options, more):
     assert run_again(answer) == first
 
 
+def test_a_command_says_what_differs_from_the_design_s_own_growth():
+    content = opened(growth={"branch_contact": "pass"})
+    content["design"]["origin"] = {"growth": {"branch_contact": "stop"}}
+    content["design"]["name"] = "own"
+    answer = export(content, "picture", "grown.svg", options={})
+    assert "branch_contact=pass" in answer["command"].replace(" ", "").replace('"', "")
+    first = everything()
+    assert run_again(answer) == first
+
+
 @dataclass(frozen=True)
 class FoundInNoTime:
     """Stands in for a prediction, which takes seconds: its page says what went in."""

@@ -58,6 +58,7 @@ FAKE = """async () => {
   family.replaceChildren();
   strip.replaceChildren();
   family.hidden = strip.hidden = false;
+  strip.open = true;
   compare.mount(strip, app);
   mount(family, app);
   globalThis.fake = {app, asked, stored};
@@ -170,7 +171,7 @@ def test_the_version_before_is_the_one_that_rested(page):
     cells = "[...document.querySelectorAll('[data-measure=%s] td')].map((td) => td.textContent)"
     assert page.evaluate(cells % "score-reach")[2] == "+0.020better"
     assert page.evaluate(cells % "pressure")[2] == "+1.0worse"
-    assert page.evaluate(cells % "score-coverage")[2] == "=same"
+    assert page.evaluate(cells % "score-coverage")[2] == "="
     page.evaluate(WAIT, 600)
     page.evaluate(change, [133, -0.01])
     assert page.evaluate("fake.app.reference.design.trunk.length") == 122

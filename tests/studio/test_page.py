@@ -10,9 +10,10 @@ import shapely
 
 import vinefab as vf
 from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import design_of
-from vinefab.model.files.run_recipe import ChosenRecipe
+from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.cut_answer import cut_notes
 from vinefab.tasks.evaluate import PreparedMap
@@ -697,14 +698,115 @@ def test_arrow_keys_move_handles_and_obstacles(tab, grid):
     assert tab.design().levels[0].length_mm == 71.0
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1024, False), (1280, True)])
-def test_nothing_is_cut_off(open_tab, width, dark):
-    tab = open_tab(width=width, height=800)
+MEASURED = """() => {
+  const seen = (node) => node.checkVisibility({visibilityProperty: true})
+    && node.closest("header, main");
+  const box = (node) => node.getBoundingClientRect();
+  const name = (node) => node.getAttribute("aria-label") || node.textContent || node.id;
+  const buttons = [...document.querySelectorAll("button, select, input, summary")].filter(seen);
+  const small = buttons.filter((node) => {
+    const isBox = node.type === "checkbox";
+    const {width, height} = box(isBox ? node.closest("label, .field, span") : node);
+    return width < 24 || height < 24;
+  });
+  const heads = [...document.querySelectorAll("header button")].filter(seen).map(box);
+  const overlaps = heads.filter((one, index) => heads.slice(index + 1).some((two) =>
+    one.left < two.right && two.left < one.right && one.top < two.bottom && two.top < one.bottom));
+  const {left, top, right, bottom} = box(document.querySelector("#map svg.plan"));
+  return {
+    small: small.map(name), overlaps: overlaps.length,
+    wide: document.documentElement.scrollWidth, map: [left, top, right, bottom],
+  };
+}"""
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "dark", "least"),
+    [
+        (1280, 800, True, 400),
+        (1024, 768, False, 350),
+        (800, 1000, False, 350),
+        (390, 844, False, 200),
+        (640, 400, False, 190),  # 1280 x 800 at 200 %
+    ],
+)
+def test_the_map_is_in_view_at_every_width(open_tab, width, height, dark, least):
+    tab = open_tab(width=width, height=height)
     if dark:
         tab.page.locator("#theme").click()
         assert tab.page.get_attribute("html", "data-theme") == "dark"
-    assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
-    for selector in ("#files", "#export", "#undo", "#theme", "#map svg.plan", "#sheet-drawing"):
+    found = tab.page.evaluate(MEASURED)
+    assert found["small"] == []
+    assert found["overlaps"] == 0
+    assert found["wide"] <= width
+    left, top, right, bottom = found["map"]
+    assert 0 <= left < right <= width
+    assert bottom - top >= least
+    assert bottom <= height
+    assert tab.page.locator("#design").is_visible()
+    if width <= 1150:
+        tab.page.get_by_role("tab", name="Sheet").click()
+    assert tab.box("#sheet-drawing")["width"] > 200
+    assert tab.page.evaluate(MEASURED)["map"] == [left, top, right, bottom], "it stays in view"
+    for selector in ("#files", "#export", "#undo", "#theme"):
         box = tab.box(selector)
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= width
+
+
+def test_few_tab_stops_lead_to_the_map(tab):
+    on_map = "document.activeElement.matches('#map svg.plan')"
+    stops = 0
+    while not tab.page.evaluate(on_map):
+        tab.page.keyboard.press("Tab")
+        stops += 1
+        assert stops <= 12
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "kind"),
+    [
+        ("head_on_half_angle_deg", 15, "number"),
+        ("body", "centerline", "select"),
+        ("pressure_stop", False, "flag"),
+        ("branch_contact", "stop", "select"),
+        ("body_width_ratio", 1.3, "number"),
+    ],
+)
+def test_growth_options_are_seen_and_changed_in_one_place(tab, grid, key, value, kind):
+    before = tab.page.evaluate("studio.answers.live.growth.values")
+    tab.page.get_by_role("button", name="By which rules?").click()
+    if kind == "number":
+        number = tab.page.locator(f'#growth input[type=number][data-key="{key}"]')
+        assert float(number.input_value()) == before[key]
+        number.fill(str(value))
+        number.press("Enter")
+    elif kind == "select":
+        tab.page.select_option(f"#growth-{key}", value)
+    else:
+        tab.page.locator(f"#growth-{key}").uncheck()
+    assert tab.state()["growth"] == {key: value}
+    options = GrowthOptions.of({key: value})
+    wanted = shapes(
+        robot_svg(
+            tab.design().grow(grid, growth={key: value}),
+            options.drawn_widths_mm(tab.design().build.widths_mm),
+        )
+    )
+    tab.until(
+        "(key) => studio.answers.live.growth.values[key] === studio.store.get().growth[key]", key
+    )
+    assert tab.robot() == wanted
+    assert growth_text(options, [tab.design()]) in tab.page.inner_text("#growth")
+    tab.page.get_by_role("button", name="As usual for this design").click()
+    assert tab.state()["growth"] == {}
+
+
+def test_the_comparison_folds_away_until_something_changed(tab):
+    summary = tab.page.locator("#compare summary")
+    assert not summary.is_visible()
+    set_length(tab, 95)
+    tab.page.wait_for_selector("#compare summary:has-text('coverage')")
+    assert not tab.page.locator("#compare table").first.is_visible()
+    summary.click()
+    assert tab.page.locator("#compare .now").first.is_visible()

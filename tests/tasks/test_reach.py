@@ -19,7 +19,7 @@ from vinefab.tasks import map_context
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.fast_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.reach import QUARTER_SEGMENTS, Reach, near_chains
+from vinefab.tasks.reach import NEAR_MM, NEAR_SHARE, QUARTER_SEGMENTS, Reach, near_chains
 from vinefab.tasks.task import one_by_one
 
 
@@ -147,8 +147,9 @@ def test_a_target_is_reached_within_the_tolerance_of_body_or_tips(
     targets = [[300, 119], [300, 121], [500, 430], [520, 400], [80, 100]]
     score, terms = Reach(target_mm=targets).evaluate(end, room_context)
     assert score == 3 / 5  # the first, the fourth and the last, at the base
-    assert terms == {"targets_reached": 3.0, "farthest_mm": 30.0, "grown_mm": 700.0}
-    assert Reach(target_mm=targets).parts(score, terms) == {"targets within 20 mm": score}
+    assert terms == {"targets": 5.0, "targets_reached": 3.0, "farthest_mm": 30.0, "grown_mm": 700.0}
+    parts = Reach(target_mm=targets).parts(score, terms)
+    assert parts == {"targets touched": score, "nearness to the others": 0.0}
     by_tip, _ = Reach(target_mm=targets, reached_by="tip").evaluate(end, room_context)
     assert by_tip == 1 / 5
     wide, _ = Reach(target_mm=targets, tolerance_mm=30.0).evaluate(end, room_context)
@@ -156,6 +157,42 @@ def test_a_target_is_reached_within_the_tolerance_of_body_or_tips(
     partly, terms = Reach(target_mm=targets, falloff_mm=20.0).evaluate(end, room_context)
     assert partly == pytest.approx((1 + 19 / 20 + 10 / 20 + 1 + 1) / 5)
     assert terms["targets_reached"] == 3.0
+
+
+def test_targets_reward_nearness_and_an_earlier_run_file_means_what_it_meant(
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
+) -> None:
+    end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 100), (500, 400)], None])
+    points = [[300, 110], [300, 160], [200, 400]]  # touched, 40 mm beyond the tolerance, far
+    score, terms = Reach(targets=points).evaluate(end, room_context)
+    assert score == pytest.approx((1.0 + NEAR_SHARE * (1.0 - 40.0 / NEAR_MM)) / 3)
+    parts = Reach(targets=points).parts(score, terms)
+    assert parts["targets touched"] == pytest.approx(1 / 3)
+    assert sum(parts.values()) == pytest.approx(score)
+    assert Reach(target_mm=points).evaluate(end, room_context)[0] == 1 / 3
+    # Three near misses are worth less than two targets that are touched.
+    near = Reach(targets=[[300, 121], [400, 121], [200, 121]]).evaluate(end, room_context)[0]
+    assert near < 2 / 3
+
+
+def test_targets_of_the_map_count_unless_the_task_has_its_own(
+    fork: Design, ended: Callable[..., Deployment], room: Map
+) -> None:
+    end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 400)], None])
+    context = MapContext.of(room.with_targets((300, 110), (300, 400), (60, 100)))
+    assert Reach().evaluate(end, context)[1]["targets_reached"] == 1.0
+    assert Reach(targets=[[300, 110]]).evaluate(end, context)[1]["targets"] == 1.0
+    assert "reached_mm2" in Reach().evaluate(end, context.without_targets)[1]
+
+
+def test_an_area_is_touched_where_a_body_enters_it(
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
+) -> None:
+    end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 400)], None])
+    left, beside = ([[x, 90], [x + 20, 90], [x + 20, 110], [x, 110]] for x in (200, 530))
+    task = Reach(targets=[{"area_mm": left}, {"area_mm": beside}])
+    assert task.evaluate(end, room_context)[1]["targets_reached"] == 1.0
+    assert task.evaluate(end, room_context)[1]["farthest_mm"] == pytest.approx(30.0)
 
 
 def test_a_robot_that_stayed_inside_reaches_no_target(
@@ -203,6 +240,12 @@ def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
         ({"target_mm": [[1, float("nan")]]}, "target_mm[1][2]", "a finite number"),
         ({"target_mm": [[1, 2]] * 1001}, "target_mm", "at most 1000"),
         ({"tolerance_mm": 0.0}, "tolerance_mm", "greater than or equal to 0.000001"),
+        ({"targets": 3}, "targets", "at most 1000"),
+        ({"targets": [[1, 2], [3]]}, "targets[2].point_mm[2]", "field required|must be given"),
+        ({"targets": [{"name": "B", "point_mm": [1, 2]}] * 2}, "targets[1].name", "a name for"),
+        ({"targets": [{"area_mm": [[0, 0], [1, 1]]}]}, "targets[1].area_mm", "3 corners"),
+        ({"targets": [{"point_mm": [0, 0], "radius": 3}]}, "targets[1].radius", "no such key"),
+        ({"targets": [[1, 2]], "target_mm": [[1, 2]]}, "target_mm", "not together"),
         ({"falloff_mm": -1.0}, "falloff_mm", "greater than or equal to 0"),
         ({"reached_by": "base"}, "reached_by", "'body' or 'tip'"),
     ],
@@ -218,10 +261,10 @@ def test_targets_that_are_none_are_refused(
 def test_a_target_must_be_free_on_every_map(pillar_room: Map, room: Map) -> None:
     task = Reach(target_mm=[[50, 50], [200, 150], [500, 50]])
     task.check_map(room, MapContext.of(room))
-    with pytest.raises(BadInputError, match="inside an obstacle of 'pillars'") as caught:
+    with pytest.raises(BadInputError, match="inside an obstacle of map 'pillars'") as caught:
         task.check_map(pillar_room, MapContext.of(pillar_room))
     assert caught.value.key == "task.target_mm[2]"
-    with pytest.raises(BadInputError, match="outside the bounds of 'pillars'"):
+    with pytest.raises(BadInputError, match="outside the bounds of map 'pillars'"):
         Reach(target_mm=[[500, 50]]).check_map(pillar_room, MapContext.of(pillar_room))
 
 

@@ -136,7 +136,7 @@ def optimize(
         Write the page, also while the run is going on.
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called after every generation.
+        called after every generation, and at the end while the winner is chosen.
 
     Returns
     -------
@@ -257,12 +257,11 @@ def _score_again(
     call = this_call().to(
         score,
         design=best,
-        task=task or settings.task.name,
+        **({"task": task} if task else {}),
         maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
         **({} if start is None else {"start": start.text}),
         poses=evaluation.final_poses_per_map,
         seed=result.best.origin["seed_of_score"],
-        **({} if task else settings.task.parameters),
     )
     return call.text()
 
@@ -275,7 +274,7 @@ def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     if isinstance(given, RunSettings):
         return given, None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
-    path = locate("run file", name_or_path("run", given, allowed))
+    path = locate("run file", name_or_path("run", given, allowed, "run file"))
     return read_run(path), path
 
 
@@ -291,8 +290,15 @@ def _generations(
         yield given
         return
     with told(f"optimizing {settings.name}", given) as tell:
-        checked = settings.evaluation.fabricable
-        yield lambda now: tell(now.share, progress_line(now, checked=checked))
+        checked, advised = settings.evaluation.fabricable, set[str]()
+
+        def show(now: Generation) -> None:
+            if now.advice and now.advice not in advised:
+                note(now.advice, only_in_shell=True)
+            advised.add(now.advice)
+            tell(now.share, progress_line(now, checked=checked))
+
+        yield show
 
 
 def _searched(
@@ -302,6 +308,8 @@ def _searched(
     progress: Callable[[Generation], None],
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
+    from dataclasses import replace
+
     from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
     from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
@@ -311,6 +319,11 @@ def _searched(
     result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)
+        if (file := Path(settings.evaluation.recipe)).is_file():  # nothing keeps a copy
+            best, folder = result.best, file.resolve().parent
+            found = {**best.origin["recipe"], "file": file.name}
+            best = best.changed(origin={**best.origin, "recipe": found}, folder=folder)
+            result = replace(result, best=best)
     return result.with_prediction(predict_winner(search, result))
 
 
@@ -451,7 +464,8 @@ def contest(
         contest_rows,
     )
 
-    files = [Path(name_or_path("run_files", one, "run files")) for one in as_several(run_files)]
+    files = [Path(name_or_path("run_files", one, "run files", "run file"))
+             for one in as_several(run_files)]  # fmt: skip
     plan = Contest(
         problems=tuple(read_run(path) for path in files),
         contenders=tuple(_contender(text) for text in as_several(optimizers)),
@@ -707,10 +721,12 @@ def studio(
 
     page = page_path("snapshot", snapshot, force=force)
     opened = Opened(
-        design=str(name_or_path("design", design, "a design file, or a shipped name")),
+        design=str(name_or_path("design", design, "a design file, or a shipped name", "design")),
         map_file=None if map is None else as_path("map", map, "the path of a map file"),
         environment=environment,
-        recipe="" if recipe is None else str(name_or_path("recipe", recipe, "a path or a name")),
+        recipe=""
+        if recipe is None
+        else str(name_or_path("recipe", recipe, "a path or a name", "recipe")),
     )
     if page is None:
         if family:

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
-from vinefab.core.table import LATER, LaterThan, Table, declared_keys
+from vinefab.core.table import LATER, LaterThan, Slider, Table, declared_keys
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.model.contacts import MeasuredContacts, MeasuredNumber
@@ -80,6 +80,7 @@ class GrowthOptions(Table):
         float | Annotated[tuple[float, float], Field(strict=False)],
         Field(alias=HALF_ANGLE_DEG),
         Unit("deg"),
+        Slider(0, 20, 0.5),
         Doc("within it of head-on a tip stops, 0 to 90; [low, high]: drawn"),
     ] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
     children_of_stuck: Annotated[
@@ -97,6 +98,7 @@ class GrowthOptions(Table):
         Ge(0),
         Le(1000),
         Unit("kPa"),
+        Slider(0, 12, 0.1),
         Doc("tension of the film in its store: 0 if it lies loosely, 8.32 on a tight spool"),
     ] = 0.0
     fitted_diameter_mm: Annotated[
@@ -104,6 +106,7 @@ class GrowthOptions(Table):
         Ge(1),
         Le(1000),
         Unit("mm"),
+        Slider(5, 100),
         Doc("of the tube of the published fit of the growth pressure (assumed)"),
     ] = FITTED_DIAMETER_MM.value
     branch_contact: Annotated[
@@ -115,6 +118,7 @@ class GrowthOptions(Table):
         float,
         Gt(0),
         Le(1),
+        Slider(0.5, 1, 0.01),
         Doc("probability that a child comes out of its parent's tip; below 1: drawn"),
         LATER,
     ] = 1.0
@@ -122,6 +126,7 @@ class GrowthOptions(Table):
         float,
         Ge(0.5),
         Le(2),
+        Slider(0.5, 2, 0.01),
         Doc("how far bodies keep their centre lines from walls, over lay-flat width / pi"),
         LATER,
     ] = 1.0
@@ -188,16 +193,18 @@ class GrowthOptions(Table):
     @property
     def content(self) -> dict[str, object]:
         """All options as files, records and pages have them; later ones where they say more."""
-        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:] if name not in _LATER}
-        if self.branch_contact != _BEFORE:
-            plain["branch_contact"] = self.branch_contact
-        if self.emergence != 1.0:
-            plain["emergence"] = self.emergence
-        if self.body_width_ratio != 1.0:
-            plain["body_width_ratio"] = self.body_width_ratio
-        if self.contacts is not None:
-            plain["contacts"] = self.contacts.content
-        return {HALF_ANGLE_DEG: self.half_angle_deg, **plain}
+        return {
+            name: value
+            for name, value in self.values.items()
+            if name not in _SAYING_NOTHING or value != _SAYING_NOTHING[name]
+        }
+
+    @property
+    def values(self) -> dict[str, object]:
+        """All options as files have them."""
+        plain = {name: getattr(self, name) for name in GROWTH_NAMES[1:]}
+        measured = None if self.contacts is None else self.contacts.content
+        return {HALF_ANGLE_DEG: self.half_angle_deg, **plain, "contacts": measured}
 
     def radius_mm(self, width_mm: float) -> float:
         """Return how far the centre line of a body of some lay-flat width keeps from walls."""
@@ -344,7 +351,13 @@ class GrowthOptions(Table):
 GROWTH_NAMES = tuple(key.name for key in declared_keys(GrowthOptions))
 """Names of the options in files and on the command line."""
 
-_LATER = ("branch_contact", "emergence", "body_width_ratio", "contacts")
+_SAYING_NOTHING: dict[str, object] = {
+    "branch_contact": _BEFORE,
+    "emergence": 1.0,
+    "body_width_ratio": 1.0,
+    "contacts": None,
+}
+"""Later options, by the value that records leave out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,7 +376,8 @@ class GrowthChoice:
         Parameters
         ----------
         designs
-            The designs; where they were trained with different options, the defaults count.
+            The designs; those that no run has made grow as the others were trained, and where
+            these were trained with different options, the defaults count.
         given
             Some options by name, as in `GrowthOptions.of`.
 
@@ -379,7 +393,12 @@ class GrowthChoice:
         for design in designs:
             with located(f"design {design.name}"):
                 trained.append(trained_growth(design))
-        chosen = [GrowthOptions.of(given, options) for options in trained]
+        made_by_runs = [
+            options
+            for design, options in zip(designs, trained, strict=True)
+            if ORIGIN_GROWTH in design.origin
+        ]
+        chosen = [GrowthOptions.of(given, options) for options in made_by_runs or trained]
         if all(options == chosen[0] for options in chosen):
             return cls(options=chosen[0])
         note = "designs trained with different growth options: all are grown with the defaults"

@@ -11,15 +11,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.verbs import Also, Doc, Kind, note, numbers_from, text_of
+from vinefab.core.errors import BadInputError, nearest
+from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_of
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
-    from vinefab.model.files.run_recipe import ChosenRecipe
     from vinefab.model.laser import LaserProfile
     from vinefab.model.map import Map, Pose, Start
     from vinefab.model.start_place import StartPlace
+    from vinefab.model.target import Target
 
 
 def all_names(kind: str) -> tuple[str, ...]:
@@ -162,6 +162,20 @@ def _points(text: str) -> tuple[tuple[float, ...], ...]:
 POINTS = Kind(metavar="X,Y;X,Y", read=_points, words=_point_words, hyphen=True)
 
 
+def _target_words(given: Any) -> list[str]:  # noqa: ANN401  judged one by one
+    from vinefab.model.target import Target, target_text, targets_given
+
+    words = []
+    for one in as_targets(given):
+        if isinstance(one, str):
+            words.append(one)
+        else:
+            (target,) = targets_given([one], "targets")
+            named = target if isinstance(one, Target | Mapping) else target.changed(name="")
+            words.append(target_text(named))
+    return words
+
+
 def written(*endings: str) -> Kind:
     """Return what stands for a file to write, of one of some kinds."""
     return Kind(metavar="FILE", writes="file", ends=endings)
@@ -182,6 +196,8 @@ if TYPE_CHECKING:
     MapsLike = MapLike | Iterable[MapLike]
     StartLike = Start | StartPlace | Pose | tuple[float, float, float] | str
     StartsLike = StartLike | Iterable[StartLike]
+    TargetLike = Target | tuple[float, float] | Mapping[str, object] | str
+    TargetsLike = TargetLike | Iterable[TargetLike]
     PoseLike = Pose | tuple[float, float, float]
     RecipeLike = LaserProfile | str | PathLike[str]
     ContactsLike = Mapping[str, object] | str | PathLike[str]
@@ -206,6 +222,13 @@ else:
         Kind(metavar="START", several=True, hyphen=True),
         Doc("Where robots start, in place of the map's starts: X,Y,DEG+-SPREAD, 'left side', "
             "'line X,Y X,Y' or 'area X,Y X,Y', then heading DEG+-SPREAD (docs/maps.md)."),
+    ]  # fmt: skip
+    TargetsLike = Annotated[
+        object,
+        Kind(metavar="TARGET", several=True, hyphen=True, words=_target_words),
+        also("--target"),
+        Doc("What robots are to touch, in place of the map's targets: [NAME=]X,Y[+-TOLERANCE] "
+            "in mm."),
     ]  # fmt: skip
     PoseLike = Annotated[
         object,
@@ -258,9 +281,21 @@ def as_path(key: str, given: object, allowed: str = "a path") -> Path:
     return path_given(key, given, allowed)
 
 
-def name_or_path(key: str, given: object, allowed: str) -> str | Path:
-    """Return what a file is looked up by, or raise BadInputError for anything else."""
-    return given if isinstance(given, str) else as_path(key, given, allowed)
+def name_or_path(key: str, given: object, allowed: str, kind: str = "") -> str | Path:
+    """Return what a file is looked up by, or raise BadInputError for anything else.
+
+    Parameters
+    ----------
+    kind
+        Of the file: where a registered name of it is a file here too, the caller is told so.
+    """
+    if not isinstance(given, str):
+        return as_path(key, given, allowed)
+    here = Path(f"{given}.toml")
+    if kind and given in all_names(kind) and here.is_file() and not Path(given).is_file():
+        note(f"{given} is the {kind} that ships or that your own folder has; type {here} for the "
+             "file here")  # fmt: skip
+    return given
 
 
 def as_design(given: "DesignLike", key: str = "design") -> "Design":
@@ -270,7 +305,7 @@ def as_design(given: "DesignLike", key: str = "design") -> "Design":
     if isinstance(given, Design):
         return given
     allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
-    return Design.read(name_or_path(key, given, allowed))
+    return Design.read(name_or_path(key, given, allowed, "design"))
 
 
 def as_designs(given: "DesignsLike", key: str) -> "list[Design]":
@@ -286,26 +321,14 @@ def as_recipe(given: "RecipeLike") -> "LaserProfile":
     if isinstance(given, LaserProfile):
         return given
     allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
-    return read_profile(name_or_path("recipe", given, allowed))
+    return read_profile(name_or_path("recipe", given, allowed, "recipe"))
 
 
-def recipe_for(design: "Design", given: "RecipeLike | None") -> "ChosenRecipe":
-    """Return the recipe to make a design with: the one given, that of its run, or the default."""
-    from vinefab.model.files.run_recipe import ChosenRecipe
-    from vinefab.model.laser import LaserProfile
-
-    if isinstance(given, LaserProfile):
-        return ChosenRecipe(recipe="", profile=given)
-    if given is not None:
-        return ChosenRecipe(recipe=str(given), profile=as_recipe(given))
-    chosen = ChosenRecipe.of(design)
-    if chosen.note:
-        note(chosen.note, only_in_shell=not chosen.is_other)
-    return chosen
-
-
-def as_map(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map":
-    """Return a map, passed as such or by the path of its file; with other starts, if there are."""
+def as_map(
+    given: "MapLike", key: str = "map", start: "StartsLike" = (), targets: "TargetsLike" = ()
+) -> "Map":
+    """Return a map, passed as such or by its path; with other starts and targets, if given."""
+    from vinefab.model.files.shipped import existing_file
     from vinefab.model.map import Map
     from vinefab.model.start_place import start_given, with_starts
 
@@ -313,12 +336,26 @@ def as_map(given: "MapLike", key: str = "map", start: "StartsLike" = ()) -> "Map
         world = given
     else:
         path = as_path(key, given, "a Map, or the path of a map file (GeoJSON)")
+        named = (path.parent / f"{path.name}{suffix}" for suffix in ("", *MAP_SUFFIXES))
+        path = next((one for one in named if one.is_file()), path)
         if path.suffix == "" and path.parent == Path() and not path.exists():
+            near = nearest(f"{path}{MAP_SUFFIXES[0]}", [one.name for one in Path().glob("*json")])
             allowed = "a Map such as vf.maps.grid(seed=1), or the path of a map file (GeoJSON)"
-            raise BadInputError(key, str(given), allowed)
-        world = Map.read(path)
+            raise BadInputError(key, str(given), f"{allowed}{near}")
+        world = Map.read(existing_file(path, near=path.suffix))
+    aims = as_targets(targets)
+    world = world.with_targets(*aims) if aims else world
     starts = [start_given(one) for one in as_starts(start)]
     return with_starts(world, starts) if starts else world
+
+
+def as_targets(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+    """Return one target or several as a sequence: two numbers are one point."""
+    if given is None:
+        return ()
+    found = (given,) if isinstance(given, Mapping) or _is_one(given) else tuple(given)
+    is_point = len(found) == 2 and all(isinstance(one, int | float) for one in found)
+    return (found,) if is_point else found
 
 
 def as_starts(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
@@ -332,9 +369,11 @@ def as_starts(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one
     return (found,) if is_pose else found
 
 
-def as_maps(given: "MapsLike", start: "StartsLike" = ()) -> "list[Map]":
+def as_maps(
+    given: "MapsLike", start: "StartsLike" = (), targets: "TargetsLike" = ()
+) -> "list[Map]":
     """Return one or several maps, each as in `as_map`."""
-    return [as_map(one, "maps", start) for one in as_several(given)]
+    return [as_map(one, "maps", start, targets) for one in as_several(given)]
 
 
 def as_several(given: Any) -> Sequence[Any]:  # noqa: ANN401  judged one by one

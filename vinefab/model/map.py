@@ -2,7 +2,7 @@
 
 import reprlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.files.shipped import path_given
 from vinefab.model.start import Pose, Start, are_valid, check_polygon, refuse_jagged
 from vinefab.model.start_place import start_given, with_starts
+from vinefab.model.target import Target, check_targets, target_from, targets_given
 
 __all__ = ["Map", "Pose", "Start"]
 
@@ -43,6 +44,8 @@ class Map:
         reach over the bounds.
     starts
         Start poses, in free space.
+    targets
+        Places that robots are to touch; those without a name are called A, B, C ...
     environment
         Generator or importer of the map.
     seed
@@ -55,6 +58,7 @@ class Map:
     bounds: Polygon
     obstacles: tuple[Polygon, ...] = ()
     starts: tuple[Start, ...] = ()
+    targets: tuple[Target, ...] = ()
     environment: str = "unknown"
     seed: int | None = None
     facts: Mapping[str, object] = field(default_factory=dict)
@@ -65,6 +69,7 @@ class Map:
             if not isinstance(given, Sequence) or not all(isinstance(one, kind) for one in given):
                 raise BadInputError(key, given, f"a {kind.__name__} for each, in a tuple")
             object.__setattr__(self, key, tuple(given))
+        object.__setattr__(self, "targets", targets_given(self.targets, "targets"))
         check_polygon("bounds", self.bounds)
         # Those that are to be refused are found for all at once.
         items = np.array(self.obstacles, dtype=np.object_)
@@ -82,6 +87,7 @@ class Map:
             (len(self.obstacles), "obstacle"),
             (self.wall_count, "wall"),
             (len(self.starts), "start"),
+            *(((len(self.targets), "target"),) if self.targets else ()),
         )
         words = ", ".join(counted(count, word) for count, word in counts)
         return f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, {words}>"
@@ -191,6 +197,34 @@ class Map:
         ('LineString', 0.0)
         """
         return with_starts(self, [start_given(one) for one in starts])
+
+    def with_targets(
+        self, *targets: "Target | tuple[float, float] | Mapping[str, object] | str"
+    ) -> "Map":
+        """Return the map with other targets in place of its own.
+
+        Parameters
+        ----------
+        *targets
+            Points ``(x_mm, y_mm)``, targets, tables with the keys of one, or words as of
+            ``--target``: ``"130,330"``, ``"shelf=130,330+-15"``.
+
+        Raises
+        ------
+        BadInputError
+            If one has nothing in free space, or two have one name.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> world = maps.pegs(seed=1).with_targets((100, 100), "shelf=20,300+-15")
+        >>> [(one.name, one.tolerance_mm) for one in world.targets]
+        [('A', 20.0), ('shelf', 15.0)]
+        """
+        read = [target_from(one) if isinstance(one, str) else one for one in targets]
+        named = targets_given(read, "targets")
+        check_targets(self, named)
+        return replace(self, targets=named)
 
     def info(self, *, width_mm: float | None = None, passages: int = 5) -> Any:  # noqa: ANN401
         """Return size, free area, narrowest passages and room for robots (computed).

@@ -12,13 +12,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.core.verbs import note
-from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Number, Picture, Result
+from vinefab.core.view import (
+    Answer,
+    Block,
+    Fact,
+    Facts,
+    Notes,
+    Number,
+    Picture,
+    Result,
+    document,
+)
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import Engine, grow_on
@@ -28,8 +39,10 @@ from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
+from vinefab.model.target import TargetsResult, out_of_reach
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.plan import deployment_plan, page_bytes
+from vinefab.tasks.targets import touched_targets
 
 MOST_FRAMES = 1000
 
@@ -299,6 +312,11 @@ class DeployedDesign(Result):
         return self.deployment.stops
 
     @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets of the map it touches; None where there are none."""
+        return touched_targets([(self.deployment, self.world)])
+
+    @property
     def metrics(self) -> dict[str, object]:
         """Numbers about the whole robot (simulated) and the rules that they depend on."""
         tree = self.deployment.tree
@@ -323,6 +341,8 @@ class DeployedDesign(Result):
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}: "
             f"{counted(len(tree), 'branch')}, {stops} (simulated)"
         )
+        if self.targets is not None:
+            yield from self.targets.view()
         yield Picture(image=lambda: self.picture(".svg"), caption="Where it ended (simulated).")
         grown = Number(float(self.deployment.grown_mm.sum()), "mm", ".1f")
         planned = f"of {tree.total_length_mm:.1f} mm planned"
@@ -331,11 +351,23 @@ class DeployedDesign(Result):
         yield Notes(self.notes)
         yield Notes(
             (
+                *self._out_of_reach,
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start for branch", self.without_room),
                 *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
             )
         )
+
+    @property
+    def _out_of_reach(self) -> list[str]:
+        """Targets that no deployment from here can touch, a sentence each."""
+        tree, base = self.deployment.tree, self.deployment.pose
+        ends_mm = tree.length_mm.tolist()
+        for branch, parent in enumerate(tree.parent.tolist()):
+            ends_mm[branch] += ends_mm[parent] if parent >= 0 else 0.0
+        starts = [shapely.Point(base.x_mm, base.y_mm)]
+        beyond = out_of_reach(self.world.targets, starts, max(ends_mm))
+        return [f"out of reach: {far}; at most {most}" for _, far, most in beyond]
 
     @property
     def without_room(self) -> tuple[BranchPlace, ...]:
@@ -354,7 +386,8 @@ class DeployedDesign(Result):
         names = (self.design.name, self.world.name)
         fronts = self.fronts
         shapes = None if fronts is None else history_content(frames_of(self.history, fronts))
-        return deployment_text(self.deployment, *names, self.metrics, shapes)
+        targets = {} if self.targets is None else document(self.targets.view())
+        return deployment_text(self.deployment, *names, self.metrics, shapes, targets)
 
     @property
     def _widths_mm(self) -> tuple[float, ...]:
@@ -398,7 +431,7 @@ def as_grown(
         return design
     # Designs that deploy as drawn need not wait for the simulation of joints.
     from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
-    from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
+    from vinefab.model.files.run_context import ChosenRecipe  # noqa: PLC0415
 
     profile = profile or ChosenRecipe.of(design).profile
     found = pattern_of(design, profile, known_only=known_only)

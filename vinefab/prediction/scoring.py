@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import Design
@@ -20,6 +21,7 @@ from vinefab.tasks.evaluate import (
     trunks_with_room,
 )
 from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.targets import design_touches
 from vinefab.tasks.task import Task, score_parts
 
 
@@ -55,6 +57,7 @@ def score_design_on_task(
     varied = options.draws
     poses = poses_on(prepared_maps, plan.poses, seeds, repeats=varied)
     score = score_design(design, prepared_maps, poses, task, options)
+    terrains = TerrainSet([prepared.terrain for prepared in prepared_maps])
     stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design, options)
     # What earned and cost how much of it.
     evaluations = tuple(
@@ -70,5 +73,6 @@ def score_design_on_task(
         parts=dict(zip(names, means, strict=True)),
         growth=options.content,
         grown=growth_text(options, [design]),
+        targets=design_touches(design, maps, Launches.of(terrains, poses), options, task),
         notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),
     )

@@ -1,4 +1,4 @@
-"""The form of a design on the page: what its tables declare of every key, as plain values."""
+"""Forms on the page: what tables declare of every key of theirs, as plain values."""
 
 import types
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -7,6 +7,7 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel
 
 from vinefab.core.table import DeclaredKey, declared_keys, inner_table
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import MOST_LEVELS, PER_LEVEL, Build, Design
 
 _UNITS = {"deg": "°"}
@@ -15,6 +16,11 @@ _UNITS = {"deg": "°"}
 def design_form() -> dict[str, Any]:
     """Return the rows of a design's tables: keys with a slider, with a choice, with own rows."""
     return {"most_levels": MOST_LEVELS - 1, "rows": _rows(Design)}
+
+
+def growth_form() -> list[dict[str, Any]]:
+    """Return the rows of the growth options; measured contacts are a file of their own."""
+    return [row for row in _rows(GrowthOptions) if "rows" not in row]
 
 
 def _rows(table: type[BaseModel]) -> list[dict[str, Any]]:
@@ -37,6 +43,8 @@ def _shown(key: DeclaredKey) -> dict[str, Any]:
     kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
     if get_origin(kind) is Literal:
         return {"choices": list(get_args(kind)), "default": key.default}
+    if kind is bool:
+        return {"flag": True, "default": key.default}
     if key.slider is None:
         return {}
     return {

@@ -16,7 +16,7 @@ from vinefab.core.validation import whole
 from vinefab.core.verbs import Call
 from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.model.design import ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
@@ -53,8 +53,8 @@ class ExportSource:
     @property
     def growth_given(self) -> dict[str, object]:
         """The growth options that the design would not be grown with by itself."""
-        usual = GrowthChoice.of([self.design]).options.content
-        return {n: value for n, value in self.growth.content.items() if value != usual.get(n)}
+        usual = GrowthChoice.of([self.design]).options.values
+        return {n: value for n, value in self.growth.values.items() if value != usual[n]}
 
     def as_read(self) -> "ExportSource":
         """Return the same with the design and the map that reading ``inputs`` gives."""
@@ -112,7 +112,7 @@ class PackageExport:
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return what the verb is given."""
-        usual = source.recipe == DEFAULT_RECIPE and ORIGIN_RECIPE not in source.design.origin
+        usual = source.recipe == DEFAULT_RECIPE and "recipe" not in source.design.origin
         return {
             "design": source.design_name,
             "recipe": None if usual else source.recipe,
@@ -274,7 +274,7 @@ class ReportExport:
             **unseen,
             "poses": self.poses,
             "seed": self.seed,
-            "growth": _without_contacts(source.growth.content),
+            "growth": _without_contacts(source.growth_given),
         }
 
     def make(self, source: ExportSource, tell: Tell) -> MadeExport:

@@ -45,7 +45,7 @@ def fix_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[s
         state.profile,
         maps=maps,
         progress=lambda share: tell(_SEARCH_SHARE * share, "looking for the smallest change"),
-        growth=state.growth.content,
+        growth=state.growth.values,
         keep=keep,
     )
     tell(_SEARCH_SHARE, "scoring")

@@ -8,12 +8,14 @@ from typing import Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.growth.options import GrowthChoice, growth_text
 from vinefab.growth.simulator import grow_on
-from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design, UnevenLevel
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 from vinefab.model.score import IDEAL_CASE
+from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
@@ -44,7 +46,7 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
         dragged, whose element the page moves itself.
     """
-    answer: dict[str, Any] = {"engine": engine_now()}
+    answer: dict[str, Any] = {"engine": engine_now(), "growth": _growth(state)}
     if state.world is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
     key = _ground_key(state.world)
@@ -84,6 +86,17 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         "titles": titles,
         "facts": _facts(state.design, deployment),
         "problems": problems + _troubles(state, deployment),
+    }
+
+
+def _growth(state: StudioState) -> dict[str, Any]:
+    """Return the growth options in force, those that the design has by itself, and a line."""
+    usual = GrowthChoice.of([state.design]).options.values
+    return {
+        "values": state.growth.values,
+        "usual": usual,
+        "trained": bool(state.design.origin.get(ORIGIN_GROWTH)),
+        "text": growth_text(state.growth, [state.design]),
     }
 
 
@@ -136,7 +149,7 @@ def _scores(
 
 
 def _planned(design: Design) -> dict[str, Any]:
-    return {"branches": design.branch_count}
+    return {"branches": design.branch_count, "text": counted(design.branch_count, "branch")}
 
 
 def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
@@ -146,10 +159,29 @@ def _facts(design: Design, deployment: Deployment) -> dict[str, Any]:
         "deployed": int(deployment.deployed.sum()),
         "grown_mm": float(deployment.grown_mm.sum()),
         "planned_mm": deployment.tree.total_length_mm,
-        "stops": deployment.stops,
+        "text": _grown_text(deployment),
         "pressure_needed_kpa": None if math.isnan(needed_kpa) else needed_kpa,
         "inflated_mm": [2.0 * inflated_radius_mm(w) for w in design.build.widths_mm],
     }
+
+
+def _grown_text(deployment: Deployment) -> str:
+    """Return the share of the planned length that grew, and where the rest was lost."""
+    tree, stop = deployment.tree, deployment.stop
+    lost_mm = tree.length_mm - deployment.grown_mm
+    planned_m = tree.total_length_mm / 1000.0
+    share = 100.0 * float(deployment.grown_mm.sum()) / tree.total_length_mm
+    text = (
+        f"{int(deployment.deployed.sum())} of {counted(len(tree), 'branch')} out, "
+        f"{share:.0f} % of {planned_m:.2f} m grown"
+    )
+    parts = [
+        f"{lost_mm[stop == kind].sum():.0f} mm of {counted(int((stop == kind).sum()), 'branch')} "
+        f"{STOP_WORDS[kind]}"
+        for kind in Stop
+        if kind != Stop.FULL_LENGTH and (stop == kind).any()
+    ]
+    return f"{text}; missing: {', '.join(parts)}" if parts else text
 
 
 def _troubles(state: StudioState, deployment: Deployment) -> list[str]:

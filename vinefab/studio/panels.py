@@ -41,6 +41,7 @@ PANELS = {
     "rules": Question(module="rules_answer", lane="rules"),
     "fix": Question(module="fix_answer", lane="fix"),
     "family": Question(module="family_answer", lane="family"),
+    "width": Question(module="width_answer", lane="family"),  # simulates as that does
     "export": Question(module="export_answer", lane="export"),
 }
 """Every panel; files and searches are the desk's."""

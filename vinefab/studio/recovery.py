@@ -71,7 +71,7 @@ def read_unsaved(key: object) -> dict[str, Any]:
 
 
 def list_unsaved() -> list[dict[str, Any]]:
-    """Return what is kept, the newest first, each without its state; broken files are left out."""
+    """Return what is kept, the newest first, each with its design; broken files are left out."""
     found = []
     for path in _files()[:MOST_RECOVERIES]:
         with suppress(UnreadableFileError, BadInputError):
@@ -79,7 +79,7 @@ def list_unsaved() -> list[dict[str, Any]]:
             state = kept.pop("state")
             design = state.get("design") if isinstance(state, dict) else None
             name = design.get("name") if isinstance(design, dict) else None
-            found.append({**kept, "name": name})
+            found.append({**kept, "name": name, "design": design})
     return found
 
 

@@ -74,7 +74,7 @@ def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
         return (), "no map is open: growth paths are checked in free space only"
     if state.start is None:
         return (), f"map {state.world.name} has no start: growth is checked in free space only"
-    options = growth_on_maps(state.design, state.growth.content).options
+    options = growth_on_maps(state.design, state.growth.values).options
     try:
         # One growth is done by the interpreter before the compiled kernel is even loaded.
         grown = grow_on(

@@ -169,7 +169,8 @@ def run_files(state: StudioState, ask: Mapping[str, Any], folder: Path) -> dict[
     content["build"] = {name: build[name] for name in BuildSettings.model_fields if name in build}
     content["growth"] = {
         key: list(value) if isinstance(value, tuple) else value
-        for key, value in state.growth.content.items()
+        for key, value in state.growth.values.items()
+        if value is not None
     }
     content["optimizer"] = {
         **({"name": given["optimizer"]} if given["optimizer"] else {}),

@@ -31,7 +31,7 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.map import Map
-from vinefab.studio.design_form import design_form
+from vinefab.studio.design_form import design_form, growth_form
 from vinefab.studio.panels import Tell, answer_of
 from vinefab.studio.state import PAGE, StudioState, is_name, world_of
 from vinefab.studio.warming import load_kernel
@@ -120,6 +120,7 @@ def snapshot_html(
         "folder": "",
         "state": portable,
         "form": design_form(),
+        "growth_form": growth_form(),
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     source = _source(state)  # of the map that the state's edits are made to

@@ -200,7 +200,7 @@ class TargetCover:
 
     targets_mm: Floats  # shape (t, 2)
     away_mm: Callable[[Chains], Floats]  # how far bodies are from them, shape (j, t)
-    tolerance_mm: float
+    tolerance_mm: Floats  # of each target, shape (t,)
 
     @property
     def weight(self) -> Floats:
@@ -210,7 +210,9 @@ class TargetCover:
     @property
     def words(self) -> str:
         """What is covered."""
-        return f"targets within {self.tolerance_mm:g} mm"
+        low_mm, high_mm = self.tolerance_mm.min(), self.tolerance_mm.max()
+        most = "" if low_mm == high_mm else f" to {high_mm:g}"
+        return f"targets within {low_mm:g}{most} mm"
 
     def covered(self, block: Block) -> NDArray[np.bool_]:
         """Return which targets each growth reaches."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.map import Map
+from vinefab.model.target import Target
 from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.fast_areas import FreeArea, SightLines, WallCells
 from vinefab.tasks.union_areas import FreeRows
@@ -46,6 +47,7 @@ class MapContext:
     diagonal_mm: float  # diagonal of the bounds' box, the length that lengths are compared with
     # edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y
     edges_mm: Floats
+    targets: tuple[Target, ...] = ()  # of the map
     _rasters: dict[tuple[float, bool], FreeArea | None] = field(default_factory=dict)
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
     _cells: dict[str, WallCells] = field(default_factory=dict)
@@ -63,7 +65,13 @@ class MapContext:
             area_mm2=free.area,
             diagonal_mm=math.hypot(*world.size_mm),
             edges_mm=_edges_mm(free),
+            targets=world.targets,
         )
+
+    @property
+    def without_targets(self) -> "MapContext":
+        """The same without targets; what is cached is cached for both."""
+        return replace(self, targets=())
 
     def free_area_mm2(self, shape: BaseGeometry) -> float:
         """Return the area of what is in free space of a shape."""

@@ -2,12 +2,13 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, model_validator
 from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
@@ -17,9 +18,18 @@ from vinefab.core.validation import LARGEST_MM, SMALLEST, Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
+from vinefab.model.target import (
+    MOST_TARGETS,
+    TOLERANCE_MM,
+    Point,
+    Target,
+    check_targets,
+    targets_given,
+)
 from vinefab.tasks.covered_cells import BodyCover, CellGrid, Cover, TargetCover
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.targets import TARGETS, TOUCHED, nearest_mm, one_chain
 from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
@@ -27,8 +37,6 @@ QUARTER_SEGMENTS = 32
 
 
 Distance = Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm")]
-Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM)]
-Point = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 
 
 def _points(given: object) -> object:
@@ -39,6 +47,13 @@ def _points(given: object) -> object:
         if not isinstance(point, list | tuple) or len(point) != 2:
             raise BadInputError(f"[{place}]", point, "[x, y] in mm")
     return tuple(given)
+
+
+NEAR_MM = 80.0
+"""Falloff of targets where none is given, chosen by measurement (`docs/files.md`)."""
+
+NEAR_SHARE = 0.5
+"""What a target counts that is missed by a hair: three near misses are worth less than two hits."""
 
 
 class Reach(Table):
@@ -58,36 +73,64 @@ class Reach(Table):
     area: Annotated[
         Literal["auto", "exact", "fast"], Doc("how areas are found; auto: fast in a search")
     ] = "auto"
+    targets: Annotated[
+        tuple[Target, ...],
+        BeforeValidator(targets_given),
+        Doc(
+            "[[x, y], ...] or tables with name, point_mm or area_mm, and tolerance_mm, in place of "
+            "those of the maps: where there are any, the score is the share of them that is "
+            "touched, plus something for nearness, and `buffer_mm` and `area` have no effect"
+        ),
+    ] = ()
     target_mm: Annotated[
         tuple[Point, ...],
         BeforeValidator(_points),
         Unit("mm"),
-        Doc(
-            "points in the coordinates of every map: where there are any, the score is the share "
-            "of them that is reached, and `buffer_mm` and `area` have no effect"
-        ),
+        Doc("targets as run files had them first: nearness counts nothing without `falloff_mm`"),
     ] = ()
     tolerance_mm: Annotated[
         Distance,
         Doc(
-            "largest distance, straight, walls or not, at which a target counts as reached "
-            "(assumed)"
+            "of `target_mm`: largest distance, straight, walls or not, at which a target counts "
+            "as reached (assumed)"
         ),
-    ] = 20.0
+    ] = TOLERANCE_MM
     falloff_mm: Annotated[
-        float,
+        float | None,
         Ge(0),
         Le(LARGEST_MM),
         Unit("mm"),
         Doc(
-            "beyond the tolerance a target counts less and less, and nothing so much farther; 0: "
-            "nothing"
+            "beyond its tolerance a target counts less and less, and nothing so much farther; 0: "
+            f"nothing. Default: {NEAR_MM:g}; 0 for `target_mm`"
         ),
-    ] = 0.0
+    ] = None
     reached_by: Annotated[
         Literal["body", "tip"],
         Doc("body: any point of a centreline; tip: the tip of a branch"),
     ] = "body"
+
+    @model_validator(mode="after")
+    def _one_kind_of_targets(self) -> "Reach":
+        if self.targets and self.target_mm:
+            raise BadInputError("target_mm", self.target_mm[0], "not together with targets")
+        return self
+
+    @cached_property
+    def own(self) -> tuple[Target, ...]:
+        """Its own targets, as they may be given in two ways."""
+        within_mm = self.tolerance_mm
+        points = [Target(point_mm=point, tolerance_mm=within_mm) for point in self.target_mm]
+        return self.targets or targets_given(points)
+
+    def goals(self, of_map: Sequence[Target]) -> tuple[Target, ...]:
+        """Return the targets that count on a map: its own, or those of the map."""
+        return self.own or tuple(of_map)
+
+    @property
+    def is_desert(self) -> bool:
+        """Whether a target that is missed counts nothing, because nothing was said of nearness."""
+        return bool(self.target_mm) and self.falloff_mm is None
 
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
@@ -95,74 +138,69 @@ class Reach(Table):
 
     def check_map(self, world: Map, context: MapContext) -> None:
         """Raise `BadInputError` where a target is not in the free space of a map."""
-        points = np.array(self.target_mm).reshape(-1, 2)
-        free = shapely.intersects_xy(context.free, *points.T)
-        for place in np.flatnonzero(~free).tolist():
-            x_mm, y_mm = self.target_mm[place]
-            inside = world.bounds.covers(shapely.Point(x_mm, y_mm))
-            solid = "inside an obstacle" if inside else "outside the bounds"
-            allowed = f"a point in free space of every map; it is {solid} of {world.name!r}"
-            key = f"task.target_mm[{place + 1}]"
-            raise BadInputError(key, f"({x_mm:g}, {y_mm:g}) mm", allowed)
+        key = "target_mm" if self.target_mm else "targets"
+        check_targets(world, self.goals(context.targets), f"task.{key}" if self.own else key)
+        if not self.target_mm and self.tolerance_mm != TOLERANCE_MM and context.targets:
+            allowed = "each target its own: tolerance_mm in the map or in task.targets"
+            raise BadInputError("task.tolerance_mm", self.tolerance_mm, allowed)
 
     def cover(self, context: MapContext) -> Cover:
         """Return what several robots reach together."""
-        if not self.target_mm:
+        targets = self.goals(context.targets)
+        if not targets:
             return BodyCover(grid=CellGrid.of(context, self.buffer_mm), radius_mm=self.buffer_mm)
-        targets = np.array(self.target_mm)
         tips = self.reached_by == "tip"
         return TargetCover(
-            targets_mm=targets,
+            targets_mm=np.array([target.middle_mm for target in targets]),
             away_mm=lambda chains: nearest_mm(chains, targets, tips=tips),
-            tolerance_mm=self.tolerance_mm,
+            tolerance_mm=np.array([target.tolerance_mm for target in targets]),
         )
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the share, 0 to 1, and as terms what was reached and the grown length."""
-        if self.target_mm:
+        if self.goals(context.targets):
             summed_mm = np.array([float(deployment.grown_mm.sum())])
-            return self._of_targets(_one_chain(deployment), summed_mm, context).one(0)
+            return self._of_targets(one_chain(deployment), summed_mm, context).one(0)
         raster = context.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
             deployed = np.flatnonzero(deployment.deployed)
             chains = [deployment.chain_mm(int(branch)).tolist() for branch in deployed]
             reached_mm2 = context.free_area_mm2(near_chains(chains, self.buffer_mm))
         else:
-            (reached_mm2,) = raster.reached_mm2(_one_chain(deployment)).tolist()
+            (reached_mm2,) = raster.reached_mm2(one_chain(deployment)).tolist()
         grown_mm = float(deployment.grown_mm.sum())
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
 
-    def parts(self, score: float, _terms: Mapping[str, float]) -> dict[str, float]:
-        """Return the score: what is reached is all that counts."""
-        targets = f"targets within {self.tolerance_mm:g} mm"
-        return {targets if self.target_mm else "area reached": score}
+    def parts(self, score: float, terms: Mapping[str, float]) -> dict[str, float]:
+        """Return the share of the targets that is touched, and what nearness earned."""
+        if TOUCHED not in terms:
+            return {"area reached": score}
+        touched = terms[TOUCHED] / terms[TARGETS]
+        return {"targets touched": touched, "nearness to the others": score - touched}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area != "fast" and not self.target_mm:
+        if any(self.goals(context.targets) for context in contexts):
+            return concatenated_outcomes(
+                [
+                    self._of_targets(*_bodies_of(block, *part), contexts[part[0]])
+                    for part in block.by_terrain()
+                ]
+            )
+        if self.area != "fast":
             if not are_many(block, contexts):
                 return one_by_one(self, block, contexts)
             return concatenated_outcomes(
                 [self._of_bodies(block, *part, contexts[part[0]]) for part in block.by_terrain()]
             )
-        growth, parts = block.growth, list[TaskOutcomes]()
-        for terrain, one, two in block.by_terrain():
-            context = contexts[terrain]
-            raster = None if self.target_mm else context.raster(self.buffer_mm)
-            if raster is None and not self.target_mm:
-                return one_by_one(self, block, contexts)
-            first, last = block.branch[one], block.branch[two]
-            chains = Chains(
-                growth.points,
-                growth.first_point[first + one : last + two],
-                block.branch[one : two + 1] - first,
-                block.room[one : two + 1],
-            )
-            grown_mm = _sums(growth.grown, block.branch[one : two + 1])
+        parts = list[TaskOutcomes]()
+        for part in block.by_terrain():
+            context = contexts[part[0]]
+            raster = context.raster(self.buffer_mm)
             if raster is None:
-                parts.append(self._of_targets(chains, grown_mm, context))
-            else:
-                parts.append(_outcomes(raster.reached_mm2(chains), grown_mm, context))
+                return one_by_one(self, block, contexts)
+            chains, grown_mm = _bodies_of(block, *part)
+            parts.append(_outcomes(raster.reached_mm2(chains), grown_mm, context))
         return concatenated_outcomes(parts)
 
     def _of_bodies(
@@ -190,67 +228,38 @@ class Reach(Table):
         return _outcomes(reached_mm2, _sums(growth.grown, block.branch[one : two + 1]), context)
 
     def _of_targets(self, chains: Chains, grown_mm: Floats, context: MapContext) -> TaskOutcomes:
-        """Return the share of the targets that is reached, and as terms how many and how near."""
-        away_mm = nearest_mm(chains, np.array(self.target_mm), tips=self.reached_by == "tip")
+        """Return the share of the targets that is touched, and as terms how many and how near."""
+        targets = self.goals(context.targets)
+        away_mm = nearest_mm(chains, targets, tips=self.reached_by == "tip")
         away_mm = np.minimum(away_mm, context.diagonal_mm)
-        beyond_mm = away_mm - self.tolerance_mm
-        reached = beyond_mm <= 0.0
-        counted = reached.astype(np.float64)
-        if self.falloff_mm > 0.0:
-            counted = np.clip(1.0 - beyond_mm / self.falloff_mm, 0.0, 1.0)
+        beyond_mm = away_mm - np.array([target.tolerance_mm for target in targets])
+        touched = beyond_mm <= 0.0
+        counted = touched.astype(np.float64)
+        falloff_mm = self.falloff_mm
+        if falloff_mm is None:
+            near = NEAR_SHARE * np.clip(1.0 - beyond_mm / NEAR_MM, 0.0, 1.0)
+            counted = np.where(touched, 1.0, 0.0 if self.target_mm else near)
+        elif falloff_mm > 0.0:
+            counted = np.clip(1.0 - beyond_mm / falloff_mm, 0.0, 1.0)
         terms = {
-            "targets_reached": reached.sum(axis=1).astype(np.float64),
+            TARGETS: np.full(len(touched), float(len(targets))),
+            TOUCHED: touched.sum(axis=1).astype(np.float64),
             "farthest_mm": away_mm.max(axis=1),
             "grown_mm": grown_mm,
         }
         return TaskOutcomes(counted.mean(axis=1), terms)
 
 
-MOST_TARGETS = 1000
-
-
-def nearest_mm(chains: Chains, points_mm: Floats, *, tips: bool = False) -> Floats:
-    """Return how far points are from the bodies of several growths, shape (j, t).
-
-    Parameters
-    ----------
-    points_mm
-        The points, shape (t, 2).
-    tips
-        Whether only tips count, instead of every point of a centreline. Where no branch came out
-        the distance is infinite.
-    """
-    count = np.diff(chains.branch)
-    growth = np.repeat(np.arange(len(count)), count)
-    place = np.arange(len(growth)) + growth  # every growth has one more entry than branches
-    first = chains.room[growth] + chains.first_point[place]
-    end = chains.room[growth] + chains.first_point[place + 1]
-    stretches = np.maximum(end - first - 1, 0)
-    if tips:
-        out = np.flatnonzero(end > first)
-        a = b = end[out] - 1
-        owner = growth[out]
-    else:
-        before = np.cumsum(stretches) - stretches
-        a = np.repeat(first - before, stretches) + np.arange(stretches.sum())
-        b, owner = a + 1, np.repeat(growth, stretches)
-    away_mm = np.full((len(count), len(points_mm)), np.inf)
-    owners, begin = np.unique(owner, return_index=True)
-    base, along = chains.points_mm[a], chains.points_mm[b] - chains.points_mm[a]
-    squared = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
-    for column, point in enumerate(points_mm):
-        share = np.clip(((point - base) * along).sum(axis=1) / squared, 0.0, 1.0)
-        gap_mm = np.hypot(*(point - base - share[:, None] * along).T)
-        if len(owners):
-            away_mm[owners, column] = np.minimum.reduceat(gap_mm, begin)
-    return away_mm
-
-
-def _one_chain(deployment: Deployment) -> Chains:
-    """Return the body of one deployment."""
-    count, points = len(deployment.tree), len(deployment.points_mm)
-    ends = np.array([0, count]), np.array([0, points])
-    return Chains(deployment.points_mm, deployment.first_point, *ends)
+def _bodies_of(block: Block, _terrain: int, one: int, two: int) -> tuple[Chains, Floats]:
+    """Return the bodies of growths ``one .. two - 1`` and their grown lengths."""
+    growth, first = block.growth, block.branch[one]
+    chains = Chains(
+        growth.points,
+        growth.first_point[first + one : block.branch[two] + two],
+        block.branch[one : two + 1] - first,
+        block.room[one : two + 1],
+    )
+    return chains, _sums(growth.grown, block.branch[one : two + 1])
 
 
 def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -> BaseGeometry:

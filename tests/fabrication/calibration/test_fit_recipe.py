@@ -348,7 +348,7 @@ NONSENSE = {
     "outcome": ("matrix,46.8 6,fine,,", "nothing, weld, weldcut, cut, burnt"),
     "cell": ("matrix,46.8,weld,,", "line energy in mJ/mm"),
     "too many cells": ("seam,weldcut,0,5,mm,0.1", "cells"),
-    "nothing": ("seam,weldcut,,mm,", "no row with a value"),
+    "nothing": ("seam,weldcut,,mm,", "empty in every row"),
 }
 
 

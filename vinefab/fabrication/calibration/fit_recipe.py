@@ -412,6 +412,9 @@ def _shares(results: Results, parts: _Parts) -> tuple[MeasuredShare, ...]:
     return ()
 
 
+_LEAST = "at least one reading; two of kerf_piece and one of seam are enough to begin"
+
+
 def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
     """Fit the numbers of the recipe that the coupons were cut with.
 
@@ -433,7 +436,7 @@ def fitted_recipe(results: Results, profile: LaserProfile) -> Calibration:
         allowed = f"{name}, or --recipe {results.recipe}"
         raise BadInputError("recipe of the coupons", results.recipe, allowed)
     if not results.readings:
-        raise BadInputError("results", "no row with a value", "at least one reading")
+        raise BadInputError("value", "empty in every row", _LEAST)
     parts, numbers, remarks = _Parts(), dict[str, Estimate](), list[str]()
     known = profile.material.shrinkage_percent
     left = 1.0 - known.value / 100.0

@@ -1,9 +1,14 @@
 """Rules about robots in pieces: their number, their sleeves, labels."""
 
+import math
+from collections.abc import Iterable, Mapping
+
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
 from vinefab.fabrication.rules.rule import (
+    ROUNDING,
+    LimitChanges,
     Limits,
     Rule,
     RuleApplied,
@@ -15,8 +20,12 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.fabrication.rules.widths import lap_occupancies, passages_of
+from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Sleeve
+from vinefab.model.tree import branch_tree
 from vinefab.physics.seam import lap_load_n_mm
 
 
@@ -158,6 +167,38 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
     return RuleApplied(checked=len(partition.sleeves), violations=(violation,))
 
 
+def fullest_laps(
+    design: Design,
+    sleeves: Iterable[Sleeve],
+    film_mm: float,
+    packing: float,
+    passages: Mapping[int, float],
+) -> dict[int, tuple[int, float]]:
+    """Return, for each level that laps ride in, its fullest branch and how much is filled.
+
+    What rides in a child comes through the passage of its joint; ``passages`` has them by level.
+    """
+    level, fullest = branch_tree(design).level, dict[int, tuple[int, float]]()
+    for branch, found in lap_occupancies(design, sleeves, film_mm, packing).items():
+        at = int(level[branch])
+        share = found / passages.get(at, 1.0)
+        if share > fullest.get(at, (-1, 0.0))[1]:
+            fullest[at] = branch, share
+    return fullest
+
+
+def widest_cut_mm(build: Build, profile: LaserProfile, changed: LimitChanges) -> float:
+    """Return the widest branch whose sleeve keeps VF-J03 and VF-J06; 0 if there is none."""
+    least_mm = EASE.limits_with(changed.get(EASE.id, {}))["films"] * profile.material.film_mm
+    if Limits({"error": least_mm}).least((build.pieces or PieceSettings()).ease_mm):
+        return 0.0
+    bond, load = profile.recipe.lap, lap_load_n_mm(build.pressure_kpa, 1.0)
+    if bond is None or not bond.is_measured_limit or load == 0.0:
+        return math.inf
+    factor = LAP.limits_with(changed.get(LAP.id, {}))["safety_factor"]
+    return (1.0 + ROUNDING) * bond.load_n_per_mm.value / factor / load
+
+
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it.
 
@@ -165,30 +206,23 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     """
     if subject.partition is None or subject.profile is None:
         return _no_partition(subject)
-    film_mm = subject.profile.material.film_mm
-    shares = lap_occupancies(
+    fullest = fullest_laps(
         subject.design,
         subject.partition.sleeves,
-        film_mm,
+        subject.profile.material.film_mm,
         limits["packing"],
+        passages_of(subject.pattern),
     )
-    fullest: dict[int, int] = {}
-    passages = passages_of(subject)
-    for branch in shares:
-        level = int(subject.layout.tree.level[branch])
-        share = shares[branch] = shares[branch] / passages.get(level, 1.0)
-        if share > shares.get(fullest.get(level, -1), 0.0):
-            fullest[level] = branch
     message = (
         "folded film may jam here, doubled by laps: fewer or narrower children, fewer cuts below, "
         "or a wider branch"
     )
     violations = [
         branch_violation(subject, [branch], message, broken)
-        for branch in fullest.values()
-        if (broken := limits.most(100.0 * shares[branch]))
+        for branch, share in fullest.values()
+        if (broken := limits.most(100.0 * share))
     ]
-    return RuleApplied(checked=len(shares), violations=tuple(violations))
+    return RuleApplied(checked=len(fullest), violations=tuple(violations))
 
 
 def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:

@@ -19,11 +19,19 @@ from vinefab.model.finding import Severity
 ROUNDING = 1e-9
 """Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
 
+MOST_OF_ONE = 10.0
+"""Most that a single broken limit adds to a penalty, so that none outweighs all others."""
+
 PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
 """Where every rule stands with its picture."""
 
 LimitChanges = Mapping[str, Mapping[str, float]]
 """Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
+
+
+def relative_excess(value: float, limit: float) -> float:
+    """Return the relative excess of a value over a limit, at most 10; 0 below it."""
+    return 0.0 if value <= limit else min(MOST_OF_ONE, (value - limit) / max(abs(limit), 1e-9))
 
 
 @dataclass(frozen=True, slots=True)

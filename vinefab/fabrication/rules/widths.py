@@ -16,6 +16,7 @@ from vinefab.fabrication.rules.rule import (
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.pieces import Sleeve
 from vinefab.model.tree import branch_tree
@@ -103,9 +104,9 @@ def lap_occupancies(
     }
 
 
-def passages_of(subject: Subject) -> dict[int, float]:
+def passages_of(pattern: Pattern | None) -> dict[int, float]:
     """Return the passage into the branches of each level, as far as their joint was simulated."""
-    joints = subject.pattern.joints if subject.pattern else ()
+    joints = pattern.joints if pattern else ()
     return {joint.level: joint.found.passage for joint in joints if joint.found is not None}
 
 
@@ -160,7 +161,7 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.film_mm
     found = [*occupancies(subject.design, film_mm, limits["packing"])]
-    for level, passage in passages_of(subject).items():
+    for level, passage in passages_of(subject.pattern).items():
         if level <= len(found):
             found[level - 1] /= passage
     violations = [

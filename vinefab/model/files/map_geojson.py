@@ -20,6 +20,7 @@ from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
 from vinefab.model.start import Pose, Start, are_valid, refuse_jagged
 from vinefab.model.start_place import StartPlace, StartTable, with_starts
+from vinefab.model.target import Target, check_targets, targets_given
 
 if TYPE_CHECKING:
     from vinefab.model.map import Map
@@ -138,7 +139,7 @@ def _is_position(point: object) -> bool:
 
 
 MAP_SCHEMA = "vinefab/map-1"
-_ROLES = ("bounds", "obstacle", "start")
+_ROLES = ("bounds", "obstacle", "start", "target")
 _OF_GEOMETRY = ("line", "area")
 """Keys of a start whose place GeoJSON has in the geometry."""
 _SLACK_MM = 1e-6
@@ -156,8 +157,10 @@ class _About(Table):
     facts: dict[str, Any] | None = None
 
 
-_Content = tuple[Polygon, list[Polygon], list[tuple[str, Start | StartPlace]]]
-"""Bounds, obstacles, and starts, each with what messages call it."""
+_Content = tuple[
+    Polygon, list[Polygon], list[tuple[str, Start | StartPlace]], list[tuple[str, Target]]
+]
+"""Bounds, obstacles, and starts and targets, each with what messages call it."""
 
 
 def read_map(path: Path, made: "type[Map]") -> "Map":
@@ -184,7 +187,7 @@ def read_map(path: Path, made: "type[Map]") -> "Map":
         properties = [feature.get("properties") for feature in features]
         roles = [one.get("role") if isinstance(one, dict) else None for one in properties]
         has_roles = any(role is not None for role in roles)
-        bounds, obstacles, starts = (
+        bounds, obstacles, starts, targets = (
             _with_roles(features, roles) if has_roles else _without_roles(features)
         )
         world = made(
@@ -195,8 +198,11 @@ def read_map(path: Path, made: "type[Map]") -> "Map":
             seed=about.seed,
             facts=about.facts or {},
         )
+        for key, target in targets:
+            check_targets(world, (target,), key)
         found = [one for key, start in starts for one in with_starts(world, (start,), key).starts]
-        return replace(world, starts=tuple(found))
+        named = targets_given([target for _, target in targets], "targets")
+        return replace(world, starts=tuple(found), targets=named)
     except BadInputError as error:
         raise error.at(path) from error
 
@@ -214,6 +220,7 @@ def map_text(world: "Map") -> str:
     lines = [_polygon_line("bounds", world.bounds)]
     lines += [_polygon_line("obstacle", polygon) for polygon in world.obstacles]
     lines += [_start_line(start) for start in world.starts]
+    lines += [_target_line(target) for target in world.targets]
     head = json.dumps(about, allow_nan=False, default=plain)
     body = ",\n".join(lines)
     return f'{{"type": "FeatureCollection",\n"vinefab": {head},\n"features": [\n{body}\n]}}\n'
@@ -242,6 +249,38 @@ def _start_line(start: Start) -> str:
     return f'{{"type": "Feature", "properties": {properties}, "geometry": {shape}}}'
 
 
+def _target_line(target: Target) -> str:
+    shape = target.shape
+    if isinstance(shape, Polygon):
+        written = _shape_text(shape)
+    else:
+        position = [round(place_mm, _DECIMALS) + 0.0 for place_mm in target.middle_mm]
+        written = json.dumps({"type": "Point", "coordinates": position})
+    about = {"role": "target", "name": target.name, "tolerance_mm": target.tolerance_mm}
+    properties = json.dumps(about, allow_nan=False)
+    return f'{{"type": "Feature", "properties": {properties}, "geometry": {written}}}'
+
+
+def _target(key: str, feature: dict[str, Any]) -> Target:
+    kind, coordinates = _geometry(key, feature)
+    properties = {name: value for name, value in feature["properties"].items() if name != "role"}
+    for name, value in properties.items():
+        if name not in ("name", "tolerance_mm"):
+            raise BadInputError(f"{key}.properties.{name}", value, "name, tolerance_mm")
+    if kind == "Point":
+        (position,) = _positions(f"{key}.geometry", [coordinates]).tolist()
+        place: dict[str, Any] = {"point_mm": tuple(position)}
+    elif kind == "Polygon":
+        ring = shapely.get_coordinates(_polygon(key, coordinates).exterior)[:-1].tolist()
+        place = {"area_mm": tuple(map(tuple, ring))}
+    else:
+        raise BadInputError(f"{key}.geometry.type", kind, "Point, Polygon")
+    try:
+        return Target(**properties, **place)
+    except BadInputError as error:
+        raise BadInputError(f"{key}.properties.{error.key}", error.value, error.allowed) from error
+
+
 def _about(document: dict[str, Any]) -> _About:
     """Return the foreign member, checked; an empty one for a file that other programs wrote."""
     if "vinefab" not in document:
@@ -259,7 +298,7 @@ def _about(document: dict[str, Any]) -> _About:
 
 def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content:
     bounds, obstacles = list[Polygon](), list[Polygon]()
-    starts = list[tuple[str, Start | StartPlace]]()
+    starts, targets = list[tuple[str, Start | StartPlace]](), list[tuple[str, Target]]()
     for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
         key = feature_key(index)
         if role == "bounds":
@@ -268,11 +307,13 @@ def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content
             obstacles += _polygons(key, feature)
         elif role == "start":
             starts.append((key, _start(key, feature)))
+        elif role == "target":
+            targets.append((key, _target(key, feature)))
         else:
             raise BadInputError(f"{key}.properties.role", role, ", ".join(_ROLES))
     if len(bounds) != 1:
         raise BadInputError("bounds", counted(len(bounds), "polygon"), "exactly one")
-    return bounds[0], obstacles, starts
+    return bounds[0], obstacles, starts, targets
 
 
 def _without_roles(features: list[dict[str, Any]]) -> _Content:
@@ -294,7 +335,7 @@ def _without_roles(features: list[dict[str, Any]]) -> _Content:
                 f"outside the largest polygon, {key}",
                 "inside it, as it is taken for the bounds; or a role for every feature",
             )
-    return largest, [polygon for _, polygon in others], []
+    return largest, [polygon for _, polygon in others], [], []
 
 
 _START_SHAPES = ("Point", "LineString", "Polygon")

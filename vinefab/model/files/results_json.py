@@ -16,6 +16,7 @@ def deployment_text(
     map_name: str,
     metrics: Mapping[str, object],
     history: Sequence[Mapping[str, object]] | None = None,
+    more: Mapping[str, object] | None = None,
 ) -> str:
     """Return a deployment as JSON: lengths in mm, angles in degrees.
 
@@ -23,6 +24,8 @@ def deployment_text(
     ----------
     history
         Earlier shapes, plain values; left out when None.
+    more
+        What else stands in it, plain values.
     """
     content = {} if history is None else {"history": list(history)}
     return json_text(
@@ -33,6 +36,7 @@ def deployment_text(
             "pose": pose_content(deployment.pose),
             "branches": branches_content(deployment),
             "metrics": dict(metrics),
+            **(more or {}),
             **content,
         },
     )

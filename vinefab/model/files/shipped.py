@@ -1,16 +1,18 @@
 """Designs, machines, materials, recipes, printers and run files by name or by path.
 
-A name is looked for in the user's own folder first, then among the shipped files. The folder is
+A name is looked for in the user's own folder first, then among the shipped files, then as
+``NAME.toml`` in the current folder: a registered name means the same everywhere. The own folder is
 ``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` where that is set), or what the environment
 variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the project: ``designs``,
 ``laser_profiles/recipes`` and so on.
 """
 
 import os
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError, nearest
 
 KINDS = {
     "design": "designs",
@@ -77,35 +79,72 @@ def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:
     Parameters
     ----------
     name_or_path
-        A path, or the name of a shipped file without its suffix. Something that has a folder or
-        a suffix is a path; a bare name is looked up here first, then in the user's own folder,
-        then among the shipped ones.
+        A path, with or without its suffix ``.toml``, or a name as in `registered`. A bare name that
+        is registered and is a file ``NAME.toml`` here too means the registered one.
     """
     path = path_given(kind, name_or_path, "a path or a name")
-    given = str(name_or_path)
-    if path.suffix or path.parent != Path():
-        return existing_file(path)
     if path.is_file():
         return path
-    for root in (user_root(), shipped_root()):
-        found = root / KINDS[kind] / f"{given}.toml"
-        if found.is_file():
+    is_bare = path.parent == Path() and not path.suffix
+    if is_bare:
+        found = registered(kind, str(name_or_path))
+        if found is not None:
             return found
-    raise UnknownNameError(kind, given, {*names(kind), *user_names(kind)})
+    with_suffix = path.with_name(f"{path.name}.toml") if path.name else path
+    if with_suffix.is_file():
+        return with_suffix
+    if is_bare:
+        known = {*names(kind), *user_names(kind), *_names_here(kind)}
+        raise UnknownNameError(kind, str(name_or_path), known)
+    return existing_file(path, near=".toml")
+
+
+def registered(kind: str, name: str) -> Path | None:
+    """Return the user's own or the shipped file of a name; None where there is none.
+
+    Files name each other so: the current folder makes no difference.
+    """
+    places = (root / KINDS[kind] / f"{name}.toml" for root in (user_root(), shipped_root()))
+    return next((place for place in places if place.is_file()), None)
+
+
+_MOST_LOOKED_AT = 200
+
+
+def _names_here(kind: str) -> tuple[str, ...]:
+    """Return the stems of files of a kind in the current folder."""
+    schema = b'"vinefab/%b-' % kind.removesuffix(" file").encode()
+    found = list[str]()
+    for path in sorted(Path().glob("*.toml"))[:_MOST_LOOKED_AT]:
+        with suppress(OSError):
+            if path.is_file() and schema in path.read_bytes()[:_HEAD_BYTES]:
+                found.append(path.stem)
+    return tuple(found)
+
+
+_HEAD_BYTES = 2000
 
 
 _OF_THE_SYSTEM = (Path("/proc"), Path("/sys"))
 """What lies here looks like files, may never end or block, and is not opened."""
 
 
-def existing_file(path: Path) -> Path:
-    """Return a path that leads to a file, or raise UnreadableFileError."""
+def existing_file(path: Path, near: str = "") -> Path:
+    """Return a path that leads to a file, or raise UnreadableFileError.
+
+    Parameters
+    ----------
+    near
+        The ending of files of its folder whose names the error may suggest; none if empty.
+    """
     if path.is_dir():
         raise UnreadableFileError(path, "is a folder, not a file")
     if path.exists() and not path.is_file():
         raise UnreadableFileError(path, "is a device or a pipe, not a file")
     if not path.is_file():
-        raise UnreadableFileError(path, "there is no such file")
+        others = sorted(path.parent.glob(f"*{near}"))[:_MOST_LOOKED_AT] if near else []
+        hint = nearest(path.name, [one.name for one in others])
+        raise UnreadableFileError(path, f"there is no such file{hint}")
     real = path.resolve()
     if any(real.is_relative_to(place) for place in _OF_THE_SYSTEM):
         raise UnreadableFileError(path, f"is part of the system ({real.parts[1]}), not a file")

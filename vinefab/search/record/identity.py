@@ -33,11 +33,13 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
 
 
 def map_fingerprint(world: Map) -> str:
-    """Return the fingerprint of a map's name, bounds, obstacles and starts."""
+    """Return the fingerprint of a map's name, bounds, obstacles, starts and targets."""
     starts = [start_record(start) for start in world.starts]
     return fingerprint(
         world.name,
         world.bounds.wkb_hex,
         [obstacle.wkb_hex for obstacle in world.obstacles],
         starts,
+        # Maps without them keep the fingerprint that they had before there were any.
+        *([[target.content for target in world.targets]] if world.targets else []),
     )

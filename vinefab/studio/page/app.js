@@ -5,6 +5,7 @@ import * as designPanel from "studio/design_panel.js";
 import * as exportPanel from "studio/export_panel.js";
 import * as familyPanel from "studio/family_panel.js";
 import * as filesPanel from "studio/files_panel.js";
+import * as growthPanel from "studio/growth_panel.js";
 import * as mapPanel from "studio/map_panel.js";
 import * as searchPanel from "studio/search_panel.js";
 import * as sheetPanel from "studio/sheet_panel.js";
@@ -12,11 +13,12 @@ import { GONE, createLink } from "studio/link.js";
 import { createStore } from "studio/store.js";
 
 const PANELS = {
-  design: designPanel, map: mapPanel, sheet: sheetPanel, files: filesPanel,
+  design: designPanel, growth: growthPanel, map: mapPanel, sheet: sheetPanel, files: filesPanel,
   family: familyPanel, compare: comparePanel, search: searchPanel, export: exportPanel,
 };
 const KEPT = "vinefab-studio";
 const TOKEN = "vinefab-token";
+const WIDE = matchMedia("(min-width: 1151px)"); // as in studio.css
 
 const byId = (id) => document.getElementById(id);
 
@@ -116,10 +118,13 @@ function mountTabs() {
       dispatchEvent(new CustomEvent("tabshown", { detail: chosen.getAttribute("aria-controls") }));
     };
     for (const tab of tabs) tab.addEventListener("click", () => show(tab));
+    // On a wide window the sheet is a column: its tab is there on narrow ones alone.
+    WIDE.addEventListener("change", () => { if (byId("side") && !byId("side").hidden) tabs[0].click(); });
     list.addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!step) return;
-      const next = tabs.at((tabs.indexOf(document.activeElement) + step) % tabs.length);
+      const shown = tabs.filter((tab) => tab.checkVisibility());
+      const next = shown.at((shown.indexOf(document.activeElement) + step) % shown.length);
       next.focus();
       show(next);
     });

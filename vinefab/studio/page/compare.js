@@ -71,6 +71,7 @@ function measures(answers, task) {
   ];
 }
 
+const nameOf = ({ name, unit }) => (unit ? `${name}, ${unit}` : name);
 const isKnown = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
 /** Return what is shown of a measure now and before; `comparable` tells whether before is known. */
@@ -101,7 +102,9 @@ export function mount(root, app) {
   const bodies = GROUPS.map(() => el("tbody"));
   const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
     el("thead", {}, el("tr", {}, [name, "before", "now", "change"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
+  const changes = el("span");
   root.append(
+    el("summary", {}, "Changed: ", changes),
     el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule),
     el("div", { class: "tables" }, tables),
   );
@@ -174,10 +177,10 @@ export function mount(root, app) {
   // ---- showing
 
   function makeRow(measure) {
-    const kind = el("span", { class: "for-readers" });
+    const kind = el("small");
     const change = el("span");
     const [before, now] = [el("td"), el("td", { class: "now" })];
-    const heading = el("th", { scope: "row" }, measure.unit ? `${measure.name}, ${measure.unit}` : measure.name, measure.note ? el("span", { class: "standing" }, measure.note) : null);
+    const heading = el("th", { scope: "row" }, nameOf(measure), measure.note ? el("span", { class: "standing" }, measure.note) : null);
     const row = el("tr", { "data-measure": measure.key }, heading, before, now, el("td", {}, change, kind));
     return { row, before, now, change, kind };
   }
@@ -188,13 +191,14 @@ export function mount(root, app) {
     const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
     const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
     for (const part of ["before", "now", "change", "kind"]) {
-      if (parts[part].textContent !== found[part]) parts[part].textContent = found[part];
+      const text = found[part] === "same" ? "" : found[part];
+      if (parts[part].textContent !== text) parts[part].textContent = text;
     }
-    parts.change.setAttribute("class", ["better", "worse"].includes(found.kind) ? found.kind : "");
+    parts.kind.setAttribute("class", ["better", "worse"].includes(found.kind) ? found.kind : "");
     const why = !reference || comparable ? "" : ". Not known of the version before under what is open now";
     parts.row.title = `${measure.title}${why}`;
     parts.row.hidden = found.now === "–" && found.before === "–";
-    return parts.row;
+    return { row: parts.row, change: found.change && found.kind !== "same" ? `${nameOf(measure)} ${found.change}` : "" };
   }
 
   function words(reference) {
@@ -210,9 +214,13 @@ export function mount(root, app) {
     const compared = reference && reference.key !== now.key ? reference : null;
     // While a design is dragged its answers are one step behind: they are shown as they come.
     const answers = { live: app.answers.live, rules: app.answers.rules, family: app.answers.family };
-    const shown = measures(answers, app.shown().task ?? "coverage").map((measure) => [measure.group, showRow(measure, answers, compared)]);
+    const shown = measures(answers, app.shown().task ?? "coverage").map((measure) => ({ group: measure.group, ...showRow(measure, answers, compared) }));
+    // Folded away, its room kept: the map must not jump under the hand.
+    const changed = shown.map(({ change }) => change).filter(Boolean).join(" · ");
+    if (changes.textContent !== changed) changes.textContent = changed;
+    root.classList.toggle("unchanged", !changed && !root.open);
     bodies.forEach((body, index) => {
-      const wanted = shown.filter(([name]) => name === GROUPS[index]).map(([, row]) => row);
+      const wanted = shown.filter(({ group }) => group === GROUPS[index]).map(({ row }) => row);
       if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) body.replaceChildren(...wanted);
     });
     const text = words(reference);
@@ -262,6 +270,7 @@ export function mount(root, app) {
   function showStored() {
     const reference = app.answers.reference;
     root.hidden = !reference;
+    root.open = true;
     if (!reference) return;
     const state = app.shown();
     kept.step = version(reference.design, state);

@@ -1,7 +1,7 @@
 // The design: every value with a slider, an exact number, its unit and range, and a lock.
 
 import { patternOf } from "studio/deployed.js";
-import { el, number, setAt, valueAt } from "studio/dom.js";
+import { el, number, setAt, svgEl, valueAt } from "studio/dom.js";
 
 /** Return the number rows of a table with their whole keys; lists are the levels'. */
 function numberRows(rows, prefix) {
@@ -28,8 +28,13 @@ function writeValue(design, row, value) {
   setAt(design, row.key, value);
 }
 
-/** Return a row's elements and how to show a state in it. */
-function parameter(row, app, drag) {
+const DESIGN = {
+  valueOf: (state, row) => valueAt(state.design, row.key) ?? absent(row),
+  write: (state, row, value) => writeValue(state.design, row, value),
+};
+
+/** Return a row's elements and how to show a state in it; `tree` tells where its values stand. */
+export function parameter(row, app, drag, tree = DESIGN) {
   const id = `value-${row.key.replaceAll(".", "-")}`;
   const [low, high] = row.slider;
   const slider = el("input", {
@@ -41,12 +46,13 @@ function parameter(row, app, drag) {
   const lock = el("button", {
     type: "button", class: "lock", "aria-pressed": "false",
     "aria-label": `Lock ${row.name} ${row.label}`, title: "Locked: neither the hand, the fix nor a search changes it",
-  });
+  }, svgEl("svg", { width: 14, height: 15, "aria-hidden": "true" },
+    svgEl("path", { class: "shackle", d: "M4 7V4.5a3 3 0 0 1 6 0V7" }), svgEl("rect", { x: 2.5, y: 7, width: 9, height: 7, rx: 1 })));
 
   const set = (value, group) => {
     if (!Number.isFinite(value)) return;
     const fitting = Math.min(most, Math.max(least, row.whole ? Math.round(value) : value));
-    app.store.change(`${row.name} ${row.label}`.toLowerCase(), (state) => writeValue(state.design, row, fitting), { group });
+    app.store.change(`${row.name} ${row.label}`.toLowerCase(), (state) => tree.write(state, row, fitting), { group });
   };
   slider.addEventListener("input", (event) => {
     drag.moved(event);
@@ -70,7 +76,8 @@ function parameter(row, app, drag) {
   });
 
   function show(state) {
-    const value = valueAt(state.design, row.key) ?? absent(row);
+    const value = tree.valueOf(state, row);
+    if (!Number.isFinite(value)) return;
     const locked = state.locks.includes(row.key);
     // A slider reaches as far as the value that it shows.
     slider.max = Math.max(high, Math.ceil(value));
@@ -84,9 +91,9 @@ function parameter(row, app, drag) {
   }
 
   const line = el(
-    "div", { class: "parameter" },
+    "div", { class: "parameter", "data-about": `${row.label}: ${row.about}` },
     el("label", { for: id, title: row.about }, row.label), slider, exact,
-    el("span", { class: "unit", "aria-hidden": "true" }, row.unit), lock,
+    el("span", { class: "unit", "aria-hidden": "true" }, row.unit), tree === DESIGN ? lock : null,
   );
   return { line, show };
 }
@@ -151,19 +158,33 @@ function setTable(state, row, key, kind) {
   state.locks = state.locks.filter((locked) => !locked.startsWith(key));
 }
 
+/** Return how drags of sliders become steps of undo: one from release to release. */
+export function dragSteps() {
+  let drags = 0;
+  addEventListener("released", () => drags++);
+  return {
+    group: (key) => `${key} ${drags}`,
+    moved: (event) => dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp })),
+  };
+}
+
+/** Return a line that says what the value under hand or focus means. */
+function hintLine(column) {
+  const line = el("p", { class: "hint" });
+  const show = ({ target }) => {
+    const about = target.closest?.("[data-about]")?.dataset.about;
+    if (about) line.textContent = about;
+  };
+  for (const event of ["focusin", "pointerover"]) column.addEventListener(event, show);
+  return line;
+}
+
 const words = (choice) => choice.replaceAll("_", " ");
 
 export function mount(root, app) {
   let parts = [];
   let built = "";
-  let drags = 0;
-  const drag = {
-    // What happened since the last release is one step of undo.
-    group: (key) => `${key} ${drags}`,
-    moved: (event) => dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp })),
-  };
-  addEventListener("released", () => drags++);
-
+  const drag = dragSteps();
   const name = el("input", { type: "text", id: "design-name", maxlength: 100, pattern: "[\\w\\-.]+", spellcheck: "false" });
   name.addEventListener("change", () => {
     if (name.validity.valid && name.value) app.store.change("name", (state) => { state.design.name = name.value; });
@@ -174,17 +195,15 @@ export function mount(root, app) {
   const more = el("button", { type: "button", onclick: () => app.store.change("a level more", (state) => addLevel(form, state)) }, "Add a level");
   const less = el("button", { type: "button", onclick: () => app.store.change("a level less", (state) => removeLevel(form, state)) }, "Remove the last");
   const body = el("div", { class: "parameters" });
-  root.append(
-    el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name),
-    body,
-  );
+  root.append(el("div", { class: "field" }, el("label", { for: "design-name" }, "Name"), name), body);
+  root.parentNode.append(hintLine(root.parentNode));
 
   /** Return a field with a choice: of a key, or of whether and as what there is a table. */
   function choiceField(key, row, options, valueOf, set) {
     const id = `choice-${key.replaceAll(".", "-")}`;
     const select = el("select", { id }, options.map(([value, text]) => el("option", { value }, text)));
     select.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => set(state, select.value)));
-    const box = el("div", { class: "field" }, el("label", { for: id, title: row.about }, row.label), select);
+    const box = el("div", { class: "field", "data-about": `${row.label}: ${row.about}` }, el("label", { for: id, title: row.about }, row.label), select);
     const show = (state) => {
       select.value = valueOf(state.design);
       select.disabled = !app.live;

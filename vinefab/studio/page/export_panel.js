@@ -73,7 +73,7 @@ function entry(kind, app, write) {
     const parts = option.kind ? [label, input] : [input, label];
     return { ...option, input, line: el("span", { class: "option" }, ...parts) };
   });
-  const button = el("button", { type: "button", class: "primary", onclick: () => write(kind.name) }, `Write ${kind.title.toLowerCase()}`);
+  const button = el("button", { type: "button", class: "primary", disabled: true, onclick: () => write(kind.name) }, `Write ${kind.title.toLowerCase()}`);
   const command = el("code", { class: "command", tabindex: 0, "aria-label": `Command for the ${kind.name}` });
   const copy = el("button", { type: "button", "aria-label": `Copy the command for the ${kind.name}` }, "Copy");
   copy.addEventListener("click", async () => {
@@ -87,7 +87,7 @@ function entry(kind, app, write) {
     }
   });
   const line = el("div", { class: "line" }, command, copy);
-  const note = el("p", { class: "note" });
+  const note = el("p", { class: "note" }, "Reading what would be written …");
   const result = el("div", { class: "result", role: "status" });
   const box = el(
     "section", { class: "export", "data-export": kind.name, "aria-label": kind.title },
@@ -116,6 +116,7 @@ function entry(kind, app, write) {
       const told = found.commands[kind.name];
       for (const option of options) option.line.hidden = option.when ? !option.when(found) : false;
       line.hidden = !told?.command;
+      button.disabled = false;
       command.textContent = told?.command ?? "";
       note.dataset.kind = told?.error ? "error" : "info";
       note.textContent = told?.error ?? kind.note ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");

@@ -113,6 +113,7 @@ function mountLive(root, app, name, mark) {
       state.design = file.design;
       state.opened = file.path;
       if (file.recipe) state.recipe = file.recipe;
+      if (file.task) state.task = file.task;
     });
     setFile(fileOf(file, file.design));
     const note = file.recipe_note ? `; ${file.recipe_note}` : "";
@@ -289,7 +290,8 @@ function mountLive(root, app, name, mark) {
     }
     isKept = restored;
     const found = (await app.desk("recoveries")).recoveries
-      .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key));
+      .filter((entry) => !others.has(entry.key) && !(restored && entry.key === key))
+      .filter((entry) => plainText(entry.design) !== plainText(store.get().design)); // what is open is not lost
     offer(found);
   }
 

@@ -1,14 +1,10 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
-import { el, fillSvg, number, svgEl } from "studio/dom.js";
+import { el, fillSvg, number, paused, shownBlocks, svgEl } from "studio/dom.js";
 import { createView, ZOOM } from "studio/view.js";
 
-const STOPS = {
-  full_length: ["○", "grown in full"], head_on: ["✕", "head-on"], corner: ["▲", "in a corner"],
-  pressure: ["■", "out of pressure"], branch: ["◆", "at another branch"],
-  not_everted: ["○", "did not come out"], not_deployed: ["–", "never emerged"],
-};
 const PLAY_S = 4;
+const REST_MS = 700;
 
 /** What a hand sets needs no more digits than a laser has. */
 const hundredth = (value) => Math.round(100 * value) / 100;
@@ -44,6 +40,8 @@ export function mount(root, app) {
   const play = el("button", { type: "button", id: "play" }, "Grow");
   const scores = el("div", { class: "scores", id: "scores" });
   const facts = el("p", { class: "facts", id: "facts" });
+  const growth = el("button", { type: "button", class: "link", onclick: () => document.getElementById("tab-growth").click() }, "By which rules?");
+  const width = el("details", { class: "width", hidden: true }, el("summary"), el("div"));
   const problems = el("ul", { class: "problems", id: "problems" });
   const pose = Object.fromEntries([
     ["x_mm", "x", "mm"], ["y_mm", "y", "mm"], ["heading_deg", "heading", "°"],
@@ -59,19 +57,18 @@ export function mount(root, app) {
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
   const add = el("button", { type: "button" }, "Add an obstacle");
   const remove = el("button", { type: "button", disabled: true }, "Delete it");
-  const home = el("button", { type: "button" }, "Start of the map");
+  const home = el("button", { type: "button" }, "As in the map");
   const bigger = el("button", { type: "button", "aria-label": "Zoom in" }, "+");
   const smaller = el("button", { type: "button", "aria-label": "Zoom out" }, "−");
-  const fit = el("button", { type: "button" }, "Whole map");
+  const fit = el("button", { type: "button", "aria-label": "Whole map", title: "Whole map" }, "⤢");
 
   root.append(
+    el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit)),
+    el("div", { class: "told" }, scores, width, facts, problems),
     el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed),
-      el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
-    el("div", { class: "toolbar" }, bigger, smaller, fit, el("span", { class: "gap" }), add, remove, home),
-    svg,
+      add, remove, el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
+    el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label), home),
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
-    el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label)),
-    el("div", { class: "told" }, scores, facts, problems),
   );
 
   let answer = null;
@@ -161,19 +158,32 @@ export function mount(root, app) {
   }
 
   function showFacts() {
-    const { facts: found } = answer;
     scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
       el("div", { class: "score", "data-task": task },
         el("span", { class: "name" }, answer.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
         el("span", { class: "standing" }, "simulated"))));
-    const stops = Object.entries(found.stops ?? {}).filter(([, count]) => count)
-      .map(([stop, count]) => `${STOPS[stop]?.[0] ?? ""} ${count} ${STOPS[stop]?.[1] ?? stop}`);
-    const grown = found.planned_mm ? `${number((100 * found.grown_mm) / found.planned_mm, 0)} % of ${number(found.planned_mm / 1000, 2)} m grown` : "";
-    facts.textContent = [`${found.deployed ?? 0} of ${found.branches} branches out`, grown, ...stops].filter(Boolean).join(" · ");
+    facts.replaceChildren(`${answer.facts.text}. `, growth);
+    growth.title = `Grown with: ${answer.growth?.text}`;
     problems.replaceChildren(...(answer.problems ?? []).map((text) => el("li", {}, text)));
   }
 
+  /** Ask how wide the scores are once everything rests: it takes a process that simulates. */
+  const askWidth = paused(async () => {
+    if (!app.live || answer?.engine !== "kernel" || dragging) return;
+    try {
+      const found = await app.ask("width");
+      width.hidden = !found.text;
+      width.firstChild.textContent = found.text;
+      width.lastChild.replaceChildren(...shownBlocks(found.blocks));
+      width.classList.remove("stale");
+    } catch {
+      width.hidden = true; // why nothing grows stands with the robot
+    }
+  }, REST_MS);
+
   function show(found) {
+    width.classList.add("stale");
+    askWidth();
     answer = found;
     if (!app.previewed) app.present = found;
     if (found.ground_svg !== null && found.ground_svg !== undefined) {

@@ -344,10 +344,11 @@ export function mount(root, app) {
 
   const form = settings(app);
   const folder = el("input", { type: "text", id: "search-folder", spellcheck: "false" });
-  const start = el("button", { type: "button", class: "primary" }, "Start");
+  const start = el("button", { type: "button", class: "primary", disabled: true }, "Start");
   const start_command = commandLine(app, "start");
+  const waiting = el("p", { class: "facts" }, "Reading what can be searched …");
   const problem = el("p", { class: "problem", hidden: true });
-  const fresh = el("details", { class: "new", open: true }, el("summary", {}, "A new search"), form.box, field("Folder", folder), problem, el("div", { class: "buttons" }, start), start_command.line);
+  const fresh = el("details", { class: "new", open: true }, el("summary", {}, "A new search"), waiting, form.box, field("Folder", folder), problem, el("div", { class: "buttons" }, start), start_command.line);
 
   const runs = el("ul", { class: "runs" });
   const again = el("button", { type: "button" }, "Look again");
@@ -359,6 +360,7 @@ export function mount(root, app) {
   let chosen = null; // the point of it that is previewed, with its design
   let previewed = null; // the design that this panel put on the map
   let is_asking = false;
+  let is_running = false;
   let asks_again = false; // the design has changed since
 
   function fail(error) {
@@ -423,10 +425,10 @@ export function mount(root, app) {
       el("span", { class: "value" }, found.best_score === null ? "–" : number(found.best_score, 4)),
       el("span", { class: "standing" }, found.best_words),
     );
-    const is_running = found.state === "running";
+    is_running = found.state === "running";
     stop.hidden = !is_running;
     resume.hidden = found.state !== "stopped" && !(found.state === "failed" && found.generations);
-    start.disabled = is_running || !app.live;
+    showStart();
     for (const button of [on_map, take]) button.disabled = !found.best || !app.live;
     for (const button of [stop, resume]) button.disabled = !app.live;
     command.set(found.command);
@@ -519,6 +521,13 @@ export function mount(root, app) {
     if (found.search && JSON.stringify(found.search) !== JSON.stringify(event)) showEvent(found.search);
   }
 
+  /** Nothing is started before the form is filled: until then it says so. */
+  function showStart() {
+    start.disabled = is_running || !app.live || !form.isShown();
+    form.box.hidden = !form.isShown();
+    waiting.hidden = form.isShown();
+  }
+
   async function propose() {
     if (!app.live || root.hidden) return;
     if (is_asking) {
@@ -533,6 +542,7 @@ export function mount(root, app) {
     if (asks_again) propose();
     if (!found) return;
     form.show(found, app.store.get());
+    showStart();
     if (!folder.dataset.edited) folder.value = found.folder;
     start_command.set(found.command);
   }
@@ -545,7 +555,8 @@ export function mount(root, app) {
     endPreview();
     delete folder.dataset.edited;
     fresh.open = false;
-    start.disabled = true;
+    is_running = true;
+    showStart();
     app.say(`Searching: ${found.command}`);
     root.scrollTo({ top: 0 });
   });
@@ -601,5 +612,6 @@ export function mount(root, app) {
     else root.append(el("p", { class: "facts" }, "No search was run when this snapshot was made."));
     return;
   }
+  showStart();
   refresh();
 }

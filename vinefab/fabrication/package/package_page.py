@@ -358,7 +358,7 @@ def _finding_row(finding: Finding) -> tuple[str, ...]:
         weight,
         ", ".join(finding.branches),
         f"{finding.title}: {finding.message}" if finding.title else finding.message,
-        finding.numbers,
+        finding.measures,
         finding.fingerprint,
     )
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
-from vinefab.core.view import Text
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design, PieceSettings
@@ -52,7 +51,7 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
     page = (folder / "index.html").read_text()
     for heading in (
         "The winner on its training maps",
-        "The winner on unseen maps",
+        "How branches end on unseen maps",
         "How wide the score is",
         "The flat sheet and what the rules say",
         "What limits it",
@@ -64,6 +63,8 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
     assert 'http-equiv="refresh"' not in page
     names = {path.name for path in (folder / "pictures").iterdir()}
     assert {"curve.svg", "sheet.svg", "training_1.svg", "unseen_median.svg"} <= names
+    assert {"unseen_worst.svg", "unseen_best.svg", "contacts.svg"} <= names
+    assert "fails completely" in page
     assert page.count("<img ") == len(names)
     assert all(is_ours(path) for path in (folder / "pictures").iterdir())
 
@@ -107,7 +108,7 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     assert EndedRun.read(tmp_path).result.answer.text.endswith(f"levels; {words}; manufacturable")
     assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
-    monkeypatch.setattr(run_page, "_shown", lambda *_: [Text("not drawn in a test")])
+    monkeypatch.setattr(run_page, "_shown", lambda *_: ((), ()))
     monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
     again = write_run_page(tmp_path, EndedRun.read(tmp_path))
     assert words in again.read_text()

@@ -257,12 +257,11 @@ def _score_again(
     call = this_call().to(
         score,
         design=best,
-        task=task or settings.task.name,
+        **({"task": task} if task else {}),
         maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
         **({} if start is None else {"start": start.text}),
         poses=evaluation.final_poses_per_map,
         seed=result.best.origin["seed_of_score"],
-        **({} if task else settings.task.parameters),
     )
     return call.text()
 

@@ -15,6 +15,7 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.model.target import TargetsResult
 from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import COLUMN_PT
@@ -123,7 +124,7 @@ def deployment_picture(
     options: GrowthOptions,
     *,
     whole: bool = False,
-    targets_mm: Floats | None = None,
+    touched: TargetsResult | None = None,
 ) -> bytes:
     """Return a deployment on its map, as pixels where lines would take megabytes.
 
@@ -132,11 +133,13 @@ def deployment_picture(
     whole
         Whether to show the whole map even where the robot takes a part of it. A robot that hardly
         grew is shown with the map that stopped it anyway.
+    touched
+        As in `deployment_plan`.
     """
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
     whole = whole or bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
     plan = deployment_plan(
-        world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, targets_mm=targets_mm
+        world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, touched=touched
     )
     return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
 

@@ -32,6 +32,7 @@ from vinefab.search.settings import (
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
+from vinefab.tasks.reach import Reach
 from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.targets import check_targets_on
 from vinefab.tasks.task import (
@@ -49,6 +50,12 @@ _AS_DESIGNED = (
     "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
     "the winner to see that robot"
 )
+
+_DESERT = (
+    "target_mm without falloff_mm: a target that is missed counts nothing, however near; `targets` "
+    "in its place rewards nearness"
+)
+_SCORES_TARGETS = 'name = "reach" in [task] does'
 
 INVALID_FITNESS = -1e6
 """Fitness of a point without a valid design or a finite score: below everything."""
@@ -386,6 +393,11 @@ class Evaluator:
         Nothing of starts without spread where the run itself asks for them as they are.
         """
         notes = [_AS_DESIGNED] if self.space.build.compensation == "none" else []
+        if any(isinstance(one, Reach) and one.is_desert for one in self.spec.tasks):
+            notes.append(_DESERT)
+        aimed = any(prepared.world.targets for prepared in self.maps)
+        if aimed and not any(isinstance(task, Reach) for task in self.spec.tasks):
+            notes.append(f"{self.task.name} does not score the maps' targets; {_SCORES_TARGETS}")
         if self.evaluation.pose_range == 0.0:
             return tuple(notes)
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)

@@ -127,6 +127,11 @@ class Reach(Table):
         """Return the targets that count on a map: its own, or those of the map."""
         return self.own or tuple(of_map)
 
+    @property
+    def is_desert(self) -> bool:
+        """Whether a target that is missed counts nothing, because nothing was said of nearness."""
+        return bool(self.target_mm) and self.falloff_mm is None
+
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
         return self.changed(area="fast") if self.area == "auto" else self

@@ -97,14 +97,26 @@ class Progress:
         return {True: "yes", False: "not yet", None: "by the quick rules"}[self.passes]
 
     @property
-    def targets_text(self) -> str:
-        """How many targets the best design so far touches; empty where there are none."""
+    def _touched(self) -> tuple[float, float] | None:
+        """How many targets the best design so far touches, of how many; None without targets."""
         if not self.history or TARGETS not in self.history[-1].terms:
-            return ""
+            return None
         best = max(self.history, key=lambda generation: generation.best)
         place = int(best.fitness.argmax())
-        touched, total = (float(best.terms[name][place]) for name in (TOUCHED, TARGETS))
+        return float(best.terms[TOUCHED][place]), float(best.terms[TARGETS][place])
+
+    @property
+    def targets_text(self) -> str:
+        """How many targets the best design so far touches; empty where there are none."""
+        if self._touched is None:
+            return ""
+        touched, total = self._touched
         return f"{touched:.3g} of {total:g} touched"
+
+    @property
+    def touches_all(self) -> bool:
+        """Whether the best design so far touches all targets."""
+        return self._touched is not None and self._touched[0] == self._touched[1]
 
     @property
     def share(self) -> float:

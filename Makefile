@@ -43,6 +43,7 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/rules/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
+	$(BIN)/python tests/search/target_cases.py
 	$(BIN)/python tests/fabrication/pieces/many_trees.py 2000
 	$(BIN)/python tests/fabrication/pieces/partition_times.py
 	$(BIN)/python tests/observation/many_photos.py 24

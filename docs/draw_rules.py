@@ -79,7 +79,7 @@ def sides_of(rule: str) -> list[Side]:
 def rule_picture(rule: str, sides: list[Side]) -> str:
     """Return the picture of a rule."""
     return picture(
-        f"{rule}: {RULES[rule].title}. First what breaks it, then what keeps it",
+        f"{rule}: {RULES[rule].broken}; then {RULES[rule].title}",
         [(one.kind, _verdict(one.finding) if one.finding else "kept", one.sketch) for one in sides],
     )
 

@@ -284,7 +284,8 @@ def _rule_part(rule: Rule) -> str:
         else ""
     )
     return (
-        f"### {rule.id}: {rule.title}\n{shown}\n- **Limits:** {limits}\n- **Why:** {rule.reason}\n"
+        f"### {rule.id}: {rule.title}\n{shown}\n- **Broken:** {rule.broken}\n"
+        f"- **Limits:** {limits}\n- **Why:** {rule.reason}\n"
         f"- **Remedy:** {rule.remedy}\n"
     )
 

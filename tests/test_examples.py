@@ -25,7 +25,7 @@ from vinefab.search.front_files import write_front
 from vinefab.search.record.result import RunArchive
 from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_pages import rebuild
-from vinefab.search.settings import PartSettings, read_run, targets_mm
+from vinefab.search.settings import PartSettings, read_run, run_task
 from vinefab.search.space import Space
 from vinefab.studies import cluster_scaling
 
@@ -143,12 +143,12 @@ def starts_where_it_is_told(settings, result, folder):
     poses = [evaluation.pose for evaluation in result.score.evaluations]
     assert {pose.y_mm for pose in poses} == {15.0}
     assert all(240.0 <= pose.x_mm <= 260.0 for pose in poses)
-    assert settings.task.parameters["tolerance_mm"] == 20.0
+    assert [one.name for one in run_task(settings).own] == ["A", "B", "valve"]
     assert all("targets_reached" in evaluation.terms for evaluation in result.score.evaluations)
     rebuild(folder, folder / "again")
     (world,) = training_maps(settings)
     drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
-    assert drawn == marked(page_svg(map_plan(world, targets_mm=targets_mm(settings))))
+    assert drawn == marked(page_svg(map_plan(world, targets=run_task(settings).own)))
     assert drawn != marked(page_svg(map_plan(world)))
 
 

@@ -87,6 +87,10 @@ def write_deployment(
     return write_bytes(target, drawn(suffix), force=force)
 
 
+_MOST_TARGETS = 10
+"""Of a map, that its summary names."""
+
+
 def map_summary(world: Map) -> tuple[str, ...]:
     """Return the size of a map, its starts and what is odd about it."""
     from vinefab.model.start_place import area_notes, start_words
@@ -99,6 +103,7 @@ def map_summary(world: Map) -> tuple[str, ...]:
     ]
     starts = world.starts if any(one.area for one in world.starts) else world.starts[:1]
     lines += [f"start: {start_words(start)}" for start in starts]
+    lines += [f"target: {one.name} at {one.place_text}" for one in world.targets[:_MOST_TARGETS]]
     lines += [f"note: {note}" for note in [*size_notes(world), *area_notes([world])]]
     return tuple(lines)
 

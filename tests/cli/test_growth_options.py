@@ -46,10 +46,19 @@ def test_a_design_is_grown_as_it_was_trained_and_the_user_comes_first(vinefab, g
 
 
 def test_designs_trained_differently_are_compared_with_the_defaults(vinefab, grid, trained):
-    code, words, _ = vinefab("compare", trained, "plain_vine", "--map", grid, "--poses", 2)
+    other = trained.with_name("other.toml")
+    other.write_text(trained.read_text().replace("centerline", "inflated"))
+    code, words, _ = vinefab("compare", trained, other, "--map", grid, "--poses", 2)
     assert code == 0
     assert "trained with different growth options: all are grown with the defaults" in words
     assert DEFAULT in words
+
+
+def test_a_design_of_no_run_is_compared_as_the_other_was_trained(vinefab, grid, trained):
+    code, words, _ = vinefab("compare", trained, "plain_vine", "--map", grid, "--poses", 2)
+    assert code == 0
+    assert words.startswith("growth options of the design's origin")
+    assert "centerline body" in words
     assert "plain minus plain_vine" in words
 
 

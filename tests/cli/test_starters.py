@@ -172,7 +172,14 @@ def test_every_rule_is_explained_with_a_remedy(capsys):
     assert all(text.count(f"  {rule}  ") == 1 for rule in RULES)
     assert main(["rules", "vf-c01"]) == 0
     explained = capsys.readouterr().out
-    for words in ("VF-C01: clearance", "remedy: ", "limit error: 0 mm", "VF-C01.error=", "waive"):
+    for words in (
+        "VF-C01: enough film",
+        "broken: too little",
+        "remedy: ",
+        "limit error: 0 mm",
+        "VF-C01.error=",
+        "waive",
+    ):
         assert words in explained
     page = Path(__file__).parents[2] / explained.partition("picture: ")[2].split()[0]
     assert "### VF-C01" in page.read_text(encoding="utf-8")

@@ -1,15 +1,24 @@
 """Targets of maps: names, files, one clear line for what is none, and the headline."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
+import vinefab as vf
 from vinefab import Map
 from vinefab.core.errors import BadInputError
 from vinefab.core.view import document, lines
+from vinefab.model.design import Build, Design
 from vinefab.model.target import Target, TargetOutcome, TargetsResult, targets_given
+from vinefab.prediction.deploy import deploy
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.search.loop import Search
+from vinefab.search.record.result import RunResult
+from vinefab.search.run import progress_line, run_search
+from vinefab.search.settings import RunSettings
 
 ROOM = Map(
     name="room",
@@ -89,7 +98,7 @@ def test_a_target_that_no_robot_can_touch_is_one_clear_line(target, words):
 
 
 def test_two_targets_of_one_name_are_refused():
-    with pytest.raises(BadInputError, match="a name for each target") as caught:
+    with pytest.raises(BadInputError, match="one target of each name") as caught:
         ROOM.with_targets("B=100,50", "B=400,50")
     assert caught.value.key == "targets[1].name"
     named = targets_given([(1, 2), Target(name="A", point_mm=(5, 5))])
@@ -107,3 +116,86 @@ def test_a_map_file_names_the_feature_of_a_wrong_target(tmp_path):
         path.write_text(json.dumps({**document, "features": [*document["features"][:-1], wrong]}))
         with pytest.raises(BadInputError, match=r"features\[3\]"):
             Map.read(path)
+
+
+def test_a_target_beyond_the_longest_robot_is_one_clear_line(tmp_path):
+    world = ROOM.with_start((20, 200, 0)).with_targets((560, 200))
+    vine = Design(name="vine", trunk_length_mm=200.0, build=Build.standard(1))
+    said = deploy(vine, world).summary
+    assert any("out of reach: A, 540 mm from the start; at most 200 mm" in line for line in said)
+    settings = RunSettings(
+        maps={"files": [world.write(tmp_path / "room.geojson")]},
+        task="reach",
+        space={"levels": 2, "length_mm": [50.0, 200.0], "growth_percent": [50.0, 150.0]},
+        evaluation={"fabricable": False},
+    )
+    with pytest.raises(BadInputError, match="within 500 mm, the robot's greatest length"):
+        Search.of(settings, [world])
+
+
+def test_maps_with_and_without_targets_are_refused_together():
+    aimed = ROOM.with_start((20, 200, 0)).with_targets((100, 200))
+    bare = replace(aimed, name="bare", targets=())
+    design = Design(name="vine", trunk_length_mm=200.0, build=Build.standard(1))
+    plan = ScorePlan(task="reach", poses=1)
+    with pytest.raises(BadInputError, match="map 'bare' without targets"):
+        score_design_on_task(design, [aimed, bare], plan)
+    assert score_design_on_task(design, [aimed], plan).targets.all_touched
+
+
+def test_a_run_remembers_which_targets_its_winner_touches(tmp_path):
+    world = ROOM.with_start((20, 200, 0)).with_targets((100, 200), (150, 60))
+    settings = RunSettings(
+        maps={"files": [world.write(tmp_path / "room.geojson")]},
+        task="reach",
+        space={"levels": 2, "length_mm": [60.0, 120.0], "branches": 2},
+        search={"population": 8, "generations": 3},
+        evaluation={"fabricable": False},
+    )
+    shown = []
+    result = run_search(
+        settings,
+        tmp_path / "run",
+        progress=lambda now: shown.append(progress_line(now, checked=False)),
+    )
+    assert result.targets.outcomes[0].is_touched
+    assert "of 2 touched)" in shown[0]
+    again = RunResult.read(tmp_path / "run")
+    assert again.targets.content == result.targets.content
+    assert again.summary[0].startswith(f"targets: {result.targets.headline}; reach ")
+
+
+def test_a_run_says_that_a_task_leaves_targets_out_or_rewards_no_nearness():
+    world = ROOM.with_start((20, 200, 0)).with_targets((100, 200))
+    made = {"space": {"levels": 2, "branches": 2}, "evaluation": {"fabricable": False}}
+    notes = Search.of(RunSettings(**made), [world]).evaluator.notes
+    assert any("coverage does not score the maps' targets" in note for note in notes)
+    task = {"name": "reach", "parameters": {"target_mm": [[100, 200]]}}
+    notes = Search.of(RunSettings(task=task, **made), [world]).evaluator.notes
+    assert any("a target that is missed counts nothing" in note for note in notes)
+    task = {"name": "reach", "parameters": {"targets": [[100, 200]]}}
+    notes = Search.of(RunSettings(task=task, **made), [world]).evaluator.notes
+    assert not any("target" in note for note in notes)
+
+
+def test_a_robot_is_asked_for_the_targets_of_its_run_on_the_maps_of_its_run(tmp_path):
+    world = ROOM.with_start((20, 200, 0))
+    path = world.write(tmp_path / "room.geojson")
+    settings = RunSettings(
+        maps={"files": [path]},
+        task={
+            "name": "reach",
+            "parameters": {"targets": [{"name": "valve", "point_mm": [100, 200]}]},
+        },
+        space={"levels": 2, "length_mm": [60.0, 120.0], "branches": 2},
+        search={"population": 8, "generations": 2},
+        evaluation={"fabricable": False},
+    )
+    best = vf.optimize(settings, progress=False).best
+    assert vf.grow(best, path).targets.outcomes[0].target.name == "valve"
+    assert vf.score(best, maps=path).targets.headline == "1 of 1 touched"
+    other = vf.grow(best, path, targets=(30, 380)).targets
+    assert other.headline.startswith("0 of 1 touched, A missed by")
+    assert vf.score(best, maps=path, targets=["B=30,380"]).targets.outcomes[0].target.name == "B"
+    elsewhere = replace(world, bounds=shapely.box(0, 0, 700, 400))
+    assert vf.grow(best, elsewhere).targets is None

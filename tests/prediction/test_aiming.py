@@ -139,7 +139,7 @@ def test_lines_are_labelled_and_give_a_pose_to_type(found):
         "the search's own estimate",
         "worst tenth",
         "from 20.00,100.00,0.00",
-        "over tree_as_plain_vine, each at the best pose found",
+        "over tree_as_plain_vine",
         "1 - 1/e",
         "2 robots tree_as_plain_vine",
     ):

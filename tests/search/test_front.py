@@ -247,7 +247,7 @@ def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
     settings = with_two_tasks(small).changed(other_parameters={"reach": target})
     if own == "reach":
         settings = small.changed(task=PartSettings(name="reach", parameters=target))
-    with pytest.raises(BadInputError, match="inside an obstacle of 'grid_1'") as caught:
+    with pytest.raises(BadInputError, match="inside an obstacle of map 'grid_1'") as caught:
         Search.of(settings, maps)
     assert caught.value.key == f"{key}target_mm[2]"
 

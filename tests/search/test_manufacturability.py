@@ -185,7 +185,10 @@ INFEASIBLE = {
     "crowd": (run(bounds(2, 2), branches=bounds(30, 40)), "11 children or fewer", "C02"),
     "short branches": (run(length_mm=bounds(1, 20)), "lengths from 40 mm", "C03"),
     "long trunk": (run(length_mm=bounds(1000, 1200)), "space.length_mm is [1000, 1200]", "S01"),
-    "full": (run(bounds(4, 4), branches=bounds(4, 4)), "would fill 81 %", "W03"),
+    "full": (
+        run(bounds(4, 4), branches=bounds(4, 4)),
+        "fewer, or build.trunk_width_mm = 54.3: their film would fill 81 % of the trunk", "W03",
+    ),
     "thin leaves": (
         run(build=BuildSettings(trunk_width_mm=90.0, width_ratio=0.25, pressure_kpa=5.0)),
         "build.width_ratio is 0.25", "P03",
@@ -204,6 +207,11 @@ def test_refused_spaces_have_no_manufacturable_design(
     for x in np.random.default_rng(5).random((12, len(space))):
         design = space.design(x)
         assert PENALTY(design) > 0.0 or not PENALTY.passes(design)
+
+
+def test_the_width_that_is_named_holds_the_film() -> None:
+    wide = run(bounds(4, 4), BuildSettings(trunk_width_mm=54.3), branches=bounds(4, 4))
+    assert "W03" not in refused(wide)
 
 
 def test_a_pressure_is_refused_where_the_seams_limit_was_measured() -> None:

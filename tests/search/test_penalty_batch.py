@@ -6,10 +6,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.partition import in_pieces as in_its_pieces
+from vinefab.fabrication.pieces.partition import partition_of, pieces_of
 from vinefab.fabrication.pieces.quick_cuts import MOST_PIECE_BRANCHES
 from vinefab.fabrication.rules.penalty import MOST_CHECKED_BRANCHES
+from vinefab.fabrication.rules.piece_rules import LAP_PACKING
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
 from vinefab.inflation.law import quick_pattern
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Compensation, Mounting, PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -178,9 +183,11 @@ def test_penalties_in_pieces_at_once_are_those_one_by_one(
     assert np.abs(found - wanted).max() < WITHIN[compensation]
 
 
-def in_pieces(most: int, compensation: Compensation = "none") -> Space:
+def in_pieces(
+    most: int, compensation: Compensation = "none", trunk_width_mm: float = 24.0
+) -> Space:
     build = BuildSettings(
-        trunk_width_mm=24.0,
+        trunk_width_mm=trunk_width_mm,
         width_ratio=0.65,
         pieces=PieceSettings(most=most),
         compensation=compensation,
@@ -204,6 +211,60 @@ def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few(compensation: Com
     pieces = np.array([len(partition.pieces) for partition in exact])
     assert (joints[rows] + 1 >= pieces).all()
     assert (joints[rows] + 1).sum() <= 1.05 * pieces.sum()
+
+
+def thick(**recipe: object) -> ManufacturabilityPenalty:
+    """Two plies of 0.1 mm, with changes of the recipe."""
+    profile = PENALTY.profile
+    film = Quantity(value=0.1, standing=Standing.MEASURED, source="gauge")
+    material = profile.material.changed(ply_mm=film)
+    changed = profile.recipe.changed(**recipe)
+    return ManufacturabilityPenalty(profile=replace(profile, material=material, recipe=changed))
+
+
+@pytest.mark.parametrize("compensation", CHOICES)
+def test_film_with_laps_in_it_keeps_within_its_lumen(compensation: Compensation) -> None:
+    """VF-J04, in the search and in the partition that is cut."""
+    penalty, any_laps = thick(), thick(limits={"VF-J04": {"error": 1000.0}})
+    space = in_pieces(6, compensation, trunk_width_mm=36.0)
+    x = np.random.default_rng(7).random((2000, len(space)))
+    designs = space.batch(x)
+    found, joints = penalty.within(space).with_joints(designs)
+    loose = any_laps.within(space)(designs)
+    decided = np.flatnonzero((found > 0.0) & (loose == 0.0))
+    passing = np.flatnonzero((found == 0.0) & (joints > 0))
+    assert len(decided) > 5
+    assert len(passing) > 5
+    for row in (*decided[:15], *passing[:15]):
+        assert found[row] == pytest.approx(penalty(space.design(x[row])), abs=1e-9)
+    # What is cut as designed has joints whose passages the search does not know.
+    for row in passing[:15] if compensation == "inflation" else ():
+        pattern = pattern_of(space.design(x[row]), penalty.profile, known_only=True)
+        flat = Subject.of(pattern.flat)
+        flat = replace(flat, profile=penalty.profile, pattern=pattern)
+        cut = in_its_pieces(flat, pieces_of(pattern, penalty.profile))
+        assert not run_checks(cut, only={LAP_PACKING.id}).blocking
+
+
+def test_branches_whose_lap_would_burst_or_whose_plug_does_not_go_in_are_not_cut() -> None:
+    """VF-J03 forbids where laps were measured, VF-J06 where the film is thicker than the ease."""
+    lap = PENALTY.profile.recipe.lap
+    assert lap is not None
+    weak = Quantity(value=0.05, standing=Standing.MEASURED, source="coupon")
+    recipe = PENALTY.profile.recipe.changed(lap=lap.changed(strength_n_per_mm=weak))
+    penalty = replace(PENALTY, profile=replace(PENALTY.profile, recipe=recipe))
+    space = in_pieces(6)
+    x = np.random.default_rng(7).random((300, len(space)))
+    designs = space.batch(x)
+    free, bound = PENALTY.within(space)(designs), penalty.within(space)(designs)
+    assert not ((bound == 0.0) & (free > 0.0)).any()
+    rows = np.flatnonzero((free == 0.0) & (bound > 0.0))
+    assert len(rows) > 3
+    for row in rows[:5]:
+        assert bound[row] == pytest.approx(penalty(space.design(x[row])), abs=1e-9)
+    tight = in_pieces(6)
+    tight = Space(CROSSING, tight.build.changed(pieces=PieceSettings(most=6, ease_mm=0.05)))
+    assert not PENALTY.within(tight).with_joints(designs)[1].any()
 
 
 def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs() -> None:

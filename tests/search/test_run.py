@@ -95,7 +95,16 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
     [
         (start(-5.0, 30.0), r"maps\.start is '\(-5, 30\) mm'; .*outside the bounds of map 'wall'"),
         (start(150.0, 150.0), "inside an obstacle of map 'wall'"),
-        (start(95.0, 150.0), "room for the trunk, inflated 25 mm wide; map 'wall' has less there"),
+        (
+            start(95.0, 150.0),
+            r"it is 5 mm from a wall of map 'wall', and a trunk of 40 mm needs 12\.7 mm, or "
+            r"build\.trunk_width_mm of at most 15\.7",
+        ),
+        (start(0.0, 150.0), "it is 0 mm from a wall of map 'wall', and a trunk of 40 mm needs"),
+        (
+            start(150.0, 285.0),
+            r"heading 90 deg'; allowed: a pose that a robot can leave: the trunk stops after 2 mm",
+        ),
     ],
 )
 def test_a_start_without_room_is_refused_by_name(
@@ -121,7 +130,7 @@ def test_unknown_environments_and_options_are_refused() -> None:
         generated_maps(MapSettings(options={"colums": 3}))
 
 
-def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> None:
+def test_progress_says_whether_the_best_is_manufacturable_where_it_is_checked() -> None:
     progress = Progress(
         generation=3,
         generations=6,
@@ -133,8 +142,12 @@ def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> N
         left_s=1.0,
     )
     start = "generation 3/6  best 0.5000  mean 0.2500 +- 0.1250"
-    assert progress_line(progress, checked=True) == f"{start}  manufacturable 75 %"
     assert progress_line(progress, checked=False) == start
+    words = {True: "yes", False: "not yet", None: "by the quick rules"}
+    for passes, made in words.items():
+        line = progress_line(replace(progress, passes=passes), checked=True)
+        assert line == f"{start}  manufacturable: {made}"
+    assert progress_line(replace(progress, stage="checking"), checked=True) == "checking"
 
 
 def test_the_result_says_whether_the_winner_is_manufacturable(

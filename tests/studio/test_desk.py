@@ -22,7 +22,7 @@ from vinefab.maps import generate
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.map_geojson import map_text
-from vinefab.model.files.run_recipe import RunRecipe, recipe_digest
+from vinefab.model.files.run_context import RunRecipe, recipe_digest
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.studio.desk import DESK, Desk
 from vinefab.studio.recovery import MOST_RECOVERIES, recovery_folder

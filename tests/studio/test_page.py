@@ -14,7 +14,7 @@ from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import design_of
-from vinefab.model.files.run_recipe import ChosenRecipe
+from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.cut_answer import cut_notes
 from vinefab.studio.edited_map import Frame

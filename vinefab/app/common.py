@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -19,18 +20,22 @@ from vinefab.model.inputs import (
     PathText,
     StartsLike,
     TargetsLike,
+    as_design,
     as_growth,
     as_map,
     as_mapping,
     as_maps,
     as_path,
+    as_recipe,
+    as_several,
     written,
 )
 
 if TYPE_CHECKING:
-    from vinefab.growth.options import GrowthChoice
     from vinefab.model.design import Design
+    from vinefab.model.files.run_context import RunContext
     from vinefab.model.laser import LaserProfile
+    from vinefab.model.map import Map
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
     from vinefab.prediction.family_deployments import MapFamily
@@ -149,34 +154,164 @@ def file_of(kind: str, given: object) -> object:
     return locate(kind, given) if isinstance(given, str | PathLike) else given
 
 
-def growth_choice(
-    named: Sequence[object],
-    designs: Sequence[Design],
-    growth: object,
-    body: str | None = None,
-    head_on_half_angle_deg: object = None,
-    contacts: object = None,
-    *,
-    children_of_stuck: str | None = None,
-) -> tuple[GrowthChoice, Mapping[str, Any]]:
-    """Return the growth options for designs, and those that were passed.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Context:
+    """What a verb works with: what its caller gave, else what the design's run had, else defaults.
 
-    An error in the origin of a design names its file.
+    Parameters
+    ----------
+    robots
+        The designs.
+    run
+        What the designs remember; empty where none does.
+    worlds
+        The maps, with the targets of the run on those that it trained on and that have none.
+    recipe
+        Laser profile that the first design is made with; None where the verb asked for none.
+    task
+        The task, where the verb asked for one.
+    growth
+        How they grow, where the verb asked for that.
+    given
+        Growth options that the caller gave, by name.
     """
-    from vinefab.growth.options import GrowthChoice, trained_growth
 
-    given = as_growth(
-        growth,
-        body=body,
-        head_on_half_angle_deg=head_on_half_angle_deg,
-        contacts=contacts,
-        children_of_stuck=children_of_stuck,
-    )
-    for name, design in zip(named, designs, strict=True):
+    robots: list[Design]
+    run: RunContext
+    worlds: list[Map]
+    recipe: Any  # LaserProfile
+    task: Any  # Task
+    growth: Any  # GrowthChoice
+    given: Mapping[str, Any]
+
+
+def context_of(
+    designs: Sequence[object] | object,
+    *,
+    key: str = "design",
+    recipe: Any = ...,
+    task: Any = ...,
+    usual_task: str = "coverage",
+    parameters: Mapping[str, object] | None = None,
+    growth: object = ...,
+    worlds: Sequence[Map] = (),
+    targets: object = (),
+    **shortcuts: object,
+) -> Context:
+    """Return what a verb works with, and say in one line what of it is the design's run's.
+
+    Parameters
+    ----------
+    designs
+        One or several designs, as their caller named them.
+    recipe, task, growth
+        As the caller gave them, None where not; left out by a verb that does not use them.
+    usual_task, parameters
+        The task where neither caller nor run names one, and the caller's parameters of the task.
+    worlds, targets
+        The maps, and the targets that the caller put on them: those of a run hold on the maps that
+        it trained on, where the caller gave none.
+    **shortcuts
+        Growth options that are parameters of the verb themselves.
+    """
+    from vinefab.model.files.run_context import PLACES, RunContext
+
+    named, typed = as_several(designs), parameters or {}
+    robots = [as_design(one, key) for one in named]
+    runs = list[RunContext]()
+    for name, robot in zip(named, robots, strict=True):
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
-            trained_growth(design)
-    return GrowthChoice.of(designs, given), given
+            runs.append(RunContext.of(robot))
+            if growth is not ...:
+                from vinefab.growth.options import trained_growth  # a check needs no growth
+
+                trained_growth(robot)
+    run = next((one for one in runs if one.kept), runs[0])
+    used, others = list[str](), list[str]()
+    profile = scored = None
+    if recipe is not ... or robots[0].build.compensation == "none":
+        profile = _recipe_of(robots[0], run, None if recipe is ... else recipe, used, others)
+    placed = list(worlds)
+    if as_several(targets) or any(name in typed for name in PLACES):
+        run = run.without_places
+    elif worlds and run.places:
+        placed = run.with_places(worlds)
+        if not run.maps or any(run.trained_on(worlds)):
+            used.append("targets")
+        else:
+            run = run.without_places
+            others.append("without its targets, which are places on other maps")
+    if task is not ...:
+        scored = _task_of(run, task, usual_task, typed, used, others)
+    choice, given = None, as_growth(None if growth is ... else growth, **shortcuts)
+    if growth is not ...:
+        from vinefab.growth.options import GrowthChoice
+
+        choice = GrowthChoice.of(robots, given)
+        if run.growth:
+            used.append("growth options")
+            others += [f"{', '.join(given)} as given"] * bool(given)
+    if used or others:
+        of_run = f"{', '.join(used)} of {run.title}" if used else run.title
+        note("; ".join([of_run, *others]), only_in_shell=True)
+    return Context(
+        robots=robots,
+        run=run,
+        worlds=placed,
+        recipe=profile,
+        task=scored,
+        growth=choice,
+        given=given,
+    )
+
+
+def _recipe_of(
+    design: Design, run: RunContext, recipe: Any, used: list[str], others: list[str]
+) -> LaserProfile:
+    """Return the recipe to make a design with; note in one of the lists whose it is."""
+    from vinefab.model.files.run_context import ChosenRecipe
+
+    if recipe is not None:
+        profile = as_recipe(recipe)
+        if run.recipe and profile.recipe.name != run.recipe.name:
+            others.append(f"recipe {profile.recipe.name} in place of {run.recipe.name}")
+        return profile
+    chosen = ChosenRecipe.of(design)
+    if chosen.is_other:
+        note(chosen.note)
+    elif chosen.note:
+        used.append(f"recipe {chosen.profile.recipe.name} ({chosen.recipe})")
+    return chosen.profile
+
+
+def _task_of(
+    run: RunContext,
+    task: Any,
+    usual: str,
+    parameters: Mapping[str, object],
+    used: list[str],
+    others: list[str],
+) -> Task:
+    """Return the task to score by; note in one of the lists whose it is."""
+    from vinefab.tasks.shipped_tasks import TASKS
+
+    if not run.task or task not in (None, run.task):
+        chosen = usual if task is None else task
+        if run.task:
+            others.append(f"task {getattr(chosen, 'name', chosen)} in place of {run.task}")
+        return task_of(chosen, parameters)
+    if run.task not in TASKS:
+        note(f"task {run.task} of {run.title} is not installed here: used is {usual}")
+        return task_of(usual, parameters)
+    used.append(f"task {run.task}")
+    return task_of(run.task, {**run.task_parameters, **parameters})
+
+
+def note_seen(context: Context, families: Sequence[MapFamily]) -> None:
+    """Say on how many maps the run of the designs trained, where it remembers them."""
+    if seen := context.run.seen_words(one for family in families for one in family.worlds):
+        note(seen, only_in_shell=True)
 
 
 def families_of(

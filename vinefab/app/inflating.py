@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from vinefab.app.common import page_path, with_origin, write_page
+from vinefab.app.common import context_of, page_path, with_origin, write_page
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import Force, Progress, Within, told, verb
-from vinefab.model.inputs import DesignLike, PathText, RecipeLike, as_design, recipe_for, written
+from vinefab.model.inputs import DesignLike, PathText, RecipeLike, written
 
 if TYPE_CHECKING:
     from vinefab.prediction.inflation_report import InflatedDesign
@@ -75,8 +75,8 @@ def inflate(
     solid = page_path("mesh", mesh, force=force)
     if across % 2:
         raise BadInputError("across", across, "an even number")
-    robot = as_design(design)
-    profile = recipe_for(robot, recipe).profile
+    context = context_of(design, recipe=recipe)
+    (robot,), profile = context.robots, context.recipe
     with told("inflate", progress) as tell:
         found = inflate_design(robot, profile, alone=alone, free=free, across=across, progress=tell)
     found = with_origin(found, [robot], [], profile)

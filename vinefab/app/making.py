@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from vinefab.app.common import (
     OutFolder,
+    context_of,
     ensure_apart,
     file_of,
     folder_to_write,
-    growth_choice,
     page_path,
     write_page,
 )
@@ -46,7 +46,6 @@ from vinefab.model.inputs import (
     as_several,
     as_starts,
     name_or_path,
-    recipe_for,
     several_numbers,
     written,
 )
@@ -136,9 +135,9 @@ def check(
     for path in pictures:
         ensure_writable(path, force=force)
     _refuse_without_maps(maps, growth=growth, start=as_starts(start))
-    robot, worlds = as_design(design), as_maps(maps, start)
-    profile = recipe_for(robot, recipe).profile
-    changed = as_limits(limits)
+    worlds = as_maps(maps, start)
+    context = context_of(design, recipe=recipe, growth=growth if worlds else ...)
+    (robot,), profile, changed = context.robots, context.recipe, as_limits(limits)
     facts = None
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
@@ -150,10 +149,9 @@ def check(
         from vinefab.growth.options import growth_text
         from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps
 
-        _, given = growth_choice([design], [robot], growth)
-        choice = growth_on_maps(robot, given)
+        choice = growth_on_maps(robot, context.given)
         notes = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
-        deployed = deploy_from_starts(robot, worlds, given)
+        deployed = deploy_from_starts(robot, worlds, context.given)
         notes += deployed_lines(deployed)
     report = check_design(robot, profile, changed, deployed, worlds, facts)
     for path in pictures:
@@ -222,13 +220,13 @@ def fix(
     if file is not None:
         ensure_apart("out", file, file_of("design", design), "the design itself")
     _refuse_without_maps(maps, growth=growth, start=as_starts(start))
-    robot, worlds = as_design(design), as_maps(maps, start)
-    profile = recipe_for(robot, recipe).profile
+    worlds = as_maps(maps, start)
+    context = context_of(design, recipe=recipe, growth=growth if worlds else ...)
+    (robot,), profile, given = context.robots, context.recipe, context.given
     changed, words = as_limits(limits), as_several(keep)
     for word in words:
         if not isinstance(word, str):
             raise BadInputError("keep", word, "a name")
-    given = growth_choice([design], [robot], growth)[1] if worlds else {}
     with told("fix", progress) as tell:
         found = propose_fix(
             robot, profile, changed, worlds, lambda share: tell(share, ""),
@@ -315,8 +313,8 @@ def fabricate(
         ensure_writable(archive, force=force)
     others = tuple(as_designs(beside, "beside"))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    robot = as_design(design)
-    prepared = prepare(robot, recipe_for(robot, recipe).profile, sheet=sheet, r12=r12)
+    context = context_of(design, recipe=recipe)
+    prepared = prepare(context.robots[0], context.recipe, sheet=sheet, r12=r12)
     reports = (prepared.report, *prepared.beside)
     lines = [line for report in reports for line in report.summary]
     lines += broken_formats()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from vinefab.app.common import ensure_apart, growth_choice, page_path, write_page
+from vinefab.app.common import context_of, ensure_apart, page_path, write_page
 from vinefab.core.errors import BadInputError
 from vinefab.core.verbs import Force, Kind, Within, also, verb
 from vinefab.model.inputs import (
@@ -15,7 +15,6 @@ from vinefab.model.inputs import (
     MapLike,
     PathText,
     PoseLike,
-    as_design,
     as_map,
     as_path,
     as_several,
@@ -119,9 +118,8 @@ def observe(
         from vinefab.fabrication.calibration.coupons import joint_coupon
 
         design = joint_coupon(str(getattr(design, "name", design)))
-    robot = as_design(design)
-    _, given = growth_choice([design], [robot], growth)
-    robot = as_grown(robot)
+    context = context_of(design, growth=growth)
+    robot = as_grown(context.robots[0], context.recipe)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",
@@ -139,7 +137,7 @@ def observe(
         robot,
         first_start(world) if pose is None else Pose.of(pose),
         setup,
-        growth=given,
+        growth=context.given,
         map_file=world.name if isinstance(map, Map) else str(map),
         design_file=robot.name if not isinstance(design, str | Path) else str(design),
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from vinefab.app.common import (
     BodyWidth,
+    Context,
     EnvironmentOptions,
     PageFile,
     PictureFile,
@@ -16,10 +17,10 @@ from vinefab.app.common import (
     UnseenCount,
     UnseenEnvironment,
     Workers,
+    context_of,
     families_of,
-    growth_choice,
+    note_seen,
     page_path,
-    task_of,
     with_origin,
     write_page,
 )
@@ -53,11 +54,11 @@ from vinefab.model.inputs import (
     as_maps,
     as_several,
     as_starts,
-    recipe_for,
     written,
 )
 
 if TYPE_CHECKING:
+    from vinefab.model.design import Design
     from vinefab.model.score import Score
     from vinefab.prediction.aiming import AimResult
     from vinefab.prediction.comparison import DesignComparison
@@ -69,6 +70,14 @@ def _fronts(text: str) -> int | tuple[float, ...]:
     numbers = numbers_from(text)
     steps = len(numbers) == 1 and numbers[0].is_integer() and "." not in text
     return int(numbers[0]) if steps else numbers
+
+
+def _grown(context: Context) -> list[Design]:
+    """Return designs as they deploy, the first with the film of its context."""
+    from vinefab.prediction.deploy import as_grown
+
+    first, *others = context.robots
+    return [as_grown(first, context.recipe), *map(as_grown, others)]
 
 
 @verb
@@ -155,18 +164,19 @@ def grow(
         history = tuple(positive("history", one) for one in history)
     if pose is not None and as_starts(start):
         raise BadInputError("pose", pose, "not together with start")
-    robot = as_design(design)
-    _, given = growth_choice(
-        [design],
-        [robot],
-        growth,
-        body,
-        head_on_half_angle_deg,
-        contacts,
+    context = context_of(
+        design,
+        worlds=[as_map(map, start=start, targets=targets)],
+        targets=targets,
+        growth=growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
         children_of_stuck=children_of_stuck,
     )
-    here = None if pose is None else Pose.of(pose)
-    found = deploy(as_grown(robot), as_map(map, start=start, targets=targets), here, given)
+    (robot,), here = context.robots, None if pose is None else Pose.of(pose)
+    grown = as_grown(robot, context.recipe)
+    found = deploy(grown, context.worlds[0], here, context.given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -177,7 +187,7 @@ def grow(
 @verb
 def score(
     design: DesignLike,
-    task: TaskLike = "coverage",
+    task: TaskLike | None = None,
     *,
     maps: Annotated[MapsLike, also("--map")],
     start: StartsLike = (),
@@ -194,6 +204,9 @@ def score(
 
     Parameters
     ----------
+    task
+        The name of a task, in Python also a task of your own; default: that of the run that found
+        the design, with its parameters where you give no others, else coverage.
     maps
         Maps or paths of map files, at least one: --maps *.geojson. Poses are drawn around their
         starts.
@@ -229,17 +242,29 @@ def score(
     worlds = as_maps(maps, start, targets)
     if not worlds:
         raise BadInputError("maps", "none", "at least one map")
-    plan = ScorePlan(task=task_of(task, parameters), poses=poses, seed=seed)
-    robot = as_design(design)
-    choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
-    return score_design_on_task(as_grown(robot), worlds, plan, choice.options)
+    context = context_of(
+        design,
+        task=task,
+        parameters=parameters,
+        worlds=worlds,
+        targets=targets,
+        growth=growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+    )
+    plan = ScorePlan(task=context.task, poses=poses, seed=seed)
+    grown = as_grown(context.robots[0], context.recipe)
+    found = score_design_on_task(grown, context.worlds, plan, context.growth.options)
+    seen = context.run.seen_words(worlds)
+    return replace(found, notes=(*found.notes, *([seen] * bool(seen))))
 
 
 @verb
 def aim(
     design: DesignLike,
     world: Annotated[MapLike, also("--map")],
-    task: TaskLike = "reach",
+    task: TaskLike | None = None,
     *,
     targets: TargetsLike = (),
     where: Annotated[str, Kind(metavar="PLACE")] = "border",
@@ -264,6 +289,8 @@ def aim(
 
     Parameters
     ----------
+    task
+        As in `score`; without a run: reach.
     where
         Where the base may stand: border (of the free space, growing in, and where the map's starts
         are), anywhere, starts, or a start in words: 'left side', 'area 0,0 50,480'.
@@ -316,18 +343,24 @@ def aim(
     True
     """
     from vinefab.prediction.aiming import AimPlan, aim_growth, aim_robots, held_against
-    from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
-    place, scored_on = as_map(world, "world", targets=targets), task_of(task, parameters)
-    named = [design] if against is None else [design, against]
-    read = [as_design(design)]
-    if against is not None:
-        read.append(as_design(against, "against"))
-    _, given = growth_choice(named, read, growth, body, head_on_half_angle_deg, contacts)
-    compared = held_against(*map(as_grown, read), alone=alone)
-    choice = aim_growth(compared, given)
+    context = context_of(
+        [design] if against is None else [design, as_design(against, "against")],
+        task=task,
+        usual_task="reach",
+        parameters=parameters,
+        worlds=[as_map(world, "world", targets=targets)],
+        targets=targets,
+        growth=growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        contacts=contacts,
+    )
+    (place,) = context.worlds
+    compared = held_against(*_grown(context), alone=alone)
+    choice = aim_growth(compared, context.given)
     plan = AimPlan(
         where=where,
         deployments=deployments,
@@ -338,7 +371,7 @@ def aim(
         options=choice.options,
     )
     with told("aim", progress) as tell:
-        found = aim_robots(compared, place, scored_on, plan, tell, workers)
+        found = aim_robots(compared, place, context.task, plan, tell, workers)
     family = MapFamily(label=place.name, worlds=(place,))
     found = with_origin(replace(found, growth_notes=choice.notes), compared, [family])
     if page is not None:
@@ -401,17 +434,22 @@ def compare(
     ['plain_vine', 'three_level_tree']
     """
     from vinefab.prediction.comparison import compare_designs, measure_named
-    from vinefab.prediction.deploy import as_grown
     from vinefab.prediction.family_deployments import PredictionPlan
 
     page = page_path("out", out, force=force)
-    named = as_several(designs)
     main = measure_named(measure)
     with told("compare", progress) as tell:
-        robots = [as_design(one, "designs") for one in named]
-        choice, _ = growth_choice(named, robots, growth, body, head_on_half_angle_deg, contacts)
-        robots = [as_grown(robot) for robot in robots]
+        context = context_of(
+            as_several(designs),
+            key="designs",
+            growth=growth,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
+        )
+        choice, robots = context.growth, _grown(context)
         families = families_of(maps, start, environment, count, seed, options)
+        note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(
             robots, families, plan, tell, measure=main, growth_notes=choice.notes
@@ -476,11 +514,24 @@ def report(
     assert path is not None  # noqa: S101  it is required
     with told("report", progress) as tell:
         tell(0.0, "reading and generating maps")
-        robot = as_design(design)
-        profile = recipe_for(robot, recipe).profile
         families = families_of(maps, start, environment, count, seed, options, targets=targets)
-        choice, _ = growth_choice([design], [robot], growth, body, head_on_half_angle_deg, contacts)
-        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
+        context = context_of(
+            design,
+            recipe=recipe,
+            worlds=[world for family in families for world in family.worlds],
+            targets=targets,
+            growth=growth,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            contacts=contacts,
+        )
+        (robot,), profile, placed = context.robots, context.recipe, iter(context.worlds)
+        families = tuple(
+            replace(family, worlds=tuple(next(placed) for _ in family.worlds))
+            for family in families
+        )
+        note_seen(context, families)
+        plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
         found = with_origin(found, [robot], families, profile)
         content = found.page(part_of(tell, 0.6, 1.0))

@@ -136,7 +136,7 @@ def optimize(
         Write the page, also while the run is going on.
     progress
         True: a line in notebooks and on terminals after two seconds; False: nothing; a function:
-        called after every generation.
+        called after every generation, and at the end while the winner is chosen.
 
     Returns
     -------
@@ -257,12 +257,11 @@ def _score_again(
     call = this_call().to(
         score,
         design=best,
-        task=task or settings.task.name,
+        **({"task": task} if task else {}),
         maps=settings.maps.files or tuple(f"{name}.geojson" for name in names),
         **({} if start is None else {"start": start.text}),
         poses=evaluation.final_poses_per_map,
         seed=result.best.origin["seed_of_score"],
-        **({} if task else settings.task.parameters),
     )
     return call.text()
 
@@ -291,8 +290,15 @@ def _generations(
         yield given
         return
     with told(f"optimizing {settings.name}", given) as tell:
-        checked = settings.evaluation.fabricable
-        yield lambda now: tell(now.share, progress_line(now, checked=checked))
+        checked, advised = settings.evaluation.fabricable, set[str]()
+
+        def show(now: Generation) -> None:
+            if now.advice and now.advice not in advised:
+                note(now.advice, only_in_shell=True)
+            advised.add(now.advice)
+            tell(now.share, progress_line(now, checked=checked))
+
+        yield show
 
 
 def _searched(
@@ -302,6 +308,8 @@ def _searched(
     progress: Callable[[Generation], None],
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
+    from dataclasses import replace
+
     from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
     from vinefab.search.run import fresh_maps, penalty_of, recipe_of, training_maps
@@ -311,6 +319,11 @@ def _searched(
     result, recipe = search.run(progress=progress, workers=workers), recipe_of(settings)
     if recipe is not None:
         result = result.with_recipe(recipe)
+        if (file := Path(settings.evaluation.recipe)).is_file():  # nothing keeps a copy
+            best, folder = result.best, file.resolve().parent
+            found = {**best.origin["recipe"], "file": file.name}
+            best = best.changed(origin={**best.origin, "recipe": found}, folder=folder)
+            result = replace(result, best=best)
     return result.with_prediction(predict_winner(search, result))
 
 

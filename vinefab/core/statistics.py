@@ -8,7 +8,7 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtr, stdtrit
+from scipy.special import betaincinv, stdtr, stdtrit
 
 from vinefab.core.validation import Floats
 
@@ -71,6 +71,23 @@ def mean_interval(
         return (mean, mean) if known else (math.nan, math.nan)
     half = float(stdtrit(degrees_of(len(sample), tails), 0.5 + 0.5 * level)) * error
     return mean - half, mean + half
+
+
+def share_interval(share: float, count: int, level: float = LEVEL) -> tuple[float, float]:
+    """Return the interval of Clopper and Pearson of a share of independent samples.
+
+    It holds the truth at least that often, also where none or all of few samples have it. Of
+    deployments, maps are the samples; their mean share need not be a whole number of maps.
+
+    Examples
+    --------
+    >>> [round(end, 3) for end in share_interval(0.0, 100)]
+    [0.0, 0.036]
+    """
+    tail, have = 0.5 * (1.0 - level), share * count
+    low = float(betaincinv(have, count - have + 1.0, tail)) if have > 0.0 else 0.0
+    high = float(betaincinv(have + 1.0, count - have, 1.0 - tail)) if have < count else 1.0
+    return low, high
 
 
 def mean_p(differences: ArrayLike, tails: float = LONG_TAILS) -> float:

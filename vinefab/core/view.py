@@ -3,7 +3,8 @@
 A result yields its `view`: the answer, facts, tables, pictures, findings and notes. Renderers know
 blocks and no feature: `lines` (terminal) and `document` (JSON) are here, pages and notebooks in
 `vinefab.pages.html`, the studio's form is `plain_blocks`. A number that is added to the view of a
-result stands in all of them.
+result stands in all of them. A folded block stands whole in JSON and print, is opened on demand on
+a page and in a notebook. A terminal shows what is not folded, and no sections.
 """
 
 import json
@@ -21,7 +22,8 @@ from vinefab.core.plain_text import counted, visible
 
 NO_INTERVAL = "no interval"
 
-Tone = Literal["good", "caution", "bad"]
+Tone = Literal["plain", "good", "caution", "bad"]
+"""What kind of news something is: good where what was asked for is met, and nowhere else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +75,16 @@ class Number:
         """The number with its interval and unit."""
         if not self._is_known(self.value):
             return "-"
-        words = self._shown(self.value)
-        if self.interval is not None:
-            low, high = self.interval
-            known = self._is_known(low) and self._is_known(high)
-            ends = (self._shown(low), self._shown(high)) if known else None
-            words += f" {bracketed(ends, self.over)}"
-        return f"{words} {self.unit}".rstrip()
+        return " ".join(filter(None, (self._shown(self.value), self.bracket, self.unit)))
+
+    @property
+    def bracket(self) -> str:
+        """The interval alone; empty where none was asked for."""
+        if self.interval is None:
+            return ""
+        low, high = self.interval
+        known = self._is_known(low) and self._is_known(high)
+        return bracketed((self._shown(low), self._shown(high)) if known else None, self.over)
 
     @property
     def data(self) -> float | None:
@@ -121,7 +126,7 @@ class Answer:
     """The result in one sentence."""
 
     text: str
-    tone: Tone = "good"  # what kind of news it is
+    tone: Tone = "plain"
     key: str = ""  # its key in JSON; empty: not there
 
 
@@ -133,15 +138,15 @@ class Fact:
     value: Value
     key: str = ""  # its key in JSON, dots between levels; empty: not there
     detail: str = ""  # how sure it is, where it comes from
-    tone: Tone = "good"  # whether it is good news, where it leads a page
+    tone: Tone = "plain"  # where it leads a page
     data: Any = None  # what stands in JSON where that is not the value
+    standing: str = ""  # how far it may be trusted, as of a `Number`: shown once, by its name
 
     @property
     def text(self) -> str:
         """The value as it is shown."""
-        return (
-            self.value.text if isinstance(self.value, Number) and self.detail else (str(self.value))
-        )
+        named = isinstance(self.value, Number) and (self.detail or self.standing)
+        return self.value.text if named and isinstance(self.value, Number) else str(self.value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +164,7 @@ class Rows:
     caption: str  # what the table shows
     headings: tuple[str, ...]  # one per column
     rows: tuple[tuple[Value, ...], ...]  # one cell for each heading
-    folded: bool = False  # whether a reader has to open it; what is folded is not printed
+    folded: bool = False  # whether a reader has to open it
     key: str = ""  # its key in JSON, a list of objects; empty: not there
     keys: tuple[str, ...] = ()  # keys of the cells in JSON, one per column; empty: not there
     # what else stands in JSON, one for each row, with keys as above; or what makes it
@@ -184,7 +189,7 @@ class Picture:
     image: bytes | Callable[[], bytes]  # a complete SVG document or PNG file, or what draws it
     caption: str  # what is to be seen, with the standing of the numbers in it
     wide: bool = False  # whether it takes the whole width of the page
-    file: str = ""  # name of the file beside the page that has it too, without ending
+    file: str = ""  # its name where it is saved, without ending; a run has it beside its page
 
     @property
     def drawn(self) -> bytes:
@@ -241,6 +246,7 @@ class Section:
     tables: tuple[Rows, ...] = ()
     pictures: tuple[Picture, ...] = ()
     code: str = ""  # lines to be typed, shown as they are
+    folded: bool = False  # whether a reader has to open it
 
     @property
     def anchor(self) -> str:
@@ -271,6 +277,7 @@ class Origin:
         """The command, the inputs' fingerprints and the versions behind a page."""
         return Section(
             title="How to reproduce",
+            folded=True,
             paragraphs=(
                 "The same command with the same inputs and versions gives the same file, byte for "
                 "byte; results do not depend on the computer beyond rounding.",
@@ -302,20 +309,14 @@ class Result:
     schema: ClassVar[str] = ""
     origin: Origin | None = None  # a result that can be got again by a command has one
 
-    section_count: ClassVar[int] = 1  # about how many sections its page has
-
     @property
     def title(self) -> str:
         """What the result is called: title of its page."""
         return type(self).__name__
 
     def view(self) -> Iterable[Block]:
-        """Return the result: a picture, the answer, numbers and notes."""
+        """Return the result: the answer, a picture, numbers and notes, then what is folded."""
         raise NotImplementedError
-
-    def sections(self) -> Iterable[Block]:
-        """Return what its page shows below the view."""
-        return ()
 
     @property
     def summary(self) -> tuple[str, ...]:
@@ -346,13 +347,13 @@ class Result:
         progress
             Called with the share of the page that is drawn and a few words.
         """
-        blocks = list(self.view())
-        for count, block in enumerate(self.sections(), start=1):
-            blocks.append(block)
+        blocks = [*self.view(), *([self.origin.section] if self.origin else [])]
+        for place, block in enumerate(blocks):
             if progress is not None:
-                progress(min(1.0, count / self.section_count), "drawing the page")
-        if self.origin is not None:
-            blocks.append(self.origin.section)
+                progress(place / len(blocks), "drawing the page")
+            if isinstance(block, Section):
+                drawn = tuple(replace(one, image=one.drawn) for one in block.pictures)
+                blocks[place] = replace(block, pictures=drawn)
         made: str = front_door("pages.html").page(self.title, blocks)
         return made
 
@@ -385,7 +386,7 @@ class WrittenResult(Result):
 
 
 def lines(blocks: Iterable[Block]) -> Iterator[str]:
-    """Yield blocks as lines for the user; pictures and folded tables are left out."""
+    """Yield blocks as lines for the user; pictures, sections and folded tables are left out."""
     for block in blocks:
         match block:
             case Answer(text) | Text(text):
@@ -401,19 +402,16 @@ def lines(blocks: Iterable[Block]) -> Iterator[str]:
                 yield from (f"       {detail}" for detail in details)
             case Notes(notes):
                 yield from notes
-            case Section(title=title, paragraphs=paragraphs, tables=tables):
-                yield title
-                yield from paragraphs
-                yield from (line for table in tables for line in _table_lines(table))
 
 
 _SIGNS = {"error": "ERROR", "warning": "warn"}
 
 
 def fact_line(fact: Fact) -> str:
-    """Return a fact as a line: name, value, detail."""
-    detail = f", {fact.detail}" if "(" in fact.detail else f" ({fact.detail})"
-    return f"{fact.name}: {fact.text}{detail if fact.detail else ''}"
+    """Return a fact as a line: name, value, detail, standing."""
+    standing = f" ({fact.standing})" if fact.standing else ""
+    detail = f", {fact.detail}" if "(" in fact.detail or standing else f" ({fact.detail})"
+    return f"{fact.name}: {fact.text}{detail if fact.detail else ''}{standing}"
 
 
 def _table_lines(table: Rows) -> Iterator[str]:
@@ -514,7 +512,10 @@ def plain_blocks(blocks: Iterable[Block]) -> list[dict[str, Any]]:
             case Answer(text, tone):
                 found.append({"kind": "answer", "text": text, "tone": tone})
             case Facts(facts):
-                rows = [[fact.name, fact.text, fact.detail] for fact in facts]
+                rows = [
+                    [fact.name, fact.text, ", ".join(filter(None, (fact.detail, fact.standing)))]
+                    for fact in facts
+                ]
                 found.append({"kind": "facts", "rows": rows})
             case Rows(caption=caption, headings=headings, rows=rows, folded=False):
                 shown = [list(map(str, row)) for row in rows[: block.most]]

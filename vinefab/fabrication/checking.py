@@ -10,13 +10,13 @@ from vinefab.core.errors import ReadBackError
 from vinefab.core.plain_text import counted
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.pieces.partition import in_pieces, partition_of
+from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.annotation import annotated_job
 from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
-from vinefab.inflation.pattern import cut_design, pattern_of
+from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -151,27 +151,41 @@ def subject_of(
     profile: LaserProfile | None,
     deployed: Deployed = (),
     limits: LimitChanges | None = None,
+    pattern: Pattern | None = None,
 ) -> Subject:
     """Return what the rules check: the design in its pieces, deployments with their maps' names.
 
     Designs with more than `MANY_BRANCHES` branches are not looked at in pieces.
+
+    Parameters
+    ----------
+    pattern
+        The design's, where it is known; else its joints are simulated.
     """
-    flat = _flat_subject(design, profile, deployed)
+    flat = _flat_subject(design, profile, deployed, pattern)
     if profile is None:
         return flat
     design = flat.design
-    many = design.branch_count > MANY_BRANCHES
-    partition = None if many else partition_of(design, profile, limits)
+    if flat.pattern is None or design.branch_count > MANY_BRANCHES:
+        partition = None
+    else:
+        partition = pieces_of(flat.pattern, profile, limits)
     made = replace(flat, profile=profile, job=laser_job(design, profile, partition=partition))
     return in_pieces(made, partition) if partition else made
 
 
-def _flat_subject(design: Design, profile: LaserProfile | None, deployed: Deployed) -> Subject:
+def _flat_subject(
+    design: Design,
+    profile: LaserProfile | None,
+    deployed: Deployed,
+    pattern: Pattern | None = None,
+) -> Subject:
     """Return the flat tree that a design is cut as, without paths.
 
     With a recipe it is compensated, if the design asks for it, and its joints are known.
     """
-    pattern = None if profile is None else pattern_of(design, profile)
+    if pattern is None and profile is not None:
+        pattern = pattern_of(design, profile)
     names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
     cut = pattern.flat if pattern else design
     made = Subject.of(cut, deployments=deployments, map_names=names)

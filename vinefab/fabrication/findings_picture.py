@@ -58,7 +58,7 @@ _RIM_PT = 42.0
 _LEAST_PT, _MOST_PT = 190.0, 560.0
 _SIGN_PT = 11.0
 _TAG_PT = 8.0
-_LIST_PT = 8.0
+_LIST_PT = 8.25
 _NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
 """Distances within which findings share a tag: the first one that leaves room for all tags."""
 
@@ -131,7 +131,7 @@ def _line(number: int, group: Sequence[Finding]) -> Listed:
         severity=worst.severity,
         rule=worst.rule,
         branches=worst.branches,
-        words=f"{count}{_values(worst)}{worst.message}",
+        words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
         findings=tuple(group),
     )
 
@@ -141,12 +141,6 @@ def _excess(finding: Finding) -> float:
     if finding.measured is None or finding.limit is None:
         return 0.0
     return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
-
-
-def _values(finding: Finding) -> str:
-    if finding.measured is None or finding.limit is None:
-        return ""
-    return f"is {finding.measured:.4g}, limit {finding.limit:.4g} {finding.unit}".strip() + "; "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

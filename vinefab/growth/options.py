@@ -376,7 +376,8 @@ class GrowthChoice:
         Parameters
         ----------
         designs
-            The designs; where they were trained with different options, the defaults count.
+            The designs; those that no run has made grow as the others were trained, and where
+            these were trained with different options, the defaults count.
         given
             Some options by name, as in `GrowthOptions.of`.
 
@@ -392,7 +393,12 @@ class GrowthChoice:
         for design in designs:
             with located(f"design {design.name}"):
                 trained.append(trained_growth(design))
-        chosen = [GrowthOptions.of(given, options) for options in trained]
+        made_by_runs = [
+            options
+            for design, options in zip(designs, trained, strict=True)
+            if ORIGIN_GROWTH in design.origin
+        ]
+        chosen = [GrowthOptions.of(given, options) for options in made_by_runs or trained]
         if all(options == chosen[0] for options in chosen):
             return cls(options=chosen[0])
         note = "designs trained with different growth options: all are grown with the defaults"

@@ -50,9 +50,6 @@ DEFAULT_PRESSURE_KPA = 20.0
 ORIGIN_GROWTH = "growth"
 """Key of a design's origin under which the growth options stand that it was trained with."""
 
-ORIGIN_RECIPE = "recipe"
-"""Key under which the recipe of the design's run stands."""
-
 Mounting = Literal["tail_inverted", "turned"]
 """How a robot as cut is put on its base: as it is, its tail inverted over the base, which turns
 every face when it grows; or first turned inside out as a whole."""
@@ -555,10 +552,13 @@ class Design(Table):
             "`[limits.VF-C01] warning = 6.0`"
         ),
     ] = Field(default_factory=dict)
-    # Under ``growth`` are the growth options that it was trained with: commands grow it with them.
-    # Under ``recipe`` is the recipe of its run: commands check and make it with that one.
+    # The keys of `vinefab.model.files.run_context` among it are what commands use.
     origin: Annotated[
-        Mapping[str, Any], Doc("how the design was made, free-form; written by `vinefab optimize`")
+        Mapping[str, Any],
+        Doc(
+            "how the design was made, free-form; written by `vinefab optimize`: commands use the "
+            "task, growth options and recipe of its run"
+        ),
     ] = Field(default_factory=dict)
     # Of the file that it was read from, in which its origin names files; it makes no difference.
     folder: Annotated[Path | None, Field(exclude=True)] = None

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from vinefab.core.plain_text import counted
@@ -46,7 +46,7 @@ class Finding(Result):
     reason
         The waiver's reason, or empty.
     title
-        What the rule asks for; empty for one that is not installed here.
+        What is wrong; empty for a rule that is not installed here.
     """
 
     rule: str
@@ -82,12 +82,17 @@ class Finding(Result):
     def words(self) -> str:
         """Branches, message, numbers and fingerprint in one line."""
         who = f"[{', '.join(self.branches[:4])}] " if self.branches else ""
-        numbers = ""
-        if self.measured is not None and self.limit is not None:
-            unit = f" {self.unit}" if self.unit else ""
-            numbers = f" (is {self.measured:.4g}, limit {self.limit:.4g}{unit})"
+        numbers = f" ({self.measures})" if self.measures else ""
         why = f" (waived: {self.reason})" if self.waived else ""
         return f"{who}{self.message}{numbers}{why}  #{self.fingerprint}"
+
+    @property
+    def measures(self) -> str:
+        """The measured value and what is allowed; empty if the rule has no number."""
+        if self.measured is None or self.limit is None:
+            return ""
+        unit, side = f" {self.unit}".rstrip(), "least" if self.measured < self.limit else "most"
+        return f"{self.measured:.4g}{unit}, at {side} {self.limit:.4g}{unit}"
 
     @property
     def content(self) -> dict[str, object]:
@@ -95,6 +100,7 @@ class Finding(Result):
         return {
             "id": self.rule,
             "severity": str(self.severity),
+            "title": self.title,
             "message": self.message,
             "measured": _finite(self.measured),
             "limit": _finite(self.limit),
@@ -245,25 +251,28 @@ class CheckReport(Result):
                 "warning",
             )
         yield Answer(self.verdict, "bad" if self.blocking else "good")
+        yield self.applied
         yield Data(lambda: {"design": self.design, "recipe": self.recipe, "units": "mm"})
         yield Data(lambda: self.content)
 
     @property
     def details(self) -> tuple[str, ...]:
         """The summary and every rule that was applied."""
-        return (*lines(self.sections()), *self.summary)
+        return (*lines([replace(self.applied, folded=False)]), *self.summary)
 
     @property
     def exit_code(self) -> int:
         """The exit code of a command: 1 where something stands in the way of an export."""
         return int(bool(self.blocking))
 
-    def sections(self) -> Iterator[Block]:
-        """Yield the rules that were applied."""
-        yield Rows(
+    @property
+    def applied(self) -> Rows:
+        """The rules that were applied."""
+        return Rows(
             caption="Rules applied, with the number of items that each checked",
             headings=("rule", "what must hold", "checked"),
             rows=tuple((run.rule, run.title, run.checked) for run in self.run),
+            folded=True,
         )
 
     @property

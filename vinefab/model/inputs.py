@@ -16,7 +16,6 @@ from vinefab.core.verbs import Also, Doc, Kind, also, note, numbers_from, text_o
 
 if TYPE_CHECKING:
     from vinefab.model.design import Design
-    from vinefab.model.files.run_recipe import ChosenRecipe
     from vinefab.model.laser import LaserProfile
     from vinefab.model.map import Map, Pose, Start
     from vinefab.model.start_place import StartPlace
@@ -323,21 +322,6 @@ def as_recipe(given: "RecipeLike") -> "LaserProfile":
         return given
     allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
     return read_profile(name_or_path("recipe", given, allowed, "recipe"))
-
-
-def recipe_for(design: "Design", given: "RecipeLike | None") -> "ChosenRecipe":
-    """Return the recipe to make a design with: the one given, that of its run, or the default."""
-    from vinefab.model.files.run_recipe import ChosenRecipe
-    from vinefab.model.laser import LaserProfile
-
-    if isinstance(given, LaserProfile):
-        return ChosenRecipe(recipe="", profile=given)
-    if given is not None:
-        return ChosenRecipe(recipe=str(given), profile=as_recipe(given))
-    chosen = ChosenRecipe.of(design)
-    if chosen.note:
-        note(chosen.note, only_in_shell=not chosen.is_other)
-    return chosen
 
 
 def as_map(

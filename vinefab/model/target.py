@@ -2,24 +2,26 @@
 
 import string
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, product
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
 from pydantic import Field, model_validator
+from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
-from vinefab.core.validation import LARGEST_MM, Floats
+from vinefab.core.validation import LARGEST_MM, Floats, Ints
 from vinefab.core.view import Answer, Block, Number, Result, Rows, Tone
 
 if TYPE_CHECKING:
+    from vinefab.model.deployment import Deployment
     from vinefab.model.map import Map
 
 Coordinate = Annotated[float, Ge(-LARGEST_MM), Le(LARGEST_MM)]
@@ -118,7 +120,7 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     taken = Counter(one.name for one in found if one.name)
     for place, one in enumerate(found, start=1):
         if taken[one.name] > 1:
-            raise BadInputError(f"{key}[{place}].name", one.name, "a name for each target")
+            raise BadInputError(f"{key}[{place}].name", one.name, "one target of each name")
     free = (name for name in _letters() if name not in taken)
     return tuple(one if one.name else one.changed(name=next(free)) for one in found)
 
@@ -191,7 +193,66 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets")
         raise BadInputError(f"{key}[{place}]", named, allowed)
 
 
+def out_of_reach(
+    targets: Sequence[Target], starts: Sequence[BaseGeometry], longest_mm: float
+) -> Iterator[tuple[int, str, str]]:
+    """Yield the places, from 1, of targets too far for a robot from any start, how far, and why.
+
+    Parameters
+    ----------
+    starts
+        Where bases may stand, mm.
+    longest_mm
+        Greatest length of a robot from its base to a tip.
+    """
+    for place, target in enumerate(targets, start=1):
+        far_mm = min((shapely.distance(start, target.shape) for start in starts), default=0.0)
+        if far_mm > longest_mm + target.tolerance_mm:
+            within = f" with {target.tolerance_mm:g} mm of tolerance" if target.tolerance_mm else ""
+            most = f"{longest_mm:.0f} mm, the robot's greatest length,{within}".rstrip(",")
+            yield place, f"{target.name}, {far_mm:.0f} mm from the start", most
+
+
 # --- Results -------------------------------------------------------------------------------------
+
+
+class Branches(NamedTuple):
+    """Branches as ranges of chain points, n of them; those that never emerged have none."""
+
+    points_mm: Floats  # shape (p, 2)
+    # index of each branch's first point, and of the one after its last, shape (n,)
+    first: Ints
+    end: Ints
+
+    def gaps_mm(self, targets: Sequence[Target], *, tips: bool = False) -> tuple[Ints, Floats]:
+        """Return the branch of each straight stretch, or tip, and how far targets are from it.
+
+        Returns
+        -------
+        tuple
+            Shape (s,), rising, and (s, t).
+        """
+        if tips:
+            owner = np.flatnonzero(self.end > self.first)
+            a = b = self.end[owner] - 1
+        else:
+            count = np.maximum(self.end - self.first - 1, 0)
+            owner = np.repeat(np.arange(len(count)), count)
+            before = np.cumsum(count) - count
+            a = np.repeat(self.first - before, count) + np.arange(count.sum())
+            b = a + 1
+        base, along = self.points_mm[a], self.points_mm[b] - self.points_mm[a]
+        squared = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
+        gaps_mm = np.empty((len(owner), len(targets)))
+        for column, target in enumerate(targets):
+            if target.point_mm is None:
+                lines = shapely.linestrings(np.stack([base, base + along], axis=1))
+                gaps_mm[:, column] = shapely.distance(lines, target.shape)
+            else:
+                point = np.array(target.point_mm)
+                share = np.clip(((point - base) * along).sum(axis=1) / squared, 0.0, 1.0)
+                gaps_mm[:, column] = np.hypot(*(point - base - share[:, None] * along).T)
+        return owner, gaps_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -270,6 +331,80 @@ class TargetsResult(Result):
         """Return the result of deployments, of which some touch all of their targets."""
         share, deployments = float(together.mean()), len(together)
         return cls(outcomes=tuple(outcomes), together=share, deployments=deployments)
+
+    @classmethod
+    def touched(
+        cls, deployments: "Iterable[tuple[Deployment, Sequence[Target]]]", *, tips: bool = False
+    ) -> "TargetsResult | None":
+        """Return which targets deployments touch; None where none has any.
+
+        Targets of one name count as one.
+
+        Parameters
+        ----------
+        deployments
+            Each with the targets of its map.
+        tips
+            Whether only tips touch, instead of every point of a centreline.
+        """
+        found: dict[str, list[tuple[Target, float, str]]] = {}
+        together: list[float] = []
+        for deployment, targets in deployments:
+            if not targets:
+                continue
+            first = deployment.first_point
+            branches = Branches(deployment.points_mm, first[:-1], first[1:])
+            owner, gaps_mm = branches.gaps_mm(targets, tips=tips)
+            names = [deployment.tree.ids[branch] for branch in owner.tolist()]
+            nearest = gaps_mm.argmin(axis=0).tolist() if names else []
+            touched = []
+            for place, target in enumerate(targets):
+                far_mm = float(gaps_mm[nearest[place], place]) if names else np.inf
+                name = names[nearest[place]] if names else ""
+                found.setdefault(target.name, []).append((target, far_mm, name))
+                touched.append(far_mm <= target.tolerance_mm)
+            together.append(float(all(touched)))
+        outcomes = [
+            TargetOutcome(
+                target=rows[0][0],
+                away_mm=np.array([far_mm for _, far_mm, _ in rows]),
+                branches=tuple(name for *_, name in rows),
+            )
+            for rows in found.values()
+        ]
+        return cls.of(outcomes, np.array(together)) if outcomes else None
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> "TargetsResult":
+        """Return the result of `record`."""
+        outcomes = tuple(
+            TargetOutcome(
+                target=Target(**one["target"]),
+                away_mm=np.array([np.inf if far is None else far for far in one["away_mm"]]),
+                branches=tuple(one["branches"]),
+            )
+            for one in record["outcomes"]
+        )
+        return cls(
+            outcomes=outcomes, together=record["together"], deployments=record["deployments"]
+        )
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All of it as plain values, from which `of_record` makes it again."""
+        outcomes = [
+            {
+                "target": one.target.content,
+                "away_mm": [far if np.isfinite(far) else None for far in one.away_mm.tolist()],
+                "branches": list(one.branches),
+            }
+            for one in self.outcomes
+        ]
+        return {
+            "outcomes": outcomes,
+            "together": self.together,
+            "deployments": self.deployments,
+        }
 
     @property
     def missed(self) -> tuple[TargetOutcome, ...]:

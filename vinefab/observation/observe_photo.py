@@ -47,7 +47,7 @@ from vinefab.observation.film import SeenFilm, Sight, found_film, outlined_film
 from vinefab.observation.photo_setup import PhotoSetup
 from vinefab.pages.colours import ALERT, level_colour
 from vinefab.pages.page_png import page_png
-from vinefab.pages.panel import Ink, Panel, page_of, photo, plan_panel
+from vinefab.pages.panel import TICK_PT, Ink, Panel, page_of, photo, plan_panel
 from vinefab.photos.found_markers import MarkerSpread, marker_points, marker_spread
 from vinefab.photos.photo import Photo
 from vinefab.photos.photo_camera import ControlPoints, PhotoCamera, fit_camera
@@ -185,13 +185,11 @@ class Observation(WrittenResult):
             image=lambda: _overlay_picture(self),
             caption="The photo as from straight above. Yellow: lines traced on the film "
             "(measured); blue, dashed: the prediction (simulated); crosses: where tips met walls.",
-            wide=True,
+            file="overlay",
         )
         if self.reading is not None:
             angle = Number(self.reading.angle_deg, "deg", ".1f", decimals=2)
             yield Facts((Fact("joint angle", angle, "joint_angle_deg", "measured"),), lead=True)
-        yield Notes(self.cautions, "cautions")
-        yield Notes(tuple(compared.notes))
         yield Facts(
             (
                 Fact(
@@ -210,7 +208,7 @@ class Observation(WrittenResult):
                     f"{sum(b.tip_and_base_seen for b in branches)} of {count}",
                     "summary.deployed_observed",
                     "measured: tip and base on film",
-                    "good" if good else "caution",
+                    "plain" if good else "caution",
                     sum(b.tip_and_base_seen for b in branches),
                 ),
                 Fact(
@@ -218,7 +216,7 @@ class Observation(WrittenResult):
                     f"{sum(bool(b.doubts) for b in branches)} of {count}",
                     "summary.in_doubt",
                     "nothing is claimed of their stops and contacts; cautions say why",
-                    "caution" if any(b.doubts for b in branches) else "good",
+                    "caution" if any(b.doubts for b in branches) else "plain",
                     [b.id for b in branches if b.doubts],
                 ),
                 Fact(
@@ -256,6 +254,8 @@ class Observation(WrittenResult):
             ),
             lead=True,
         )
+        yield Notes(self.cautions, "cautions")
+        yield Notes(tuple(compared.notes))
         yield Facts(
             (
                 Fact("photo", self.photo, "photo"),
@@ -274,20 +274,13 @@ class Observation(WrittenResult):
             ),
             key="half_angles",
             keys=("head_on_half_angle_deg", "mean_mm", "same_stops", "log_likelihood"),
+            folded=True,
         )  # fmt: skip
         yield Data(self._data)
-
-    def sections(self) -> Iterator[Section]:
-        """Yield where film was found, and every branch."""
-        yield Section(
-            title="Film",
-            pictures=(
-                Picture(
-                    image=_film_picture(self),
-                    caption="Where film was found (white: film).",
-                ),
-            ),
+        film_found = Picture(
+            image=lambda: _film_picture(self), caption="Where film was found (white: film)."
         )
+        yield Section(title="Film", pictures=(film_found,), folded=True)
         yield _branch_section(self.compared.branches)
 
     def _data(self) -> dict[str, object]:
@@ -459,6 +452,7 @@ def _branch_section(branches: Sequence[ComparedBranch]) -> Section:
                 folded=len(contacts) > 12,
             ),
         ),
+        folded=True,
     )  # fmt: skip
 
 
@@ -486,7 +480,7 @@ def _photo_panel(seen: Observation, pixels: NDArray[np.uint8], longest_pt: float
 
 def _overlay_picture(seen: Observation) -> bytes:
     """Return the photo from straight above, with the lines seen and predicted."""
-    panel = _photo_panel(seen, seen.film.view.pixels, 576.0)
+    panel = _photo_panel(seen, seen.film.view.pixels, 432.0)
     for branch in seen.compared.branches:
         z_mm = branch.nominal_width_mm / 2.0
         shown = partial(seen.film.moved, from_mm=z_mm, to_mm=seen.film.sight.plane_mm)
@@ -499,7 +493,7 @@ def _overlay_picture(seen: Observation) -> bytes:
         panel.line(places, Ink(line=level_colour(branch.level), width_pt=2.6), rank=3.0)
         panel.line(places, Ink(line=SEEN, width_pt=1.1), rank=3.0)
         x, y = places[len(places) // 2].tolist()
-        panel.words((x, y), branch.id, 6.5, shift_pt=(3.0, 5.5), halo=True)
+        panel.words((x, y), branch.id, TICK_PT, shift_pt=(3.0, 5.5), halo=True)
         contacts = [(c.x_mm, c.y_mm) for c in branch.contacts if c.outcome != "unclear"]
         if contacts:
             cross = Ink(line=ALERT, width_pt=1.4)

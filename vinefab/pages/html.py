@@ -1,12 +1,15 @@
 """Blocks as HTML: one page without links, and what a notebook shows."""
 
 import base64
+import io
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from PIL import Image
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.plain_text import visible
@@ -40,8 +43,9 @@ def page(title: str, blocks: Iterable[Block], live: Live | None = None) -> str:
         How the page stays current; None where it is final.
     """
     shown = list(blocks)
-    sections = [block for block in shown if isinstance(block, Section)]
-    first = shown.index(sections[0]) if sections else len(shown)
+    first = next((k for k, one in enumerate(shown) if isinstance(one, Section)), len(shown))
+    # What is folded is a list of its titles.
+    sections = [one for one in shown if isinstance(one, Section) and not one.folded]
     return _template("page.html.j2").render(
         title=title,
         top=list(_parts(shown[:first])),
@@ -75,6 +79,7 @@ def _template(name: str) -> Template:
         lstrip_blocks=True,
     )
     environment.filters["data_uri"] = _data_uri
+    environment.filters["size_px"] = _size_px
     environment.filters["number_columns"] = number_columns
     environment.filters["shown"] = lambda value: visible(str(value))
     return environment.get_template(name)
@@ -84,3 +89,24 @@ def _data_uri(picture: Picture) -> str:
     image = picture.drawn
     kind = "image/png" if image.startswith(PNG) else "image/svg+xml"
     return f"data:{kind};base64,{base64.b64encode(image).decode()}"
+
+
+_PX = {"pt": 96.0 / 72.0, "mm": 96.0 / 25.4, "px": 1.0, "": 1.0}
+"""Of a screen's pixels, an inch has 96."""
+
+
+def _size_px(picture: Picture) -> tuple[int, int]:
+    """Return width and height at which a picture is as large as it was drawn."""
+    image = picture.drawn
+    if image.startswith(PNG):
+        with Image.open(io.BytesIO(image)) as opened:
+            per_inch = opened.info.get("dpi", (96.0, 96.0))[0]
+            wide, high = (round(96.0 * side / per_inch) for side in opened.size)
+            return wide, high
+    head = image[: image.find(b">", image.find(b"<svg"))].decode()
+    sides = dict(re.findall(r'\s(width|height)="([\d.]+(?:pt|mm|px|))"', head))
+    wide, high = (
+        round(float(sides[side].rstrip("ptmx")) * _PX[sides[side].lstrip("0123456789.")])
+        for side in ("width", "height")
+    )
+    return wide, high

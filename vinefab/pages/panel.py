@@ -139,7 +139,8 @@ def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> 
 
 # --- Panels ---------------------------------------------------------------------------------------
 
-TICK_PT, TITLE_PT, NAME_PT = 8.0, 8.5, 9.0
+TICK_PT, TITLE_PT, NAME_PT = 8.25, 8.5, 9.0  # 8.25 pt are 11 px: smaller type is not readable
+COLUMN_PT = 196.0  # longer side of a plan that takes a third of a page, or a phone's whole width
 MIDDLE = 0.36  # from the base line to the middle of small letters, as a share of their size
 _LINE = 1.35  # from one line of text to the next, as a share of its size
 
@@ -289,7 +290,7 @@ class Panel:
         (x, y), end = at, at[0] + length_mm * pt_per_mm
         ends = [(x, y), (x, y + 6), (x, y + 3), (end, y + 3), (end, y + 6), (end, y)]
         self.line(ends, Ink(line=INK, width_pt=1.2))
-        return end + 6.0 + self.written((end + 6.0, y), f"{length_mm:g} mm", 8.0, colour=SOFT)
+        return end + 6.0 + self.written((end + 6.0, y), f"{length_mm:g} mm", TICK_PT, colour=SOFT)
 
     def arrow(
         self, start: ArrayLike, end: ArrayLike, ink: Ink, head_pt: float, rank: float
@@ -631,7 +632,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
 
 
-_LEGEND_PT, _SYMBOL_PT = 8.0, 20.0
+_LEGEND_PT, _SYMBOL_PT = TICK_PT, 16.0
 
 
 def _legend(
@@ -639,15 +640,22 @@ def _legend(
 ) -> tuple[list[Primitive], float]:
     """Return symbols and words in rows from a height on down, and how high they are."""
     texts = [shortened(words, MOST_LETTERS) for words in entries]
-    wide = max(text_width(words, _LEGEND_PT) for words in texts) + _SYMBOL_PT + 16.0
-    columns = max(1, min(4, len(texts), int((across[1] - across[0]) // wide)))
-    drawn = list[Primitive]()
-    for number, (words, primitive) in enumerate(zip(texts, entries.values(), strict=True)):
-        x = across[0] + wide * (number % columns)
-        y = top + _LINE * _LEGEND_PT * (number // columns + 0.5)
+    each = [text_width(words, _LEGEND_PT) + _SYMBOL_PT + 14.0 for words in texts]
+    columns = max(1, min(4, len(texts), int((across[1] - across[0]) // max(each))))
+    # Where one long entry leaves no room for a second column, entries follow each other as words.
+    wides = each if columns == 1 else [max(each)] * len(each)
+    drawn, x, row = list[Primitive](), across[0], 0
+    for number, (words, wide, primitive) in enumerate(
+        zip(texts, wides, entries.values(), strict=True)
+    ):
+        full = x + wide > across[1] + 9.0 if columns == 1 else number % columns == 0
+        if number and full:
+            x, row = across[0], row + 1
+        y = top + _LINE * _LEGEND_PT * (row + 0.5)
         drawn.append(_symbol(primitive, x, y))
         drawn.append(Words((x + _SYMBOL_PT + 5.0, y), words, _LEGEND_PT, INK))
-    return drawn, _LINE * _LEGEND_PT * math.ceil(len(texts) / columns)
+        x += wide
+    return drawn, _LINE * _LEGEND_PT * (row + 1)
 
 
 def _symbol(primitive: Primitive, x: float, y: float) -> Primitive:

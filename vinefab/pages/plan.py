@@ -6,11 +6,11 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
-from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
+from vinefab.model.target import Target, TargetOutcome, TargetsResult
+from vinefab.pages.colours import ALERT, INK, ROCK, ROCK_EDGE, SOFT, START, level_colour
 from vinefab.pages.map_view import (
     STOP_WORDS,
     Box,
@@ -26,7 +26,7 @@ from vinefab.pages.map_view import (
 )
 from vinefab.pages.page_png import page_png
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
+from vinefab.pages.panel import TICK_PT, Ink, Marks, Page, Panel, Shape, page_of, plan_panel
 
 TIP_SIGNS = {
     Stop.FULL_LENGTH: "o",
@@ -169,12 +169,28 @@ def draw_names(panel: Panel, deployment: Deployment) -> None:
     )
 
 
-def draw_targets(panel: Panel, targets_mm: Floats) -> None:
-    """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
-    if len(targets_mm):
-        ink = Ink(line=INK, width_pt=1.1)
-        panel.marks(targets_mm, "+", 9.0, ink, rank=6.0)
-        panel.marks(targets_mm, "o", 7.0, ink, rank=6.0, label="target")
+def draw_targets(panel: Panel, targets: Sequence[Target | TargetOutcome]) -> None:
+    """Draw what robots are to touch, with its tolerance: touched full, missed dashed."""
+    for one in targets:
+        target = one if isinstance(one, Target) else one.target
+        words, colour, dash_pt = "target", INK, tuple[float, ...]()
+        if isinstance(one, TargetOutcome):
+            words, colour, dash_pt = (
+                ("target touched", START, ())
+                if one.is_touched
+                else ("target missed", ALERT, (4.0, 2.5))
+            )
+        around = shapely.get_coordinates(target.shape.buffer(max(target.tolerance_mm, 1e-3)))
+        ring = Ink(fill=colour, fill_alpha=0.14, line=colour, width_pt=1.3, dash_pt=dash_pt)
+        panel.add(Shape([around], ring, closed=True), 5.9, words)
+        panel.marks([target.middle_mm], "+", 7.0, Ink(line=colour, width_pt=1.1), rank=6.0)
+    panel.write_labels(
+        [(one if isinstance(one, Target) else one.target).middle_mm for one in targets],
+        [(one if isinstance(one, Target) else one.target).name for one in targets],
+        [INK] * len(targets),
+        size_pt=TICK_PT,
+        mark_pt=4.0,
+    )
 
 
 def draw_pose(panel: Panel, pose: Pose, view_mm: float) -> None:
@@ -188,16 +204,19 @@ def draw_pose(panel: Panel, pose: Pose, view_mm: float) -> None:
 
 
 def map_plan(
-    world: Map, *, targets_mm: Floats | None = None, longest_pt: float = 468.0, title: str = ""
+    world: Map,
+    *,
+    targets: Sequence[Target] | None = None,
+    longest_pt: float = 468.0,
+    title: str = "",
 ) -> Page:
-    """Return a plan of a map with its starts, and with targets, shape (t, 2), if there are any."""
+    """Return a plan of a map with its starts and its targets, or others in place of them."""
     panel = plan_panel(world.bounds.bounds, longest_pt)
     panel.title = title
     draw_map(panel, world)
     for start in world.starts:
         draw_pose(panel, start.pose, max(world.size_mm))
-    if targets_mm is not None:
-        draw_targets(panel, targets_mm)
+    draw_targets(panel, world.targets if targets is None else targets)
     return page_of(panel)
 
 
@@ -209,12 +228,15 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
     longest_pt: float = 468.0,
     named: bool = False,
     whole: bool = False,
-    targets_mm: Floats | None = None,
+    touched: TargetsResult | None = None,
     title: str = "",
 ) -> Page:
-    """Return a plan of a robot deployed on a map, with targets, shape (t, 2), if there are any.
+    """Return a plan of a robot deployed on a map; without a map the robot is drawn alone.
 
-    Without a map the robot is drawn alone.
+    Parameters
+    ----------
+    touched
+        The targets to draw; None: those of the map, as the body touches them.
     """
     if world is None:
         box = robot_box(deployment)
@@ -226,8 +248,10 @@ def deployment_plan(  # noqa: PLR0913  options by keyword
         draw_map(panel, world, box)
     draw_deployment(panel, deployment, widths_mm)
     draw_pose(panel, deployment.pose, longer_mm(box))
-    if targets_mm is not None:
-        draw_targets(panel, targets_mm)
+    if touched is None and world is not None:
+        touched = TargetsResult.touched([(deployment, world.targets)])
+    if touched is not None:
+        draw_targets(panel, touched.outcomes)
     if world is not None and box != world.bounds.bounds:
         size = " x ".join(f"{side:g}" for side in world.size_mm)
         part = f"part of {world.name}, {size} mm"

@@ -12,6 +12,8 @@ from vinefab.core.validation import Floats
 from vinefab.pages.charts import curve, ends_of, series_colour
 from vinefab.pages.colours import ALERT, HEAT_COLOURS, INK, SOFT
 from vinefab.pages.panel import (
+    COLUMN_PT,
+    TICK_PT,
     Ink,
     Marks,
     Page,
@@ -35,13 +37,13 @@ from vinefab.pages.plan import (
 from vinefab.prediction.deploy import pose_text
 from vinefab.prediction.robot_set import RobotSet, union_curve
 from vinefab.tasks.covered_cells import BodyCover, TargetCover, TipCover
-from vinefab.tasks.reach import Reach
+from vinefab.tasks.targets import task_targets
 
 if TYPE_CHECKING:
     from vinefab.prediction.aiming import AimedRobot, AimResult
 
 PLAN_PT = 360.0
-"""Longer side of a plan."""
+"""Longer side of a plan in the picture that has all."""
 
 MOST_ARROWS = 150
 
@@ -59,15 +61,17 @@ def score_ends(found: AimResult) -> tuple[float, float]:
     return low, high if high > low else low + 1e-9
 
 
-def landscape_panel(found: AimResult, robot: AimedRobot, *, bar: bool = True) -> Panel:
+def landscape_panel(
+    found: AimResult, robot: AimedRobot, *, bar: bool = True, longest_pt: float = COLUMN_PT
+) -> Panel:
     """Return expected scores over places, each at its best heading, with arrows along some."""
     landscape, world = robot.search.landscape, found.world
     known = landscape.known
     places, scores = landscape.places_mm[known], landscape.best_scores[known]
     most_pt = 14.0 if found.plan.where == "anywhere" else 7.0
     size_mm = max(world.size_mm)
-    panel = plan_panel(world.bounds.bounds, PLAN_PT)
-    side_pt = float(np.clip(landscape.spacing_mm * PLAN_PT / size_mm, 3.0, most_pt))
+    panel = plan_panel(world.bounds.bounds, longest_pt)
+    side_pt = float(np.clip(landscape.spacing_mm * longest_pt / size_mm, 3.0, most_pt))
     low, high = score_ends(found)
     draw_map(panel, world)
     levels = np.rint(63.0 * (scores - low) / (high - low)).astype(int)
@@ -106,22 +110,20 @@ def _draw_best(panel: Panel, found: AimResult, robot: AimedRobot) -> None:
     pose = robot.best.pose
     draw_pose(panel, pose, max(found.world.size_mm))
     panel.marks([(pose.x_mm, pose.y_mm)], "o", 13.0, Ink(line=ALERT, width_pt=1.8), rank=8.0)
-    if isinstance(found.task, Reach) and found.task.target_mm:
-        draw_targets(panel, np.array(found.task.target_mm))
+    draw_targets(panel, robot.targets.outcomes if robot.targets else ())
 
 
-def best_deployments_panel(found: AimResult, robot: AimedRobot) -> Panel:
+def best_deployments_panel(
+    found: AimResult, robot: AimedRobot, longest_pt: float = COLUMN_PT
+) -> Panel:
     """Return the deployments from the best pose: one in full, the others as thin lines."""
-    panel = plan_panel(found.world.bounds.bounds, PLAN_PT)
+    panel = plan_panel(found.world.bounds.bounds, longest_pt)
     draw_map(panel, found.world)
     draw_thin(panel, robot.shown[1:], Ink(line=SOFT, width_pt=0.6, line_alpha=0.35), 2.0)
     widths_mm = found.plan.options.drawn_widths_mm(robot.design.build.widths_mm)
     draw_deployment(panel, robot.shown[0], widths_mm)
     _draw_best(panel, found, robot)
     return panel
-
-
-_POLAR_PT = 250.0
 
 
 def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
@@ -136,7 +138,7 @@ def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
         inner = max(0.0, inner)
     reach = 1.22
     panel = Panel(
-        box=(-reach, -reach, reach, reach), width_pt=_POLAR_PT, height_pt=_POLAR_PT,
+        box=(-reach, -reach, reach, reach), width_pt=COLUMN_PT + 24.0, height_pt=COLUMN_PT + 24.0,
         x_ticks=(), y_ticks=(),
     )  # fmt: skip
 
@@ -152,12 +154,12 @@ def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
         along = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
         panel.lines([np.array([(0.0, 0.0), along])], faint, rank=0.0)
         x, y = (1.12 * along).tolist()
-        panel.words((x, y), f"{degrees}°", 7.0, colour=SOFT, anchor="middle")
+        panel.words((x, y), f"{degrees}°", TICK_PT, colour=SOFT, anchor="middle")
     for value, words in round_ticks(inner, outer, 5):
         if value > inner:
             panel.lines([placed(turns, np.full(len(turns), value))], faint, rank=0.0)
             x, y = placed(np.array([np.radians(22.5)]), np.array([value]))[0].tolist()
-            panel.words((x, y), words, 7.0, colour=SOFT, anchor="middle", halo=True)
+            panel.words((x, y), words, TICK_PT, colour=SOFT, anchor="middle", halo=True)
     for index, (robot, (headings, mean, low, high)) in enumerate(zip(robots, curves, strict=True)):
         colour, around = series_colour(index), np.append(headings, headings[0])
         inside, outside, middle = (placed(around, np.append(v, v[0])) for v in (low, high, mean))
@@ -172,9 +174,9 @@ def turned_panel(robots: Sequence[AimedRobot]) -> Panel:
     return panel
 
 
-def team_panel(found: AimResult, team: RobotSet) -> Panel:
+def team_panel(found: AimResult, team: RobotSet, longest_pt: float = COLUMN_PT) -> Panel:
     """Return what several robots cover together, each in a colour, and their bases by number."""
-    panel = plan_panel(found.world.bounds.bounds, PLAN_PT)
+    panel = plan_panel(found.world.bounds.bounds, longest_pt)
     colours = [series_colour(index) for index in range(len(team.poses))]
     cover = team.cover
     if isinstance(cover, BodyCover | TipCover):
@@ -188,7 +190,7 @@ def team_panel(found: AimResult, team: RobotSet) -> Panel:
         x, y, side = cover.grid.box.tolist()
         panel.add(Raster((x, y, x + columns * side, y + rows * side), pixels), 0.5)
     elif isinstance(cover, TargetCover):
-        draw_targets(panel, cover.targets_mm)
+        draw_targets(panel, task_targets(found.task, found.world))
         for index, colour in enumerate(colours):
             reached = cover.targets_mm[team.covered[index]]
             panel.marks(reached, "o", 5.0, Ink(fill=colour), rank=6.5)
@@ -198,7 +200,7 @@ def team_panel(found: AimResult, team: RobotSet) -> Panel:
         base = (deployment.pose.x_mm, deployment.pose.y_mm)
         dot = Ink(fill=colour, line="#ffffff", width_pt=1.0)
         panel.add(Marks(np.array([base]), "o", 11.0, dot), 8.0)
-        panel.add(Words(base, f"{number}", 7.0, "#ffffff", "middle"), 9.0)
+        panel.add(Words(base, f"{number}", TICK_PT, "#ffffff", "middle"), 9.0)
     return panel
 
 
@@ -213,8 +215,8 @@ def union_panel(robots: Sequence[AimedRobot]) -> Panel:
     low, high = ends_of(counts)
     panel = Panel(
         box=(low, 0.0, high, 103.0),
-        width_pt=360.0,
-        height_pt=180.0,
+        width_pt=COLUMN_PT,
+        height_pt=COLUMN_PT,
         x_name="robots",
         y_name="covered together (%, simulated)",
         x_ticks=[(count, f"{count:g}") for count in counts.tolist()],
@@ -238,21 +240,21 @@ def aim_sheet(found: AimResult) -> Page:
     robots = found.robots
     plans = list[list[Panel]]([[], []])
     for robot in robots:
-        first = landscape_panel(found, robot, bar=robot is robots[-1])
+        first = landscape_panel(found, robot, bar=robot is robots[-1], longest_pt=PLAN_PT)
         best, (low, high) = robot.best, robot.best.interval
         first.title = (
             f"{robot.name} from {pose_text(best.pose)}\n"
             f"{best.mean:.3f} [{low:.3f}, {high:.3f}; {best.over}], "
             f"worst tenth {best.worst_tenth:.3f} (simulated)"
         )
-        second = best_deployments_panel(found, robot)
+        second = best_deployments_panel(found, robot, PLAN_PT)
         tried = counted(len(robot.shown), "deployment")
         second.title = f"{tried} from there, one in full (simulated)"
         plans[0].append(first)
         plans[1].append(second)
     teams = [robot.team for robot in robots if robot.team is not None]
     if teams:
-        third = [team_panel(found, team) for team in teams]
+        third = [team_panel(found, team, PLAN_PT) for team in teams]
         for panel in third:
             panel.title = "robots that together cover most, at one draw (simulated)"
         plans.append(third)

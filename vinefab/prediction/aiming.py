@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -33,6 +33,7 @@ from vinefab.core.view import (
     Section,
     Text,
     Value,
+    bracketed,
 )
 from vinefab.growth.options import (
     HALF_ANGLE_DEG,
@@ -41,11 +42,12 @@ from vinefab.growth.options import (
     growth_text,
 )
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import ORIGIN_GROWTH, Build, Design
+from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose
+from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import page_of
+from vinefab.pages.panel import Panel, page_of
 from vinefab.pages.plan import page_bytes
 from vinefab.prediction.aim_pictures import (
     aim_sheet,
@@ -82,6 +84,7 @@ from vinefab.prediction.robot_set import (
 )
 from vinefab.tasks.covered_cells import Cover, cover_of
 from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.targets import task_targets, touched_targets
 from vinefab.tasks.task import Task, check_on_map, search_form
 
 FEWEST_DEPLOYMENTS, MOST_DEPLOYMENTS = 5_000, 10_000_000
@@ -157,7 +160,6 @@ def aim_growth(designs: Sequence[Design], given: Mapping[str, object] | None) ->
 def plain_vine_of(design: Design) -> Design:
     """Return the plain vine of a design's trunk that is as long as all its branches together."""
     build = design.build
-    origin = {key: value for key, value in design.origin.items() if key == ORIGIN_GROWTH}
     return Design(
         name=f"{design.name[:80]}_as_plain_vine",
         trunk_length_mm=branch_tree(design).total_length_mm,
@@ -168,7 +170,6 @@ def plain_vine_of(design: Design) -> Design:
             tail_mm=build.tail_mm,
             pressure_kpa=build.pressure_kpa,
         ),
-        origin=origin,
     )
 
 
@@ -245,6 +246,7 @@ class AimedRobot:
     turned: TurnedScores  # at the best place
     shown: tuple[Deployment, ...]  # from the best pose, at some fresh draws
     team: RobotSet | None  # where several robots are asked for
+    targets: TargetsResult | None = None  # that it touches at fresh draws; None without targets
     notes: tuple[str, ...] = ()  # what a user should know, a sentence each
 
     @property
@@ -306,6 +308,11 @@ class AimResult(Result):
     schema = "vinefab/aim-1"
 
     @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets the design touches from its best pose; None where there are none."""
+        return self.first.targets
+
+    @property
     def title(self) -> str:
         """What was asked."""
         return f"Where to put {self.first.name} on {self.world.name}"
@@ -313,53 +320,70 @@ class AimResult(Result):
     def view(self) -> Iterator[Block]:
         """Yield the best pose, its expected score, and how the designs compare."""
         plan, first, best = self.plan, self.first, self.first.best
-        gains = [(f"over {other.name}, each at the best pose found", paired_gain(best, other.best))
-                 for other in self.robots[1:]]  # fmt: skip
+        gains = [(f"over {other.name}", paired_gain(best, other.best)) for other in self.robots[1:]]
         if first.gain is not None:
             gains.insert(0, ("over the map's start", first.gain))
         score = Number(
             best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
         )
+        if self.targets is not None:
+            yield self.targets.answer(f"{self.task.name} {best.mean:.3f}")
         yield Answer(
             f"Best found: put the base of {first.name} at {best.pose.text}: expected "
             f"{self.task.name} score {score}."
         )
+        if self.targets is not None:
+            yield self.targets.table
         yield Picture(
-            image=lambda: page_svg(page_of(landscape_panel(self, first))),
-            caption=f"{first.name}: expected score of "
-            f"{counted(len(first.search.landscape.places_mm), 'place')}, each at the best of its "
-            "headings (arrows). Ring: the best robust pose that was found (simulated).",
+            image=partial(_svg, landscape_panel, self, first),
+            caption=f"Expected score of {counted(len(first.search.landscape.places_mm), 'place')}, "
+            "each at the best of its headings (arrows); ring: the best pose found (simulated).",
+            file="landscape",
         )
-        yield Notes(self.growth_notes)
-        yield Notes(self.notes, "notes")
+        yield Picture(
+            image=partial(_svg, best_deployments_panel, self, first),
+            caption=f"{counted(len(first.shown), 'deployment')} from there with contacts and "
+            "placing errors, one in full (simulated).",
+            file="best_pose",
+        )
+        yield Picture(
+            image=partial(_svg, turned_panel, self.robots),
+            caption=f"Score over the heading at the best place: mean of {PROFILE_DRAWS} "
+            "deployments, worst to best tenth; dotted: the best heading (simulated).",
+            file="heading",
+        )
         yield Facts(
             (
                 Fact(
                     "expected score",
-                    Number(best.mean, form=".4f", interval=best.interval, over=best.over),
-                    detail=f"mean of {FRESH_DRAWS} fresh deployments (simulated)",
+                    Number(best.mean, form=".4f"),
+                    detail=f"{self._ends(best.interval)}, mean of {FRESH_DRAWS} fresh deployments",
+                    standing="simulated",
                 ),
                 Fact(
                     "worst tenth",
                     Number(best.worst_tenth, form=".4f"),
-                    detail="mean of the worst tenth of these (simulated)",
+                    detail="mean of the worst tenth of these",
+                    standing="simulated",
                 ),
                 *(
                     Fact(
                         name,
-                        Number(gain[0], form="+.4f", interval=gain[1:], over=best.over),
-                        detail="paired draw by draw (simulated)",
-                        tone="good" if gain[1] > 0.0 else "caution",
+                        Number(gain[0], form="+.4f"),
+                        detail=f"{self._ends(gain[1:], '+')}, paired draw by draw",
+                        tone="plain" if gain[1] > 0.0 else "caution",
+                        standing="simulated",
                     )
                     for name, gain in gains
                 ),
             ),
             lead=True,
         )
+        yield Notes(self.growth_notes)
+        yield Notes(self.notes, "notes")
         yield Rows(
-            caption=f"Expected {self.task.name} score at the best pose found for each: mean of "
-            f"{FRESH_DRAWS} fresh deployments, the same for all (simulated); the search's own "
-            "estimate is the best of many, so biased",
+            caption=f"Expected {self.task.name} score at the best pose found for each, over the "
+            "same fresh deployments (simulated); the search's own estimate is biased",
             headings=("design", "X,Y,DEG", "score", "worst tenth", "in the search",
                       "from the map's start"),
             rows=tuple(robot.cells for robot in self.robots),
@@ -405,13 +429,18 @@ class AimResult(Result):
                 "pose": _pose_content(self.pose),
             }
         )
+        yield from self._sections()
 
-    def sections(self) -> Iterator[Block]:
+    def _ends(self, interval: Sequence[float], sign: str = "") -> str:
+        low, high = (f"{end:{sign}z.4f}" for end in interval)
+        return bracketed((low, high), self.first.best.over)
+
+    def _sections(self) -> Iterator[Section]:
         """Yield the other pictures, and how the pose was found."""
         plan, first = self.plan, self.first
         others = [
             Picture(
-                image=page_svg(page_of(landscape_panel(self, robot))),
+                image=partial(_svg, landscape_panel, self, robot),
                 caption=f"{robot.name}: expected score of its places. Ring: its best robust pose, "
                 f"{robot.best.pose.text} (simulated).",
             )
@@ -419,23 +448,20 @@ class AimResult(Result):
         ]
         grown = [
             Picture(
-                image=page_svg(page_of(best_deployments_panel(self, robot))),
+                image=partial(_svg, best_deployments_panel, self, robot),
                 caption=f"{robot.name} from {robot.best.pose.text}: "
                 f"{counted(len(robot.shown), 'deployment')} with contacts and placing errors, one "
                 "of them in full (simulated).",
             )
-            for robot in self.robots
+            for robot in self.robots[1:]
         ]
-        turned = Picture(
-            image=page_svg(page_of(turned_panel(self.robots))),
-            caption=f"Score over the heading at each best place: mean of {PROFILE_DRAWS} "
-            "deployments, and from the worst to the best tenth; dotted: the best heading "
-            "(simulated).",
-        )
-        yield Section(title="From the best pose", pictures=(*grown, turned, *others))
+        if others:
+            names = ", ".join(robot.name for robot in self.robots[1:])
+            title = f"At its best pose: {names}"
+            yield Section(title=title, pictures=(*grown, *others), folded=True)
         teams = [
             Picture(
-                image=page_svg(page_of(team_panel(self, robot.team))),
+                image=partial(_svg, team_panel, self, robot.team),
                 caption=f"{robot.name}: {robot.team.cover.words}; each robot's colour where it is "
                 "the first to cover, at one fresh draw (simulated).",
             )
@@ -444,12 +470,12 @@ class AimResult(Result):
         ]
         if teams:
             union = Picture(
-                image=page_svg(page_of(union_panel(self.robots))),
+                image=partial(_svg, union_panel, self.robots),
                 caption="Covered share over the number of robots: mean and 95 % interval at fresh "
                 "draws; dashed: what no set of as many candidates can exceed at the draws of the "
                 "search (simulated).",
             )
-            yield Section(title="Several robots", pictures=(*teams, union))
+            yield Section(title="Several robots", pictures=(*teams, union), folded=True)
         low, high = (f"{deg(angle):g}" for angle in plan.options.half_angle_range_rad)
         words = (
             f"{first.search.deployments:,} deployments of {first.name} were simulated in "
@@ -464,7 +490,7 @@ class AimResult(Result):
             "of many estimates looks better than it is, so the scores that are reported come from "
             f"{FRESH_DRAWS} draws that the search has not seen."
         )
-        yield Section(title="How it was found", paragraphs=(words,))
+        yield Section(title="How it was found", paragraphs=(words,), folded=True)
 
     def picture(self, suffix: str) -> bytes:
         """Return the maps, the best deployments and the headings of all designs in one picture."""
@@ -495,6 +521,10 @@ class AimResult(Result):
     def mean(self) -> float:
         """Expected score from the best pose, at fresh draws (simulated)."""
         return self.first.best.mean
+
+
+def _svg(panel: Callable[..., Panel], *args: object) -> bytes:
+    return page_svg(page_of(panel(*args)))
 
 
 def _team_table(name: str, team: RobotSet) -> Rows:
@@ -603,6 +633,10 @@ def _aimed(
                 f"the trunk of {name} has no room at the map's start: there it begins "
                 f"{away_mm:.1f} mm aside, at the nearest place with room"
             )
+    targets = None
+    if task_targets(task, world := trial.prepared.world):
+        grown = trial.deployments(rows[0], fresh)
+        targets = touched_targets(((deployment, world) for deployment in grown), task)
     return AimedRobot(
         name=name,
         design=trial.design,
@@ -614,6 +648,7 @@ def _aimed(
         ),
         shown=tuple(trial.deployments(rows[0], fresh.part(0, SHOWN_DEPLOYMENTS))),
         team=team,
+        targets=targets,
         notes=tuple(notes),
     )
 

@@ -154,7 +154,7 @@ def anchoring_headline(found: AnchoringPrediction) -> Fact:
         f"{found.engaged_percent:.0f} % of the leaves jam, {found.nothing_percent:.0f} % of the "
         f"deployments hold nothing (simulated). Ideal case, every leaf that came out jams: "
         f"{ideal.median:.1f} x",
-        tone="good" if held.median >= 1.0 else "caution",
+        tone="plain" if held.median >= 1.0 else "caution",
     )
 
 
@@ -244,4 +244,9 @@ def anchoring_blocks(anchoring: Sequence[AnchoringPrediction]) -> Iterator[Data 
         "The design has no pouches, so that every leaf that came out counts and forces in newtons "
         "are not predicted: only the ideal case is.",
     )  # fmt: skip
-    yield Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
+    yield Section(
+        title="Anchoring",
+        paragraphs=(ANCHORING_NOTE, *without),
+        tables=tuple(tables),
+        folded=True,
+    )

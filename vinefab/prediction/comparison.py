@@ -28,8 +28,7 @@ from vinefab.core.view import (
 from vinefab.growth.options import growth_text
 from vinefab.model.design import Design
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.plan import deployment_plan
-from vinefab.prediction.deployment_sections import spread_pictures
+from vinefab.prediction.deployment_sections import deployment_picture, spread_pictures
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
     MapFamily,
@@ -53,7 +52,6 @@ from vinefab.prediction.measures import (
 )
 from vinefab.prediction.pictures import contact_chart, paired_difference_chart
 from vinefab.prediction.prediction_width import (
-    CONTACT_MEASURES,
     ContactRange,
     contact_range,
     contact_words,
@@ -218,8 +216,9 @@ class DesignComparison(Result):
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
                     "measure": measure.key, "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
+        yield from self._sections()
 
-    def sections(self) -> Iterator[Block]:
+    def _sections(self) -> Iterator[Section]:
         """Yield charts of every measure, designs over contacts and on the same map."""
         measure = self.measure
         words = (
@@ -230,27 +229,29 @@ class DesignComparison(Result):
             "leaves out 0."
         )
         yield Section(
-            title="Side by side", paragraphs=(words,), pictures=spread_pictures(self.outcomes())
+            title="Side by side",
+            paragraphs=(words,),
+            pictures=spread_pictures(self.outcomes()),
+            folded=True,
         )
         yield contact_section(self, measure)
         index = self.median_deployment(measure)
         world, options = self.results[0].prepared_map(index).world, self.plan.options
         grown = tuple(
             Picture(
-                image=page_svg(
-                    deployment_plan(
-                        world,
-                        result.deployments[index],
-                        options.drawn_widths_mm(design.build.widths_mm),
-                        longest_pt=331.0,
-                        whole=True,
-                    )
+                image=partial(
+                    deployment_picture,
+                    design,
+                    world,
+                    result.deployments[index],
+                    options,
+                    whole=True,
                 ),
                 caption=f"{name} on {world.name} (simulated).",
             )
             for name, design, result in zip(self.names, self.designs, self.results, strict=True)
         )
-        yield Section(title="On the same map", pictures=grown)
+        yield Section(title="On the same map", pictures=grown, folded=True)
 
     @property
     def means(self) -> dict[str, float]:
@@ -286,9 +287,9 @@ class DesignComparison(Result):
 
     def over_contacts(self, name: str, measure: Measure) -> str:
         """Return a design's range of a measure over what contacts may be like, in words."""
-        if measure not in CONTACT_MEASURES:
-            return ""
         contacts = self.contacts[self.names.index(name)]
+        if measure.key not in contacts.values:
+            return ""
         low, high = (measure.number(value) for value in contacts.ends(measure))
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
         over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
@@ -430,7 +431,7 @@ def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
 
 def contact_section(found: DesignComparison, measure: Measure) -> Section:
     """Return the designs over the range of half-angles, in the main measure where it has one."""
-    shown = measure if measure in CONTACT_MEASURES else COVERAGE
+    shown = measure if measure.key in found.contacts[0].values else COVERAGE
     rows = tuple(
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)
@@ -441,7 +442,9 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         rows=rows,
     )
     picture = Picture(
-        image=page_svg(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
+        image=lambda: page_svg(
+            contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)
+        ),
         caption=f"{shown.title.capitalize()} over the head-on half-angle, with 95 % intervals over "
         "maps (simulated).",
     )
@@ -450,6 +453,7 @@ def contact_section(found: DesignComparison, measure: Measure) -> Section:
         paragraphs=(contact_words(found.contacts[0]),),
         tables=(table, *_rule_tables(found, shown)),
         pictures=(picture,),
+        folded=True,
     )
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
@@ -38,7 +39,7 @@ from vinefab.model.design import Design, UnevenLevel
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
-from vinefab.model.target import TargetsResult
+from vinefab.model.target import TargetsResult, out_of_reach
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.plan import deployment_plan, page_bytes
 from vinefab.tasks.targets import touched_targets
@@ -350,11 +351,23 @@ class DeployedDesign(Result):
         yield Notes(self.notes)
         yield Notes(
             (
+                *self._out_of_reach,
                 *stayed_text([bool(self.deployment.deployed[0])], self.design, self.options),
                 *places_text("no room to start for branch", self.without_room),
                 *places_text("wedged: branch", wedged(self.design, self.deployment, self.options)),
             )
         )
+
+    @property
+    def _out_of_reach(self) -> list[str]:
+        """Targets that no deployment from here can touch, a sentence each."""
+        tree, base = self.deployment.tree, self.deployment.pose
+        ends_mm = tree.length_mm.tolist()
+        for branch, parent in enumerate(tree.parent.tolist()):
+            ends_mm[branch] += ends_mm[parent] if parent >= 0 else 0.0
+        starts = [shapely.Point(base.x_mm, base.y_mm)]
+        beyond = out_of_reach(self.world.targets, starts, max(ends_mm))
+        return [f"out of reach: {far}; at most {most}" for _, far, most in beyond]
 
     @property
     def without_room(self) -> tuple[BranchPlace, ...]:
@@ -418,7 +431,7 @@ def as_grown(
         return design
     # Designs that deploy as drawn need not wait for the simulation of joints.
     from vinefab.inflation.pattern import pattern_of  # noqa: PLC0415
-    from vinefab.model.files.run_recipe import ChosenRecipe  # noqa: PLC0415
+    from vinefab.model.files.run_context import ChosenRecipe  # noqa: PLC0415
 
     profile = profile or ChosenRecipe.of(design).profile
     found = pattern_of(design, profile, known_only=known_only)

@@ -15,8 +15,10 @@ from vinefab.growth.options import GrowthOptions, growth_text
 from vinefab.model.deployment import STUCK_STOPS, Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.model.target import TargetsResult
 from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
+from vinefab.pages.panel import COLUMN_PT
 from vinefab.pages.plan import BODY_IS_LINE, deployment_plan, page_bytes
 from vinefab.prediction.measures import (
     MEASURES,
@@ -93,6 +95,7 @@ def spread_blocks(families: Sequence[MeasureTable]) -> Iterator[Data | Section]:
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),
         pictures=spread_pictures({outcomes.label: outcomes for outcomes in families}),
         tables=(*tables, *(replace(table, key="") for table in every)),
+        folded=True,
     )
 
 
@@ -115,11 +118,29 @@ def _every_deployment(outcomes: MeasureTable) -> Rows:
 
 
 def deployment_picture(
-    design: Design, world: Map, deployment: Deployment, options: GrowthOptions
+    design: Design,
+    world: Map,
+    deployment: Deployment,
+    options: GrowthOptions,
+    *,
+    whole: bool = False,
+    touched: TargetsResult | None = None,
 ) -> bytes:
-    """Return a deployment on its map, as pixels where lines would take megabytes."""
+    """Return a deployment on its map, as pixels where lines would take megabytes.
+
+    Parameters
+    ----------
+    whole
+        Whether to show the whole map even where the robot takes a part of it. A robot that hardly
+        grew is shown with the map that stopped it anyway.
+    touched
+        As in `deployment_plan`.
+    """
     widths_mm = options.drawn_widths_mm(design.build.widths_mm)
-    plan = deployment_plan(world, deployment, widths_mm, longest_pt=331.0)
+    whole = whole or bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
+    plan = deployment_plan(
+        world, deployment, widths_mm, longest_pt=COLUMN_PT, whole=whole, touched=touched
+    )
     return page_bytes(plan, ".png" if design.branch_count > TOO_FINE else ".svg", dpi=130)
 
 
@@ -140,12 +161,13 @@ def deployment_section(
         ),
         pictures=tuple(
             Picture(
-                image=deployment_picture(design, world, deployment, options),
+                image=partial(deployment_picture, design, world, deployment, options),
                 caption=f"{words} (simulated).",
             )
             for words, world, deployment in deployed
         ),
         tables=tuple(stop_table(label, deployments) for label, deployments in ended),
+        folded=True,
     )
 
 

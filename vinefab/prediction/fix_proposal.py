@@ -20,7 +20,8 @@ from vinefab.fabrication.rules.fix import (
 from vinefab.fabrication.rules.fix_targets import DesignChange, FixTargets, design_changes
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
@@ -217,10 +218,8 @@ def _named(design: Design, found: FixedDesign) -> Design:
     """Return a fixed design with a name and an origin of its own."""
     changes = [change.text for change in design_changes(design, found.design)]
     origin = {"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)}
-    kept = (ORIGIN_GROWTH, ORIGIN_RECIPE)
-    trained = {key: design.origin[key] for key in kept if key in design.origin}
     name = f"{design.name[:90]}_mended"
-    return found.design.changed(name=name, origin={**origin, **trained})
+    return found.design.changed(name=name, origin={**origin, **RunContext.of(design).kept})
 
 
 def _rules(report: CheckReport) -> str:

@@ -192,4 +192,5 @@ def heat_blocks(heat: HeatMap) -> Iterator[Data | Section]:
                 keys=("", "x_mm", "y_mm", "percent"),
             ),
         ),
+        folded=True,
     )

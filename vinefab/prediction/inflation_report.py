@@ -273,9 +273,6 @@ class InflatedDesign(Result):
         yield Facts(self._conditions())
         yield Notes((f"Not simulated: {'; '.join(LEFT_OUT)}.",))
         yield Data(self._content)
-
-    def sections(self) -> Iterator[Block]:
-        """Yield every tip."""
         rows = list[tuple[Value, ...]]()
         for name, numbers in self._tips():
             rows.append((name, *(Number(value, form="z.1f") for value in numbers)))
@@ -284,7 +281,7 @@ class InflatedDesign(Result):
             headings=("branch", "designed x", "designed y", "deployed x", "deployed y", "off"),
             rows=tuple(rows),
         )
-        yield Section(title="Tips", tables=(table,))
+        yield Section(title="Tips", tables=(table,), folded=True)
 
     def picture(self, suffix: str) -> bytes:
         """Return the picture as ``.png`` or ``.svg``."""

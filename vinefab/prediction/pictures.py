@@ -21,6 +21,7 @@ from vinefab.pages.colours import (
 )
 from vinefab.pages.map_view import UNSEEN_DETAIL
 from vinefab.pages.panel import (
+    TICK_PT,
     Ink,
     Page,
     Panel,
@@ -56,12 +57,11 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Page:
     pad = 0.04 * (high - low) or 0.04 * abs(high) or 1.0
     panel = Panel(
         box=(low - pad, (len(known) - 1) * _PITCH + 0.2, high + pad, -1.0),
-        width_pt=190.0,
+        width_pt=205.0,
         height_pt=16.0 + 88.0 * len(known),
         x_name=measure.label,
         frame=True,
         y_grid=False,
-        tick_pt=7.0,
     )
     ticks: dict[float, str] = {}
     for row, (name, column) in enumerate(known.items()):
@@ -80,7 +80,7 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Page:
         thick = Ink(line=colour, width_pt=4.0, butt=True)
         panel.line([(p05, base + 0.08), (p95, base + 0.08)], thick)
         upright(panel, float(column.mean()), (base - 0.66, base + 0.13), INK, 1.6)
-        panel.words((low - pad, base - 0.84), name, 7.5, colour=SOFT)
+        panel.words((low - pad, base - 0.84), name, TICK_PT, colour=SOFT)
     panel.y_ticks = list(ticks.items())
     panel.y_name = "deployments" if ticks else ""
     return page_of(panel)
@@ -125,7 +125,7 @@ def window_chart(window: "PressureWindow") -> Page:
     working = window.working_kpa
     panel.line([(working, rows - 0.5), (working, -1.2)], dashed)
     words = f"working pressure {working:g} kPa"
-    panel.words((working, -0.86), words, 8.0, shift_pt=(4.0, 0.0))
+    panel.words((working, -0.86), words, TICK_PT, shift_pt=(4.0, 0.0))
     panel.y_ticks = list(enumerate(names))
     return page_of(panel)
 
@@ -157,6 +157,40 @@ def contact_chart(shown: "Mapping[str, ContactRange]", measure: Measure) -> Page
     return page_of(panel)
 
 
+def cost_chart(
+    name: str, predicted: Sequence[float], changed: Sequence[tuple[str, Sequence[float]]]
+) -> Page:
+    """Return what assumptions move a mean by, a bar for each of them, as wide as a column.
+
+    Parameters
+    ----------
+    name
+        What the mean is of, with its unit.
+    predicted
+        The mean as predicted, and the ends of its 95 % interval over maps, if it has one.
+    changed
+        By words, the mean under each choice of one assumption.
+    """
+    every = [float(mean) for _, means in changed for mean in means]
+    _, right = ends_of([0.0, *every], predicted)
+    rows = len(changed)
+    panel = Panel(
+        box=(min(0.0, *every, *predicted), rows, right, 0.0), width_pt=232.0, height_pt=30.0 * rows,
+        x_name=name, y_ticks=[], frame=True, y_grid=False,
+    )  # fmt: skip
+    mean, *ends = predicted
+    if ends and np.isfinite(ends).all():
+        panel.bars([(ends[0], rows, ends[1], 0.0)], SOFT, 0.18)
+    upright(panel, mean, (rows, 0.0), INK, 1.6)
+    for row, (words, means) in enumerate(changed):
+        colour = series_colour(row)
+        panel.words((panel.box[0], row + 0.26), words, TICK_PT, shift_pt=(3.0, 0.0), halo=True)
+        panel.bars([(min(means), row + 0.88, max(means), row + 0.55)], colour, 0.45)
+        for value in means:
+            upright(panel, value, (row + 0.5, row + 0.93), colour, 2.0)
+    return page_of(panel)
+
+
 def effect_panels(effects: "Sequence[Effect]", measures: Sequence[Measure]) -> Page:
     """Return what every change does: a column per knob, a row per measure."""
     knobs = list(dict.fromkeys(effect.knob for effect in effects))
@@ -170,7 +204,6 @@ def effect_panels(effects: "Sequence[Effect]", measures: Sequence[Measure]) -> P
             x0, x1 = ends_of([0.0], [e.step for e in some])
             panel = Panel(
                 box=(x0, y0, x1, y1), width_pt=430.0 / len(knobs), height_pt=122.0, frame=True,
-                tick_pt=7.5,
             )  # fmt: skip
             points = [
                 (e.step, c.mean, c.low, c.high) for e in some for c in [e.changes[measure.key]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from vinefab.core.plain_text import counted
 from vinefab.core.view import (
-    NO_INTERVAL,
     Answer,
     Block,
     Data,
@@ -18,16 +18,18 @@ from vinefab.core.view import (
     Notes,
     Origin,
     Picture,
+    Rows,
     Section,
     Tone,
     WrittenResult,
-    document,
+    bracketed,
 )
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import (
     Prepared,
     design_facts,
+    making_facts,
     making_sections,
     prepare,
     recipe_cautions,
@@ -35,10 +37,13 @@ from vinefab.fabrication.package.prepare import (
 from vinefab.growth.options import growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport, Severity
+from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.map import Map
+from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
+from vinefab.pages.page_svg import page_svg
 from vinefab.physics.tube import self_weight_span_mm
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
@@ -67,17 +72,21 @@ from vinefab.prediction.family_deployments import (
 )
 from vinefab.prediction.heat_map import HeatMap, heat_blocks, heat_map_of
 from vinefab.prediction.measures import (
-    COVERAGE,
+    GROWN,
     REACH,
     SEEN,
     STUCK,
+    TOUCHED,
     UNDEPLOYED,
     Measure,
     MeasureTable,
 )
+from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import (
+    COST_CAPTION,
     ContactRange,
     PressureRange,
+    contact_costs,
     contact_range,
     pressure_range,
     width_blocks,
@@ -103,11 +112,10 @@ from vinefab.tasks.targets import touched_targets
 
 MOST_PICTURES = 6
 
-_SHARES = (
-    (0.0, "the deployment that sees least"),
-    (0.5, "the median deployment"),
-    (1.0, "the deployment that sees most"),
-)
+_SHARES = ((0.0, "Worst"), (0.5, "Median"), (1.0, "Best"))
+
+_ASKED = {"coverage": SEEN, "reach": REACH}
+"""What the report of a robot shows first, by the task that it was searched for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -130,12 +138,11 @@ class Predicted(WrittenResult):
     origin: Origin | None = None  # what it takes to get it again
     path: Path | None = None  # its page
     schema = "vinefab/prediction-1"
-    section_count = 14
 
     @property
     def main(self) -> FamilyDeployments:
-        """The family with most deployments: what headlines are about."""
-        return max(self.results, key=lambda result: len(result.deployments))
+        """What headlines are about."""
+        return _main(self.results)
 
     @property
     def growth(self) -> str:
@@ -162,29 +169,39 @@ class Predicted(WrittenResult):
     @property
     def title(self) -> str:
         """What the page is about."""
-        return f"{self.prepared.design.name}: predictions and fabrication"
+        main = self.main
+        (first, *others) = main.prepared.maps
+        where = main.outcomes.label if others else first.world.name
+        return f"{self.prepared.design.name} on {where}"
+
+    @property
+    def asked(self) -> Measure:
+        """The measure that shows whether the robot does what its search asked for."""
+        if self.main.outcomes.spread(TOUCHED) is not None:
+            return TOUCHED
+        return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     def view(self) -> Iterator[Block]:
-        """Yield the verdict, the median deployment and the numbers to take away."""
+        """Yield what it does, how often it fails, what it takes to make, then all the rest."""
         prepared, outcomes = self.prepared, self.main.outcomes
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
-        yield Answer(words, tone, "verdict")
-        if (targets := self.targets) is not None:
-            yield from targets.view()
-        (median,) = typical(outcomes, SEEN.key, [0.5])
+        targets = self.targets
+        yield Answer(f"{self._deed(targets)}; {words}", tone, "verdict")
+        if targets is not None:
+            yield Data({"targets_headline": targets.headline})
+        yield from self._typical()
+        yield Facts(tuple(self._headlines(targets)), lead=True)
         yield Picture(
-            image=lambda: deployment_picture(
-                design, self.main.prepared_map(median).world, self.main.deployments[median],
-                self.plan.options,
-            ),
-            caption=f"{self._caption(self.main, median, 'the median deployment')} (simulated).",
-        )  # fmt: skip
+            image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
+            caption=COST_CAPTION,
+            file="contacts",
+        )
+        if targets is not None:
+            yield targets.table
         yield Notes(self.notes, "notes")
         yield Notes(cautions(prepared, self.window, outcomes))
-        shown = headlines(outcomes, self.window, self.anchoring, self.contacts)
-        yield Facts(shown, lead=True)
-        yield Facts((*design_facts(prepared), Fact("growth model", self.growth)))
+        yield Facts((Fact("growth model", self.growth),))
         yield Data(
             {
                 "design": design.name,
@@ -192,62 +209,106 @@ class Predicted(WrittenResult):
                 "standing": "simulated",
                 "growth": self.plan.options.content,
                 "tone": tone,
+                "pressure_window": None,
             }
         )
-        yield Data(lambda: {"pressure_window": None, **document(self._predictions())})
-
-    def _predictions(self) -> Iterator[Block]:
-        """Yield what is predicted; its numbers stand in JSON too."""
-        if self.window is not None:
-            yield from window_blocks(self.window, burst_basis(self.prepared.profile))
+        *sheet, rules, pattern, bill = making_sections(prepared)
+        yield from (replace(one, tables=()) for one in sheet)
+        yield Section(
+            title="Sheet and pieces in numbers",
+            tables=tuple(replace(table, folded=False) for one in sheet for table in one.tables),
+            folded=True,
+        )
+        yield from self.more
+        yield self._deployments()
+        design_rows = tuple((fact.name, fact.value) for fact in design_facts(prepared))
+        yield Section(
+            title="Design and machine",
+            tables=(Rows(caption="Planned", headings=("", ""), rows=design_rows),),
+            folded=True,
+        )
+        if self.window is None:
+            yield pressure_section(design, profile)
+        else:
+            yield from window_blocks(self.window, burst_basis(profile))
         yield from spread_blocks([result.outcomes for result in self.results])
         yield from heat_blocks(self.heat)
         yield from anchoring_blocks(self.anchoring)
         yield from width_blocks(self.contacts, self.pressure)
         yield from sensitivity_blocks(self.effects, QUICK_MEASURES)
         yield from tolerance_blocks(self.tolerance)
-
-    def sections(self) -> Iterator[Block]:
-        """Yield the deployments, the predictions and how the robot is made."""
-        design, profile = self.prepared.design, self.prepared.profile
-        yield from self.more
-        yield self._deployments()
-        if self.window is None:
-            yield pressure_section(design, profile)
-        yield from self._predictions()
-        yield from making_sections(self.prepared)
+        yield from (rules, pattern, bill)
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
-    def _deployments(self) -> Section:
-        design = self.prepared.design
-        chosen: dict[int, str] = {}
-        main = self.main
-        for share, words in _SHARES:
-            (index,) = typical(main.outcomes, SEEN.key, [share])
-            chosen.setdefault(index, words)
-        shown = [
-            (
-                self._caption(main, index, words),
-                main.prepared_map(index).world,
-                main.deployments[index],
+    def _deed(self, targets: TargetsResult | None) -> str:
+        """Return how much of what was asked it does, as a sentence."""
+        spread, name = self.main.outcomes.spread(self.asked), self.prepared.design.name
+        if targets is not None:
+            return f"{name}: {targets.headline}"
+        does, what = self.asked.does
+        found = "-" if spread is None else self.asked.text(spread.mean)
+        return f"{name} {does} {found} {what}"
+
+    def _typical(self) -> Iterator[Picture]:
+        """Yield the worst, the median and the best deployment by what was asked."""
+        found, main = self.asked, self.main
+        indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
+        for index, (_, words) in zip(indices, _SHARES, strict=True):
+            yield Picture(
+                image=partial(
+                    deployment_picture, self.prepared.design, main.prepared_map(index).world,
+                    main.deployments[index], self.plan.options, whole=True,
+                ),
+                caption=f"{words}: {self._caption(main, index)} (simulated).",
+                file=words.lower(),
+            )  # fmt: skip
+
+    def _headlines(self, targets: TargetsResult | None) -> Iterator[Fact]:
+        """Yield the numbers to take away: what was asked, failures, pressure, making."""
+        outcomes, prepared, window = self.main.outcomes, self.prepared, self.window
+        held = next(one for one in self.anchoring if one.label == outcomes.label)
+        if targets is not None:
+            total = len(targets.outcomes)
+            yield Fact(
+                "asked: targets",
+                f"touches {total - len(targets.missed)} of {total}",
+                detail=f"all in {100.0 * targets.together:.0f} % of the deployments",
+                tone=targets.tone,
+                standing="simulated",
             )
-            for index, words in chosen.items()
-        ]
+        elif prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
+            yield anchoring_headline(held)
+        else:
+            task = prepared.design.origin.get("task", "no task")
+            yield replace(measured(outcomes, self.asked), name=f"asked: {task}")
+        yield failures(outcomes).fact
+        if window is not None:
+            room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
+            yield Fact(
+                "pressure",
+                room if window.is_open else "no room",
+                detail=f"growth needs, widest part may take; working {window.working_kpa:g} kPa",
+                tone="plain" if window.is_open and window.holds_working else "bad",
+                standing="computed, assumed",
+            )
+        yield from making_facts(prepared)
+
+    def _deployments(self) -> Section:
+        shown = list[tuple[str, Map, Deployment]]()
         for result in self.results:
             first = [result.map_of.index(number) for number in sorted(set(result.map_of))]
             shown += [
-                (self._caption(result, index, "first pose"), result.prepared_map(index).world,
+                (f"{self._caption(result, index)}, first pose", result.prepared_map(index).world,
                  result.deployments[index])
-                for index in first
-                if result is not main or index not in chosen
+                for index in first[: MOST_PICTURES - len(shown)]
             ]  # fmt: skip
         ended = [(result.prepared.label, result.deployments) for result in self.results]
-        return deployment_section(design, shown[:MOST_PICTURES], ended, self.plan.options)
+        return deployment_section(self.prepared.design, shown, ended, self.plan.options)
 
-    @staticmethod
-    def _caption(result: FamilyDeployments, index: int, words: str) -> str:
-        seen = SEEN.text(result.outcomes.values[SEEN.key][index])
-        return f"{result.outcomes.maps[index]}, {words}: {seen} of the free space seen"
+    def _caption(self, result: FamilyDeployments, index: int) -> str:
+        does, _ = self.asked.does
+        found = self.asked.text(result.outcomes.values[self.asked.key][index])
+        return f"{result.outcomes.maps[index]}, {does} {found}"
 
 
 def predict(
@@ -272,7 +333,7 @@ def predict(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
-    main = max(results, key=lambda result: len(result.deployments))
+    main = _main(results)
     evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
@@ -297,6 +358,15 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+def _main(results: Sequence[FamilyDeployments]) -> FamilyDeployments:
+    """Return the family with targets, or of several the one with most deployments."""
+
+    def weight(result: FamilyDeployments) -> tuple[bool, int]:
+        return result.outcomes.spread(TOUCHED) is not None, len(result.deployments)
+
+    return max(results, key=weight)
 
 
 class _AllDeployments(Collection[Deployment]):
@@ -327,20 +397,20 @@ def verdict_on(
 ) -> tuple[str, Tone]:
     """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
     verified = status is not RecipeStatus.UNVERIFIED
-    name, made = report.design, "is manufacturable"
+    made = "manufacturable"
     if not verified:
         made += " by the rules (laser recipe unverified)"
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
         return (
-            f"{name} is not manufacturable and deployable as designed: broken rules {broken}.",
+            f"not manufacturable and deployable as designed: broken rules {broken}.",
             "bad",
         )
     if window is None:
-        return f"{name} {made}, but has no room to emerge from any of the poses.", "bad"
+        return f"{made}, but has no room to emerge from any of the poses.", "bad"
     if not window.is_open:
         return (
-            f"{name} {made}, but hardly deployable: growth to the worst tip needs "
+            f"{made}, but hardly deployable: growth to the worst tip needs "
             f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
             f"limited to {window.allowed_kpa:.1f} kPa.",
             "bad",
@@ -348,12 +418,12 @@ def verdict_on(
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
     if not window.holds_working:
         return (
-            f"{name} {made}, and deployable at {room}; its working pressure of "
+            f"{made}, and deployable at {room}; its working pressure of "
             f"{window.working_kpa:g} kPa is outside this window.",
             "caution",
         )
-    tone: Tone = "good" if window.is_open_tight and verified else "caution"
-    return f"{name} {made}, and deployable at {room} with film stored loosely.", tone
+    tone: Tone = "plain" if window.is_open_tight and verified else "caution"
+    return f"{made}, and deployable at {room} with film stored loosely.", tone
 
 
 def cautions(
@@ -361,8 +431,6 @@ def cautions(
 ) -> tuple[str, ...]:
     """Return the reservations to the verdict, a sentence each."""
     sentences = [*recipe_cautions(prepared.profile)]
-    warnings = prepared.report.count(Severity.WARNING)
-    skipped = len(prepared.report.skipped)
     if window is not None and window.is_open and not window.is_open_tight:
         sentences.append(
             f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
@@ -373,20 +441,16 @@ def cautions(
             "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
             "tube that growth was fitted to."
         )
-    for measure in (STUCK, UNDEPLOYED):
+    for measure, words in ((STUCK, "get stuck"), (UNDEPLOYED, "never emerge")):
         spread = outcomes.spread(measure)
         if spread is not None and spread.mean >= MANY_PERCENT:
-            sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
+            sentences.append(f"{measure.text(spread.mean)} of its branches {words} (simulated).")
     if outcomes.map_count < FEW_MAPS:
         sentences.append(
             f"Predictions rest on {counted(outcomes.map_count, 'map')}: intervals are wide; "
             "--environment deploys it on many more."
         )
     sentences += span_notes(prepared)
-    if warnings or skipped:
-        sentences.append(
-            f"Design rules: {counted(warnings, 'warning')}, {counted(skipped, 'rule')} not checked."
-        )
     return tuple(sentences)
 
 
@@ -414,53 +478,27 @@ def span_notes(prepared: Prepared) -> list[str]:
     return notes
 
 
-def headlines(
-    outcomes: MeasureTable,
-    window: PressureWindow | None,
-    anchoring: Sequence[AnchoringPrediction],
-    contacts: ContactRange,
-) -> tuple[Fact, ...]:
-    """Return the numbers to take away."""
-    found = [_measured(outcomes, measure, contacts) for measure in (SEEN, REACH, COVERAGE)]
-    found += [_measured(outcomes, measure, None, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
-    holding = next(h for h in anchoring if h.label == outcomes.label)
-    found.append(anchoring_headline(holding))
-    if window is not None:
-        room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
-        pressed = Fact(
-            name="pressure window",
-            value=room if window.is_open else "none",
-            detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest "
-            f"part may take; working pressure {window.working_kpa:g} kPa (computed from assumed "
-            "numbers)",
-            tone="good" if window.is_open and window.holds_working else "bad",
-        )
-        found.append(pressed)
-    return tuple(headline for headline in found if headline is not None)
+def failures(outcomes: MeasureTable) -> Failures:
+    """Return in how many deployments a robot touches no target, or hardly leaves its base."""
+    touched = outcomes.values[TOUCHED.key]
+    if np.isnan(touched).all():
+        hardly = outcomes.values[GROWN.key] < FAILED_PERCENT
+        return Failures.of(hardly, outcomes.maps, HARDLY_GROWN)
+    return Failures.of(touched == 0.0, outcomes.maps, NOTHING_TOUCHED)
 
 
-def _measured(
-    outcomes: MeasureTable,
-    measure: Measure,
-    contacts: ContactRange | None = None,
-    most: float | None = None,
-) -> Fact | None:
+def measured(outcomes: MeasureTable, measure: Measure) -> Fact:
+    """Return the mean of a measure with its interval, and its range over deployments."""
     spread = outcomes.spread(measure)
     if spread is None:
-        return None
+        return Fact(measure.title, "-", standing="simulated")
     low, high, p05, p95 = (
         measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
     )
-    interval = f"95 % interval {low} to {high}" if spread.has_interval else NO_INTERVAL
-    interval += f" over {spread.over}"
-    over = "" if spread.count < 2 else f"; 90 % of the deployments {p05} to {p95}"
-    width = ""
-    if contacts is not None:
-        least, greatest = (measure.number(value) for value in contacts.ends(measure))
-        width = f"; {least} to {greatest} over {contacts.over}{contacts.over_rules(measure)}"
+    over = "" if spread.count < 2 else f"; 90 % of deployments {p05} to {p95}"
     return Fact(
-        name=measure.title,
-        value=measure.text(spread.mean),
-        detail=f"mean over {outcomes.label}, {interval}{width}{over} (simulated)",
-        tone="caution" if most is not None and spread.mean >= most else "good",
+        measure.title,
+        f"{measure.does[0]} {measure.text(spread.mean)}",
+        detail=f"{bracketed((low, high) if spread.has_interval else None, spread.over)}{over}",
+        standing="simulated",
     )

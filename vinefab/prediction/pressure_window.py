@@ -232,4 +232,5 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
         paragraphs=(words, note),
         pictures=(picture,),
         tables=(needs, stands),
+        folded=True,
     )

@@ -10,6 +10,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.contacts import MeasuredNumber
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
@@ -36,6 +37,10 @@ def origin_of(
         if any(design.build.pieces is not None for design in designs):
             bond = repr(profile.recipe.lap)  # only robots in pieces have laps
             inputs[f"bond of recipe {profile.recipe.name}"] = sha256_of(bond.encode())[:12]
+    worlds = [world for family in families for world in family.worlds]
+    for design in designs:
+        if seen := RunContext.of(design).seen_words(worlds):
+            inputs[f"training of {design.name}"] = seen
     for family in families:
         prints = [map_fingerprint(world) for world in family.worlds]
         if len(prints) <= _MOST_NAMED:

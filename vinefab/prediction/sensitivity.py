@@ -177,7 +177,7 @@ class VariantEvaluator:
         launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
         if not len(launches):
             return np.empty((len(plans), 0, len(QUICK_MEASURES)))
-        contexts = [prepared_map.context for prepared_map in self.prepared.maps]
+        contexts = [place.context.without_targets for place in self.prepared.maps]
         unpressed = list[Deployment]()
 
         def measured(block: Block) -> Floats:
@@ -391,7 +391,9 @@ def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -
         caption="Mean change with its 95 % interval (simulated).",
         wide=True,
     )
-    yield Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
+    yield Section(
+        title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,), folded=True
+    )
 
 
 def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
@@ -428,4 +430,4 @@ def tolerance_blocks(tolerance: Tolerance) -> Iterator[Data | Section]:
         headings=("measure", "unit", *numbers.values()),
         rows=tuple((measure.title, measure.unit, *row.values()) for measure, row in scatter),
     )
-    yield Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))
+    yield Section(title="Tolerances of making", paragraphs=(words,), tables=(table,), folded=True)

@@ -290,11 +290,8 @@ class RigFiles(RigRecord, Result):
         yield Notes((self.why_style, *filter(None, [shell_words(rig)])))
         yield Notes(tuple(f"note: {note}" for note in rig.notes))
         yield from (block for block in self.report.view() if isinstance(block, Remark))
-
-    def sections(self) -> Iterator[Block]:
-        """Yield how it is printed, the sheets for the laser, and the rules."""
-        yield replace(self.section, pictures=self._pictures("board", "lid"))
-        yield from self.report.sections()
+        yield replace(self.section, pictures=self._pictures("board", "lid"), folded=True)
+        yield self.report.applied
 
     @property
     def section(self) -> Section:

@@ -17,6 +17,7 @@ from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Work
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.poses import spread_notes
 from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.finding import Finding
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.model.start_place import share_around
@@ -31,7 +32,9 @@ from vinefab.search.settings import (
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
+from vinefab.tasks.reach import Reach
 from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.targets import check_targets_on
 from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,
@@ -47,6 +50,12 @@ _AS_DESIGNED = (
     "compensation none: the search grows designs as drawn, not as their flat angles deploy; score "
     "the winner to see that robot"
 )
+
+_DESERT = (
+    "target_mm without falloff_mm: a target that is missed counts nothing, however near; `targets` "
+    "in its place rewards nearness"
+)
+_SCORES_TARGETS = 'name = "reach" in [task] does'
 
 INVALID_FITNESS = -1e6
 """Fitness of a point without a valid design or a finite score: below everything."""
@@ -169,6 +178,15 @@ class FullCheck(Protocol):
 
     def passes(self, design: Design) -> bool:
         """Return whether no rule at all blocks a design."""
+        ...
+
+
+@runtime_checkable
+class TableCheck(Protocol):
+    """A full check that simulates nothing, fast enough for the best designs of a search."""
+
+    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+        """Return what forbids a design; None where only a simulation tells."""
         ...
 
 
@@ -307,6 +325,8 @@ class Evaluator:
         for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
             with keys_of_other_task(name):
                 check_on_map(task, prepared.world, prepared.context)
+        for task in spec.tasks:
+            check_targets_on(task, spec.maps)
         deepest = space.build_of(int(space.settings.levels.high))
         return cls(
             spec=replace(spec, penalty=penalty),
@@ -352,6 +372,20 @@ class Evaluator:
             return self.penalty
         return PenaltyWithLimits(rules=self.penalty, space=self.space)
 
+    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+        """Return what forbids a design by the full check; None where only a simulation tells."""
+        return self.penalty.broken(design) if isinstance(self.penalty, TableCheck) else None
+
+    @property
+    def has_table(self) -> bool:
+        """Whether designs can be asked for all rules without a simulation."""
+        return isinstance(self.penalty, TableCheck)
+
+    def may_win(self, design: Design) -> bool:
+        """Return whether a design keeps all limits and rules, as far as no simulation is needed."""
+        excess = self.space.limit_excess(DesignBatch.of(design))[0] if self.space.most else 0.0
+        return excess == 0.0 and not self.broken(design)
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know of designs and starts, a sentence each.
@@ -359,6 +393,11 @@ class Evaluator:
         Nothing of starts without spread where the run itself asks for them as they are.
         """
         notes = [_AS_DESIGNED] if self.space.build.compensation == "none" else []
+        if any(isinstance(one, Reach) and one.is_desert for one in self.spec.tasks):
+            notes.append(_DESERT)
+        aimed = any(prepared.world.targets for prepared in self.maps)
+        if aimed and not any(isinstance(task, Reach) for task in self.spec.tasks):
+            notes.append(f"{self.task.name} does not score the maps' targets; {_SCORES_TARGETS}")
         if self.evaluation.pose_range == 0.0:
             return tuple(notes)
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)

@@ -11,6 +11,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
+from vinefab.search.best_check import FAILED
 from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evaluator, FullCheck
 from vinefab.search.feasibility_repair import RepairResults
 from vinefab.search.front import feasible_points, non_dominated, spread_out
@@ -18,6 +19,7 @@ from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.generations import Finalist, Generation
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import Conditions, score_designs
+from vinefab.tasks.targets import design_touches
 
 MOST_FULL_CHECKS = 60
 """Most full checks among the designs of a run: joints are simulated, which may take seconds."""
@@ -37,24 +39,33 @@ def choose_finalists(
     evaluator: Evaluator,
     count: int,
     further: Sequence[str] = (),
+    *,
+    by_table: bool = True,
 ) -> FinalistChoice:
     """Return the points that are evaluated again at the end of a run.
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
     if none does, the best are repaired, and if that fails too they stay as they are. With further
     objectives, they are taken from the front.
+
+    Parameters
+    ----------
+    by_table
+        Whether the check takes joints from the table where it can: then the winner's are left to be
+        simulated.
     """
     if further and (front := front_points(history, evaluator, count, further)):
         return FinalistChoice(points=front, checked=True)
     penalty, space = evaluator.winner_penalty, evaluator.space
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=best_points(history, space, count))
-    passing = _passing(history, space, count, penalty.passes)
+    passes = evaluator.may_win if by_table and evaluator.has_table else penalty.passes
+    passing = _passing(history, space, count, passes)
     if passing:
         return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)
     asked = "permitted" if evaluator.penalty is None else "manufacturable"
-    repairs = RepairResults.of(best, space, penalty, penalty.passes, asked)
+    repairs = RepairResults.of(best, space, penalty, passes, asked)
     if repairs.repaired:
         return FinalistChoice(points=repairs.repaired, checked=True, repair=repairs.message)
     return FinalistChoice(points=best, repair=repairs.message)
@@ -74,7 +85,8 @@ def front_points(
         failed = [
             row
             for row in chosen
-            if isinstance(penalty, FullCheck) and not penalty.passes(space.design(x[row]))
+            if isinstance(penalty, FullCheck)
+            and not (evaluator.may_win(design := space.design(x[row])) and penalty.passes(design))
         ]
         if not failed:
             return [x[row] for row in chosen]
@@ -118,6 +130,29 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
     return list(ranked.values())
 
 
+def settled(
+    finalists: Sequence[Finalist],
+    conditions: Conditions,
+    evaluator: Evaluator,
+    stage: Callable[[str], None],
+) -> tuple[Finalist, ...]:
+    """Return finalists, best first, of which the first passes the full check; none if none does.
+
+    Finalists are asked from the best on until one passes: its joints are simulated.
+    """
+    penalty = evaluator.winner_penalty
+    if not isinstance(penalty, FullCheck) or not evaluator.has_table:
+        return tuple(finalists)
+    failed = list[Finalist]()
+    for place, finalist in enumerate(finalists):
+        stage(f"checking finalist {place + 1} of {len(finalists)}: its joints are simulated")
+        if penalty.passes(finalist.design):
+            return (*finalists[place:], *failed)
+        fitness = _fitness(finalist.x, finalist.score, FAILED, conditions, evaluator)
+        failed.append(replace(finalist, penalty=FAILED, fitness=fitness))
+    return ()
+
+
 def reevaluated(
     choice: FinalistChoice,
     begin: Begin,
@@ -135,7 +170,14 @@ def reevaluated(
     x = np.array(choice.points)
     evaluations = begin(x, conditions)()
     designs = [evaluator.space.design(point) for point in x]
-    scores = _scores(designs, evaluations, conditions, evaluator)
+    worlds = [prepared.world for prepared in evaluator.maps]
+    launches, task = evaluator.launches(conditions), evaluator.spec.tasks[0]
+    scores = [
+        replace(one, targets=design_touches(design, worlds, launches, evaluator.growth, task))
+        for one, design in zip(
+            _scores(designs, evaluations, conditions, evaluator), designs, strict=True
+        )
+    ]
     finalists = [
         Finalist(
             x=point,
@@ -232,11 +274,11 @@ def _fitness(
 
 
 def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
-    """Return a finalist, with a penalty of 1 if it has none but fails the full check."""
+    """Return a finalist, with a penalty if it has none but fails the full check."""
     penalty = evaluator.winner_penalty
     if not isinstance(penalty, FullCheck) or finalist.penalty > 0.0:
         return finalist
     if penalty.passes(finalist.design):
         return finalist
-    fitness = _fitness(finalist.x, finalist.score, 1.0, conditions, evaluator)
-    return replace(finalist, penalty=1.0, fitness=fitness)
+    fitness = _fitness(finalist.x, finalist.score, FAILED, conditions, evaluator)
+    return replace(finalist, penalty=FAILED, fitness=fitness)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,11 @@ from vinefab.core.view import Number, Rows
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.map import Map
+from vinefab.model.target import Target
 from vinefab.pages.charts import ends_of
 from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.page_png import page_png
@@ -29,8 +31,9 @@ from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, n
 from vinefab.search.record.generations import Finalist
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
-from vinefab.search.settings import RunSettings, targets_mm
+from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
+from vinefab.tasks.targets import task_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +45,7 @@ class FrontData:
     evaluated: Floats  # its value and fitness in the search, on training poses, shape (m, 2)
     front: Floats  # the same on fresh poses, for the front from its cheap end on, (k, 2)
     task: str  # name of the score
-    targets_mm: Floats = field(default_factory=lambda: np.empty((0, 2)))  # drawn on maps
+    targets: tuple[Target, ...] = ()  # drawn on maps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +66,7 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
         plan = plan_panel(world.bounds.bounds, side_pt)
         draw_map(plan, world)
         draw_deployment(plan, robot.deployment, robot.widths_mm)
-        draw_targets(plan, data.targets_mm)
+        draw_targets(plan, data.targets)
         plan.x_name = plan.y_name = ""
         plan.x_ticks = plan.y_ticks = ()
         plan.title = f"{place + 1}: {robot.title}"
@@ -162,10 +165,7 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
 
 
 def _named(design: Design, settings: RunSettings, result: RunResult, place: int) -> Design:
-    origin: dict[str, object] = {"run": result.run_id, "task": settings.task.name, "front": place}
-    origin[ORIGIN_GROWTH] = settings.growth.content
-    if result.recipe is not None:
-        origin[ORIGIN_RECIPE] = result.recipe.origin
+    origin = {**RunContext.of(result.best).kept, "front": place}
     return design.changed(name=f"{settings.name}_{place:02}", origin=origin)
 
 
@@ -262,7 +262,7 @@ def front_picture(
         further=axis,
         is_line=len(settings.objectives) == 2,
         task=settings.task.name,
-        targets_mm=targets_mm(settings),
+        targets=task_targets(run_task(settings), world),
     )
     return front_figure(data, world, _robots(members, settings, world))
 

@@ -16,23 +16,23 @@ from vinefab.core.errors import (
     InterruptedRunError,
 )
 from vinefab.core.plain_text import counted
-from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Text
+from vinefab.core.view import Answer, Block, Code, Fact, Facts, Notes, Picture, Remark, Text
 from vinefab.growth.simulator import grow_on
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.pages.animation import DeploymentFrame
-from vinefab.pages.animation_svg import svg_animation
 from vinefab.pages.charts import fitness_curve
 from vinefab.pages.html import Live, page
 from vinefab.pages.page_svg import page_svg
+from vinefab.pages.plan import deployment_plan
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.generations import Generation, Progress, curve_of
 from vinefab.search.record.result import size_words
 from vinefab.search.run import first_map, run_profile
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import RunSettings, run_task
 from vinefab.search.space import Space
+from vinefab.tasks.targets import touched_targets
 
 PAGE_NAME = "index.html"
 """The page of a run in its folder."""
@@ -106,7 +106,7 @@ class LivePage:
 
     @staticmethod
     def _done(progress: Progress) -> str:
-        return f"generation {progress.generation} of {progress.generations}"
+        return progress.stage or f"generation {progress.generation} of {progress.generations}"
 
     def _write(self, state: str, *, running: bool) -> None:
         try:
@@ -125,6 +125,7 @@ class LivePage:
             (
                 Answer(state, "good" if running else "caution"),
                 Notes(() if running else (f"To go on: {self._again}",)),
+                *([Remark(progress.advice, "warning")] if progress.advice else []),
                 Facts(tuple(self._headlines(progress)), lead=True),
                 *self._best.view(),
                 Picture(
@@ -156,18 +157,25 @@ class LivePage:
             f"{best:.4f}" if best > INVALID_FITNESS else "none",
             detail="in the search, of many tries: likely too good (simulated)",
         )
+        if progress.targets_text:
+            yield Fact(
+                "targets of the best so far",
+                progress.targets_text,
+                detail="mean of its deployments (simulated)",
+                tone="good" if progress.touches_all else "caution",
+            )
         yield Fact(
             "mean of the last generation",
             f"{progress.mean:.4f}",
             detail=f"standard deviation {progress.spread:.4f} (simulated)",
         )
         if self._settings.evaluation.fabricable:
-            share = 100.0 * progress.fabricable_share
             yield Fact(
-                "manufacturable",
-                f"{share:.0f} %",
-                detail="of the last generation, by the quick rules",
-                tone="good" if share > 0.0 else "caution",
+                "the best is manufacturable",
+                progress.manufacturable,
+                detail=f"{100.0 * progress.fabricable_share:.0f} % of the last generation are, by "
+                "the quick rules; the winner's joints are simulated at the end",
+                tone="caution" if progress.passes is False else "good",
             )
 
 
@@ -221,14 +229,10 @@ class _BestSoFar:
         if self._drawn is None or self._drawn[0] is not design:
             growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
             deployment = grow_on(design, Terrain.of(self._world), pose, growth)
-            frame = DeploymentFrame(
-                front_mm=float(deployment.grown_mm.sum()),
-                deployment=deployment,
-                is_growing=np.zeros(len(deployment.tree), dtype=np.bool_),
-            )
-            image = svg_animation(
-                self._world, [frame], growth.drawn_widths_mm(design.build.widths_mm)
-            )
+            touched = touched_targets([(deployment, self._world)], run_task(self._settings))
+            widths_mm = growth.drawn_widths_mm(design.build.widths_mm)
+            plan = deployment_plan(self._world, deployment, widths_mm, touched=touched)
+            image = page_svg(plan)
             self._drawn = design, image
         return self._drawn[1]
 

@@ -1,19 +1,24 @@
 """The search itself: generation after generation, then the finalists."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import counted
 from vinefab.core.registry import parameter_names
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
+from vinefab.model.target import out_of_reach
+from vinefab.search.best_check import BestCheck
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
-from vinefab.search.finalists import choose_finalists, reevaluated
+from vinefab.search.finalists import choose_finalists, reevaluated, settled
 from vinefab.search.front import minimized
 from vinefab.search.optimizers.islands import (
     ScreeningOptimizer,
@@ -32,8 +37,10 @@ from vinefab.search.settings import (
     SearchSettings,
     check_objectives,
 )
+from vinefab.search.start_room import refuse_starts_without_room
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
+from vinefab.tasks.targets import task_targets
 from vinefab.tasks.task import Task
 
 AHEAD = 8
@@ -141,6 +148,7 @@ class Search:
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
         _check_room(evaluator, conditions)
+        _check_reach(evaluator)
         return search
 
     def run(
@@ -159,7 +167,7 @@ class Search:
         store
             Record of the run; what it holds already is not evaluated again. None keeps no record.
         progress
-            Called after every generation.
+            Called after every generation, and at the end with the `stage` of choosing the winner.
         workers
             Number of threads, or a point evaluator. Results do not depend on it.
 
@@ -179,33 +187,43 @@ class Search:
         points = ThreadEvaluator(workers) if isinstance(workers, int) else workers
         ledger = Ledger(points.count)
         schedule = Schedule(self.evaluator, settings.search.seed)
-        with points.started(self.evaluator, ledger) as begin:
-            with Recorder(store, progress, settings.search, ledger) as recorder:
-                while (stopped := why_stop(history, settings.search)) is None:
-                    last = self._generation(len(history), schedule, begin, recorder, ledger)
-                    history.append(last)
-                    recorder.note(history, self.optimizer.state())
-            finalists, repair = self._final(history, store, begin, ledger)
+        check = BestCheck(self.evaluator, history)
+        with (
+            points.started(self.evaluator, ledger) as begin,
+            Recorder(store, progress, settings.search, ledger, check.judged) as recorder,
+        ):
+            while (stopped := why_stop(history, settings.search)) is None:
+                number = len(history)
+                last = self._generation(number, schedule, begin, recorder, ledger, check)
+                history.append(last)
+                recorder.note(history, self.optimizer.state())
+            finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
             with ledger.spending("store"):
                 store.finish(finalists, stopped, ledger.split(), repair)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
+            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=(*self.evaluator.notes, *points.notes),
+            notes=(*self.evaluator.notes, *points.notes, *check.notes(finalists)),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )
 
     def _generation(
-        self, number: int, schedule: Schedule, begin: Begin, recorder: Recorder, ledger: Ledger
+        self,
+        number: int,
+        schedule: Schedule,
+        begin: Begin,
+        recorder: Recorder,
+        ledger: Ledger,
+        check: BestCheck,
     ) -> Generation:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
@@ -223,7 +241,9 @@ class Search:
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score, conditions.weights)
         costs = self.evaluator.joint_costs(x)
-        fitness = self.evaluator.fitness(composite, evaluations.penalty, costs)
+        with ledger.spending("evaluating"):
+            penalty = check.penalties(x, composite, evaluations.penalty, costs)
+        fitness = self.evaluator.fitness(composite, penalty, costs)
         terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
             self._tell(asked, fitness.copy(), terms)
@@ -232,7 +252,7 @@ class Search:
             x=x,
             fitness=fitness,
             composite=composite,
-            penalty=evaluations.penalty,
+            penalty=penalty,
             terms=terms,
             seconds=time.perf_counter() - began,
         )
@@ -259,46 +279,55 @@ class Search:
         store: RunStore | None,
         begin: Begin,
         ledger: Ledger,
+        stage: Callable[[str], None],
     ) -> tuple[tuple[Finalist, ...], str]:
         """Return the finalists, from the record or evaluated now, and the repair's message."""
         evaluator, settings = self.evaluator, self.settings
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, further = settings.evaluation.finalists, settings.further_objectives
-        choice = choose_finalists(history, evaluator, count, further)
         conditions = evaluator.final_conditions(settings.search.seed)
-        with ledger.spending("evaluating"):
-            finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+        for by_table in (True, False):
+            stage(f"choosing {counted(count, 'finalist')}")
+            choice = choose_finalists(history, evaluator, count, further, by_table=by_table)
+            with ledger.spending("evaluating"):
+                finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+            if not (choice.checked and by_table):
+                break
+            if found := settled(finalists, conditions, evaluator, stage):
+                return found, choice.repair
         return finalists, choice.repair
 
 
 def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
-    """Refuse a space whose smallest design is too large, and trunks too wide for all starts."""
+    """Refuse a space whose smallest design is too large, and starts that no trunk can leave."""
     space = evaluator.space
     least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
     if least > MOST_BRANCHES:
         allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
         raise BadInputError("space", "too many levels or branches", allowed)
     space.refuse_limits_without_designs()
-    radius_mm = evaluator.radii_mm[0]
-    # Where the run gives its maps a start, the trunk must have room on each of them.
-    given = evaluator.spec.settings.maps.start is not None and radius_mm > 0.0
-    for prepared in evaluator.maps if given else ():
-        pose = prepared.world.starts[0].pose
-        base_mm = prepared.terrain.starts_mm([pose])
-        if not prepared.terrain.have_room(base_mm, radius_mm).all():
-            where = f"({pose.x_mm:g}, {pose.y_mm:g}) mm"
-            wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
-            allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
-            raise BadInputError("maps.start", where, allowed)
-    rooms = [
-        prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
-        for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
-        if places
-    ]
-    if radius_mm > 0.0 and not any(rooms):
-        allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
-        raise BadInputError(space.build.widths_key, space.build.widths_value, allowed)
+    refuse_starts_without_room(evaluator, conditions)
+
+
+def _check_reach(evaluator: Evaluator) -> None:
+    """Refuse targets that lie beyond the longest robot of the space from every start."""
+    longest_mm = evaluator.space.settings.longest_mm
+    for task in evaluator.spec.tasks:
+        for prepared in evaluator.maps:
+            world = prepared.world
+            starts = [
+                shapely.Point(start.pose.x_mm, start.pose.y_mm).buffer(
+                    max(math.hypot(start.spread_x_mm, start.spread_y_mm), 1e-6)
+                )
+                if start.area is None
+                else start.area
+                for start in world.starts
+            ]
+            targets = task_targets(task, world)
+            for place, far, most in out_of_reach(targets, starts, longest_mm):
+                key = "task.targets" if getattr(task, "own", ()) else "targets"
+                raise BadInputError(f"{key}[{place}]", far, f"within {most} (space.length_mm)")
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

@@ -28,11 +28,16 @@ from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.inflation.law import quick_pattern
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
+
+MOST_TABLED = 400
+"""Branches of the largest designs that are checked in full while a search runs."""
 
 _VINE_MM = 200.0
 """Length of the vine for rules that do not depend on length."""
@@ -63,8 +68,8 @@ class ManufacturabilityPenalty:
     def cuts(self, design: Design) -> QuickCuts | None:
         """Return where a design is cut in pieces; None if it must be one, or is too large."""
         limits = self._pieces(design)
-        flat = quick_pattern(design, self.profile.material).flat
-        return None if limits is None else quick_cuts(flat, limits)
+        pattern = quick_pattern(design, self.profile.material)
+        return None if limits is None else quick_cuts(pattern.flat, limits, pattern.passages)
 
     def _pieces(self, design: Design) -> PieceLimits | None:
         """Return what the pieces of a design must keep; None if it may have but one."""
@@ -88,6 +93,18 @@ class ManufacturabilityPenalty:
     def passes(self, design: Design) -> bool:
         """Return whether the full check passes, laser paths included."""
         return not check_design(design, self.profile).blocking
+
+    def broken(self, design: Design) -> tuple[Finding, ...] | None:
+        """Return what forbids a design by the full check, with joints from the table that ships.
+
+        Nothing is simulated, so that it takes some hundredths of a second. None for designs with a
+        joint that the table does not have, and for very large ones.
+        """
+        pattern = pattern_of(design, self.profile, known_only=True)
+        known = all(one.found and one.found.source == "table" for one in pattern.joints)
+        if not known or design.branch_count > MOST_TABLED:
+            return None
+        return run_checks(subject_of(design, self.profile, pattern=pattern)).blocking
 
     def violations(self, design: Design) -> str:
         """Return which rules block a design, with the message of the first; empty if none.
@@ -277,7 +294,13 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     full = 100.0 * max(shares[: len(design.levels)], default=0.0)
     if full > most * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
-        allowed = f"fewer, or a wider trunk: their film would fill {full:.0f} % of it"
+        # Wider by a factor, every level holds so many times as much.
+        wide_mm = [math.ceil(10.0 * mm * full / most) / 10.0 for mm in design.build.widths_mm]
+        values = wide_mm[: len(settings.build.widths_mm)] or wide_mm[0]
+        allowed = (
+            f"fewer, or {settings.build.widths_key} = {values}: their film would fill {full:.0f} % "
+            "of the trunk"
+        )
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
     if window_penalty(design, query.profile, query.changed) > 0.0:
         pressed = design.changed(build=design.build.changed(pressure_kpa=10_000.0))

@@ -27,12 +27,12 @@ from vinefab.fabrication.rules.inflation_rules import BODIES
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
-    MOST_OF_ONE,
     least_fillet_mm,
     width_violations,
 )
+from vinefab.fabrication.rules.piece_rules import LAP_PACKING, widest_cut_mm
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
-from vinefab.fabrication.rules.rule import LimitChanges, Rule
+from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
 from vinefab.inflation.law import FANS, LEAST_LENGTH, MOST_CHILDREN, MOST_TURN_RAD, level_law
@@ -124,6 +124,9 @@ class PenaltyLimits(NamedTuple):
     rise_mm: float  # how far a socket's lumen lies outside the branch's
     beside_mm: float  # how far outside lumens sockets of one joint need room, cut and all
     on_stub: bool  # whether sockets are on stubs, not on outer pieces
+    widest_mm: float  # branch that may be cut
+    lap_film_mm: float  # as `film_mm`, where laps ride in it
+    lap_percent: float  # most of a lumen that film with laps in it may fill
 
 
 class Scratch(NamedTuple):
@@ -178,6 +181,10 @@ class CutScratch(NamedTuple):
     path: Ints  # branches between two
     hit: Ints  # a conflict of a stub or socket, shape (3,); see the kernel
     needed: Ints  # cuts that are needed for certain, shape (1,)
+    # film that rides in each branch, mm across, by level; shape (k, levels)
+    below: Floats
+    laps: Ints  # whether a lap is in it, shape (k,)
+    fullest: Floats  # share of a lumen that is filled on each level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -200,7 +207,9 @@ class BatchPenalty:
         builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
         window = WINDOW.limits_with(changed.get(WINDOW.id, {}))
         fit = GrowthConstantsRange.of(profile, window)
-        packing = PACKING.limits_with(changed.get(PACKING.id, {}))
+        packing, laps = (
+            rule.limits_with(changed.get(rule.id, {})) for rule in (PACKING, LAP_PACKING)
+        )
         material, settings = profile.material, space.build.pieces
         size = sleeve_size(builds[-1], profile)
         limits = PenaltyLimits(
@@ -233,6 +242,9 @@ class BatchPenalty:
             rise_mm=size.rise_mm,
             beside_mm=beside_mm(size, reach_mm(profile)),
             on_stub=size.socket_on_stub,
+            widest_mm=widest_cut_mm(builds[-1], profile, changed),
+            lap_film_mm=material.film_mm / laps["packing"],
+            lap_percent=laps["error"],
         )
         most = _most_children(space)
         tables = _tables(
@@ -322,6 +334,9 @@ def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
         path=whole(ways),
         hit=whole(3),
         needed=whole(1),
+        below=np.zeros((branches, MOST_LEVELS)),
+        laps=whole(branches),
+        fullest=np.zeros(MOST_LEVELS),
     )
 
 

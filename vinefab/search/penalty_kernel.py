@@ -63,7 +63,9 @@ def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
         else:
             _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
             _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
-            left, joints[d] = _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting)
+            left, joints[d] = _in_pieces(
+                designs, d, capsules, pairs, tables, limits, scratch, cutting
+            )
             penalty[d] += math.log1p(left)
 
 
@@ -543,7 +545,9 @@ def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
         length = scratch.run[level, child]
         begin = cutting.begin[level, child] + limits.before_mm
         needed = begin + limits.lap_mm + limits.blend_mm + limits.after_mm + cutting.stop[level]
-        cutting.can[k] = 1 if k > 0 and needed <= length + limits.least_depth else 0
+        bears = 2.0 * tables.half[level] <= limits.widest_mm
+        fits = bears and needed <= length + limits.least_depth
+        cutting.can[k] = 1 if k > 0 and fits else 0
         if cutting.can[k] == 0:
             continue
         outer, half = begin + (limits.blend_mm if limits.on_stub else 0.0), capsule[k, 4]
@@ -717,16 +721,16 @@ def _add_way(cutting, k, ways):
 
 
 @inlined
-def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
+def _in_pieces(designs, d, capsules, pairs, tables, limits, scratch, cutting):
     """Cut a design; return what is left of conflicts and excess, and the number of cuts."""
-    made = _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting)
+    made = _fewest_cuts(designs, d, capsules, pairs, tables, limits, scratch, cutting)
     searched = made >= 0
     if not searched:
         made = _deepest_cuts(designs, d, pairs, limits, scratch, cutting)
-    left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+    left = _left(designs, d, capsules, pairs, tables, limits, scratch, cutting)
     # Further cuts, for pieces that are larger than the sheet.
     while searched and left > 0.0 and made < limits.most_cuts:
-        chosen, least = _further_cut(designs, d, capsules, pairs, limits, scratch, cutting)
+        chosen, least = _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting)
         if least >= left * _PARTED:
             break
         cutting.cut[chosen] = 1
@@ -735,13 +739,13 @@ def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
 
 
 @inlined
-def _further_cut(designs, d, capsules, pairs, limits, scratch, cutting):
+def _further_cut(designs, d, capsules, pairs, tables, limits, scratch, cutting):
     """Return the further cut that leaves least, and what it leaves."""
     chosen, least = -1, math.inf
     for k in range(designs.first[d + 1] - designs.first[d]):
         if cutting.can[k] == 1 and cutting.cut[k] == 0:
             cutting.cut[k] = 1
-            left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+            left = _left(designs, d, capsules, pairs, tables, limits, scratch, cutting)
             cutting.cut[k] = 0
             if left < least * _PARTED:
                 chosen, least = k, left
@@ -749,15 +753,54 @@ def _further_cut(designs, d, capsules, pairs, limits, scratch, cutting):
 
 
 @called
-def _left(designs, d, capsules, pairs, limits, scratch, cutting):
-    """Return what the cuts leave: depths of conflicts within a piece, and excess over the sheet."""
+def _left(designs, d, capsules, pairs, tables, limits, scratch, cutting):
+    """Return what the cuts leave: conflicts within a piece, excess over the sheet and of laps."""
     _label(designs, d, cutting)
     left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
     left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
     for p in range(pairs):
         if _together(p, scratch, cutting):
             left += cutting.depth[p]
-    return left + _sheet_left(designs, d, capsules, limits, scratch, cutting)
+    left += _sheet_left(designs, d, capsules, limits, scratch, cutting)
+    return left + _overfull(designs, d, tables, limits, scratch, cutting)
+
+
+@called
+def _overfull(designs, d, tables, limits, scratch, cutting):
+    """Return by how much film with the laps of the cuts overfills lumens, as VF-J04.
+
+    As `vinefab.fabrication.rules.widths.lap_occupancies`, the fullest branch of each level.
+    """
+    base, depth, below = designs.first[d], designs.depth[d], cutting.below
+    branches, found = designs.first[d + 1] - base, 0.0
+    for level in range(depth):
+        cutting.fullest[level] = 0.0
+    for k in range(branches):
+        cutting.laps[k] = 0
+        for level in range(depth):
+            below[k, level] = 0.0
+    for k in range(branches - 1, -1, -1):
+        level, parent = designs.level[base + k] - 1, designs.parent[base + k]
+        wide, most_mm = 2.0 * tables.half[level], 0.0
+        for at in range(level + 1, depth):
+            most_mm = max(most_mm, below[k, at])
+        if cutting.laps[k]:
+            share = most_mm * limits.lap_film_mm / tables.area[level] / scratch.passage[level]
+            cutting.fullest[level] = max(cutting.fullest[level], share)
+        if parent >= 0:
+            across = tables.leaf_width[level] if level == depth - 1 else wide
+            if cutting.cut[k]:
+                across = max(across, 2.0 * (wide + limits.rise_mm))
+                cutting.laps[parent] = 1
+            below[parent, level] += across
+            for at in range(level + 1, depth):
+                below[parent, at] += below[k, at]
+            if cutting.laps[k]:
+                cutting.laps[parent] = 1
+    for level in range(depth):
+        percent = 100.0 * cutting.fullest[level]
+        found += _excess(percent, limits.lap_percent, limits.most)
+    return found
 
 
 @inlined
@@ -902,23 +945,28 @@ def _span_of_piece(designs, d, capsules, root, limits, scratch, cutting):
 
 
 @inlined
-def _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting):
+def _fewest_cuts(designs, d, capsules, pairs, tables, limits, scratch, cutting):
     """Make the fewest cuts that were found to part all conflicts; return their number, or -1.
 
     Depth first: the first pair that is still on one piece is parted by one branch after another.
     """
     branches = designs.first[d + 1] - designs.first[d]
-    made, most, found, least = 0, limits.most_cuts, -1, 0
+    made, most, found, least, overfull = 0, limits.most_cuts, -1, 0, math.inf
     for step in range(limits.most_steps):
         more = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
         if step == 0:
             least = cutting.needed[0]
         if more == 0:
-            found, most = made, made - 1
-            for k in range(branches):
-                cutting.best[k] = cutting.cut[k]
+            # Further cuts only add laps: those that overfill a lumen are kept for want of better.
+            over = _overfull(designs, d, tables, limits, scratch, cutting)
+            if over < overfull or over <= 0.0:
+                found, overfull = made, over
+                for k in range(branches):
+                    cutting.best[k] = cutting.cut[k]
+            if over <= 0.0:
+                most = made - 1
         made = _go_back(made, most, cutting)
-        if made < 0 or (more == 0 and found <= least):
+        if made < 0 or (overfull <= 0.0 and most < least):
             break
         way = cutting.option[made, cutting.tried[made]]
         cutting.cut[way] = 1

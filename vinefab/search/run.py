@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.rng import child
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.run_recipe import RunRecipe
+from vinefab.model.files.run_context import RunRecipe
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
@@ -33,8 +33,8 @@ from vinefab.search.settings import (
     MapSettings,
     RunLimits,
     RunSettings,
+    has_own_targets,
     limit_option,
-    targets_mm,
 )
 from vinefab.search.space import Space
 from vinefab.tasks.task import Task
@@ -68,7 +68,7 @@ FRESH_MAPS, _STREAM = 20, 1417
 def chooses_on_fresh_maps(settings: RunSettings) -> bool:
     """Return whether the winner of a run is chosen on maps that the search has not seen."""
     maps = settings.maps
-    places = maps.start is not None or len(targets_mm(settings)) > 0
+    places = maps.start is not None or has_own_targets(settings)
     return settings.evaluation.finalists_by == "fresh_maps" and not maps.files and not places
 
 
@@ -235,8 +235,12 @@ def _raised(settings: RunSettings, limits: RunLimits, folder: Path) -> RunSettin
 
 def progress_line(progress: Progress, *, checked: bool) -> str:
     """Return the progress of a run as a line for the user."""
-    share = f"  manufacturable {100 * progress.fabricable_share:.0f} %" if checked else ""
+    if progress.stage:
+        return progress.stage
+    made = f"  manufacturable: {progress.manufacturable}" if checked else ""
+    touched = f" ({progress.targets_text})" if progress.targets_text else ""
     return (
-        f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
-        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{share}"
+        f"generation {progress.generation}/{progress.generations}  "
+        f"best {progress.best:.4f}{touched}  "
+        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{made}"
     )

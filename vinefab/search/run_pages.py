@@ -39,7 +39,8 @@ from vinefab.search.record.result import (
     plain_summary,
     records_in,
 )
-from vinefab.search.settings import targets_mm
+from vinefab.search.settings import run_task
+from vinefab.tasks.targets import task_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -230,7 +231,7 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
         archive.recipe.write(out)
     pictures = {"history.svg": page_svg(history_figure(archive.history))}
     for world in archive.maps:
-        plan = map_plan(world, targets_mm=targets_mm(archive.settings))
+        plan = map_plan(world, targets=task_targets(run_task(archive.settings), world))
         pictures[f"map_{world.name}.svg"] = page_svg(plan)
     written += [write_bytes(out / name, data, force=force) for name, data in pictures.items()]
     return tuple(written)

@@ -11,7 +11,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-import numpy as np
 from annotated_types import Ge, Le, Unit
 from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, model_validator
 from typing_extensions import Doc
@@ -21,7 +20,7 @@ from vinefab.core.limits import MOST_FIRST_SEED
 from vinefab.core.plain_text import counted
 from vinefab.core.registry import with_parameters
 from vinefab.core.table import LATER, Table, validated
-from vinefab.core.validation import SMALLEST, Floats
+from vinefab.core.validation import SMALLEST
 from vinefab.growth.options import GrowthOptions, measured_values
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
@@ -595,8 +594,16 @@ def keys_of_other_task(name: str) -> Iterator[None]:
         raise BadInputError(key, error.value, error.allowed) from error
 
 
-def targets_mm(settings: RunSettings) -> Floats:
-    """Return the targets of a run's tasks, for its pictures, shape (t, 2)."""
-    tasks = (settings.task, *settings.other_tasks)
-    points = [task.parameters.get("target_mm", ()) for task in tasks]
-    return np.concatenate([np.array(some, dtype=np.float64).reshape(-1, 2) for some in points])
+def run_task(settings: RunSettings) -> Task | None:
+    """Return the first of a run's registered tasks that has targets of its own, or just the first.
+
+    None for a task of the user's own.
+    """
+    named = [one for one in (settings.task, *settings.other_tasks) if one.name in TASKS]
+    tasks = [make_task(one.name, one.parameters) for one in named]
+    return next((task for task in tasks if getattr(task, "own", ())), next(iter(tasks), None))
+
+
+def has_own_targets(settings: RunSettings) -> bool:
+    """Tell whether a task of a run has targets: places on its own maps, not on others."""
+    return bool(getattr(run_task(settings), "own", ()))

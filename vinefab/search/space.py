@@ -193,6 +193,15 @@ class SpaceSettings(Table):
         limits = {name: getattr(self, cost.limit_key) for name, cost in COSTS.items()}
         return {name: limit for name, limit in limits.items() if limit is not None}
 
+    @property
+    def longest_mm(self) -> float:
+        """Greatest length of a robot from its base to a tip."""
+        total_mm = 0.0
+        for level in range(1, int(self.levels.high) + 1):
+            growth = 1.0 if level == 1 else self.bounds(level, "growth_percent").high / 100.0
+            total_mm += self.bounds(level, "length_mm").high * max(1.0, growth)
+        return total_mm
+
     def bounds(self, level: int, name: str) -> Bounds:
         """Return the range of a variable of one level."""
         if self.symmetric and name == "growth_percent":

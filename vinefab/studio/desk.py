@@ -28,12 +28,12 @@ from vinefab.core.hashing import sha256_of
 from vinefab.core.registry import parameter_values
 from vinefab.core.replacement import PROTECTED, is_protected
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import ORIGIN_RECIPE, Design, design_of
+from vinefab.model.design import Design, design_of
 from vinefab.model.files.design_edit import edited_text
 from vinefab.model.files.design_toml import design_content, design_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.run_recipe import ChosenRecipe
+from vinefab.model.files.run_context import ChosenRecipe, RunContext
 from vinefab.model.files.shipped import (
     KINDS,
     existing_file,
@@ -49,6 +49,7 @@ from vinefab.model.map import Map
 from vinefab.studio.edited_map import PAGE
 from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
 from vinefab.studio.state import files_named_in, is_name
+from vinefab.tasks.shipped_tasks import TASKS
 
 LARGEST_MAP_BYTES = 32 << 20
 """Of a map that is opened on the page; commands read larger ones."""
@@ -151,21 +152,25 @@ class Desk:
             "writable": self.is_writable(path),
             "stamp": version.stamp,
             "text": version.text,
-            **self._run_recipe(version.design.changed(folder=path.parent)),
+            **self._of_run(version.design.changed(folder=path.parent)),
         }
 
-    def _run_recipe(self, design: Design) -> dict[str, Any]:
-        """Return what the recipe of a design's run is opened by, and why; nothing without one."""
-        if ORIGIN_RECIPE not in design.origin:
-            return {}
+    def _of_run(self, design: Design) -> dict[str, Any]:
+        """Return the task and the recipe of a design's run; nothing without one."""
+        found: dict[str, Any] = {}
         try:
+            run = RunContext.of(design)
+            if run.task in TASKS:
+                found["task"] = run.task
+            if run.recipe is None:
+                return found
             chosen = ChosenRecipe.of(design)
             file = Path(chosen.recipe)
             name = file.stem if _is_library(file) else self.open_recipe({"recipe": str(file)})
         except VinefabError as error:
-            return {"recipe_note": str(error)}
+            return {**found, "recipe_note": str(error)}
         recipe = name if isinstance(name, str) else name["recipe"]
-        return {"recipe": recipe, "recipe_note": chosen.note}
+        return {**found, "recipe": recipe, "recipe_note": chosen.note}
 
     def open_map(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Return the source of a map file that can be read; ``path`` is its path."""

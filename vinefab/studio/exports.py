@@ -16,7 +16,7 @@ from vinefab.core.validation import whole
 from vinefab.core.verbs import Call
 from vinefab.core.view import Block
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.model.design import ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
@@ -112,7 +112,7 @@ class PackageExport:
 
     def given(self, source: ExportSource) -> dict[str, Any]:
         """Return what the verb is given."""
-        usual = source.recipe == DEFAULT_RECIPE and ORIGIN_RECIPE not in source.design.origin
+        usual = source.recipe == DEFAULT_RECIPE and "recipe" not in source.design.origin
         return {
             "design": source.design_name,
             "recipe": None if usual else source.recipe,

@@ -152,7 +152,7 @@ def _finding_content(finding: Finding, placed: PlacedFinding) -> dict[str, Any]:
     rule = RULES[finding.rule]
     return {
         "rule": finding.rule,
-        "title": rule.title,
+        "title": finding.title,
         "reason": rule.reason,
         "severity": str(finding.severity),
         "message": finding.message,

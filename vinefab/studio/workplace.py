@@ -174,14 +174,15 @@ class Workplace:
         """Return the state of the files that were named, and the design's file."""
         opened = self._opened
         file = self.desk.open_design({"design": opened.design})
-        run_recipe = file.pop("recipe", None)
+        of_run: dict[str, Any] = {k: file.pop(k) for k in ("task", "recipe") if k in file}
         source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
         if opened.map_file is not None:
             source = self.desk.open_map({"path": str(opened.map_file)})["source"]
-        state = {
+        state: dict[str, Any] = {
             "design": file.pop("design"),
             "map": {"source": source, "edits": []},
-            "recipe": opened.recipe or run_recipe,
+            **of_run,
+            **({"recipe": opened.recipe} if opened.recipe else {}),
             "family": {"environment": opened.environment, "count": 40, "seed": 1000},
         }
         return state, file

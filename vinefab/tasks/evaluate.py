@@ -18,6 +18,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import MEAN_SHARE, STANDARD_DEVIATION, Evaluation, Score
 from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.targets import check_targets_on
 from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]
@@ -177,6 +178,7 @@ def score_design(
     """
     for prepared in maps:
         check_on_map(task, prepared.world, prepared.context)
+    check_targets_on(task, [prepared.world for prepared in maps])
     terrains = TerrainSet([prepared.terrain for prepared in maps])
     (score,) = score_designs([design], maps, Launches.of(terrains, poses), task, options)
     return score

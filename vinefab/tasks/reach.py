@@ -29,7 +29,7 @@ from vinefab.model.target import (
 from vinefab.tasks.covered_cells import BodyCover, CellGrid, Cover, TargetCover
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.targets import nearest_mm, one_chain
+from vinefab.tasks.targets import TARGETS, TOUCHED, nearest_mm, one_chain
 from vinefab.tasks.task import Outcome, TaskOutcomes, are_many, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
@@ -126,6 +126,11 @@ class Reach(Table):
     def goals(self, of_map: Sequence[Target]) -> tuple[Target, ...]:
         """Return the targets that count on a map: its own, or those of the map."""
         return self.own or tuple(of_map)
+
+    @property
+    def is_desert(self) -> bool:
+        """Whether a target that is missed counts nothing, because nothing was said of nearness."""
+        return bool(self.target_mm) and self.falloff_mm is None
 
     def for_search(self) -> "Reach":
         """Return the task with fast areas, unless its parameters say how to measure them."""
@@ -243,10 +248,6 @@ class Reach(Table):
             "grown_mm": grown_mm,
         }
         return TaskOutcomes(counted.mean(axis=1), terms)
-
-
-TARGETS, TOUCHED = "targets", "targets_reached"
-"""Terms of scores of targets: how many there are, and how many are touched."""
 
 
 def _bodies_of(block: Block, _terrain: int, one: int, two: int) -> tuple[Chains, Floats]:

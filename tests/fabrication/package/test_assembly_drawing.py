@@ -174,7 +174,7 @@ def test_the_report_lists_pieces_and_joints(robot, parts, recipe) -> None:
     assert [row[1] for row in joints.rows] == [step.sleeve.label for step in order]
     assert {row[5] for row in joints.rows} == {"12"}
     (picture,) = section.pictures
-    ElementTree.fromstring(picture.image)  # noqa: S314
+    ElementTree.fromstring(picture.drawn)  # noqa: S314
 
 
 def test_the_size_of_a_piece_is_that_of_the_least_rectangle(finger: Contour) -> None:

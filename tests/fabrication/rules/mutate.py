@@ -21,7 +21,10 @@ FACTORS = (0.9, 1.1)
 """A limit is lax at one of these; which one, its fixtures show."""
 
 ZERO_BECOMES = (-0.5, 0.5)
-ALIKE = {("VF-C03", "lax error"): "the outline itself has no exact form beyond one half"}
+ALIKE = {
+    ("VF-C03", "lax error"): "the outline itself has no exact form beyond one half",
+    ("VF-P03", "lax tight_kpa"): "a note alone says what a tight spool would take",
+}
 """Mutants that cannot be told from the rule, with the reason."""
 
 _WEIGHTS = {Severity.ERROR: 3, Severity.WARNING: 2, Severity.INFO: 1}

@@ -54,7 +54,7 @@ def test_an_error_is_circled_where_it_is(make: Make, profile: LaserProfile) -> N
     assert circle.points_mm.mean(axis=0) == pytest.approx(at)
     labels = {path.label for path in drawing.along(Operation.DOC)}
     assert "1 B01" in labels
-    assert "legend: 1 error VF-B01 0: is 100 limit 150 mm" in labels
+    assert "legend: 1 error VF-B01 0: 100 mm at least 150 mm" in labels
 
 
 def test_labels_do_not_lie_on_each_other(make: Make, profile: LaserProfile) -> None:

@@ -1,10 +1,12 @@
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.rules.catalog import changed_limits
+from vinefab.fabrication.rules.catalog import RULES, changed_limits
+from vinefab.fabrication.rules.rule import Rule
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
@@ -63,3 +65,25 @@ def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: Laser
         changed_limits(make(), with_limits(profile, VF_B99={"error": 1.0}))
     with pytest.raises(BadInputError, match="--limit"):
         changed_limits(make(), None, {"VF-X01": {"error": 1.0}})
+
+
+FAULT = re.compile(
+    r"\b(not|no|too|missing|wrong|cannot|differs?|overlap|exceeds|crosses|lie on each other"
+    r"|reaches a|multiplies|narrower|more .* than)\b"
+)
+"""Words that only a title of something wrong holds."""
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.id)
+def test_no_title_can_be_read_as_its_contrary(rule: Rule) -> None:
+    assert FAULT.search(rule.broken), f"{rule.broken!r} names nothing that is wrong"
+    assert not FAULT.search(rule.title), f"{rule.title!r} reads as something wrong"
+    for title in (rule.broken, rule.title):
+        assert title == title.strip(". ")
+        assert len(title) <= 64
+    assert rule.remedy
+
+
+def test_a_rule_of_another_package_needs_no_second_title() -> None:
+    mine = replace(RULES["VF-B01"], id="MY-1", title="few branches", broken="")
+    assert mine.broken == "not kept: few branches"

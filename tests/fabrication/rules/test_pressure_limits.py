@@ -65,7 +65,7 @@ def test_a_trunk_full_of_film_can_be_worse_than_its_leaves(
 def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserProfile) -> None:
     design = make((2, 200.0, 60.0), widths_mm=(100.0, 12.5))
     free = Subject.of(design, profile)
-    assert [finding.severity for finding in findings(free)] == [Severity.WARNING]
+    assert findings(free) == []
     bent = replace(free, deployments=(straight_and_bent(free, 2.0),), map_names=("cave_3",))
     (found,) = findings(bent)
     assert (found.severity, found.branches) == (Severity.WARNING, ("0.1",))
@@ -117,15 +117,13 @@ def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: Laser
 
 def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make: Make, profile: LaserProfile) -> None:
     # 70 kPa at 20 mm is 23.3 kPa at 60 mm, 15.6 with safety, 13.0 with the margin
-    trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 8.0), pressure_kpa=50.0)
+    trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=50.0)
     report = run_checks(Subject.of(trunk, profile))
     assert report.blocking == ()
     (found,) = [finding for finding in report.findings if finding.rule == "VF-P01"]
     assert (found.severity, found.limit) == (Severity.WARNING, pytest.approx(15.56, abs=0.01))
     (window,) = findings(Subject.of(trunk, profile))
     assert window.limit == pytest.approx(12.96, abs=0.01)
-    thin = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=15.0)
-    assert findings(Subject.of(thin, profile))[0].severity is Severity.WARNING
 
 
 def test_measured_limits_forbid_and_all_others_warn(
@@ -180,8 +178,7 @@ def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(
     make: Make, profile: LaserProfile
 ) -> None:
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
-    (assumed,) = findings(Subject.of(design, profile))
-    assert assumed.severity is Severity.WARNING
+    assert findings(Subject.of(design, profile)) == []
     names = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction", "width_mm")
     for storage_kpa, severities in ((10.0, [Severity.WARNING, Severity.ERROR]), (1.0, [])):
         values = (2.0, 1.0, storage_kpa, 0.25, 30.0)

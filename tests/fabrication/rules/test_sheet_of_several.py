@@ -108,7 +108,7 @@ def test_a_mark_without_room_is_a_notice(fork: Design, profile: LaserProfile) ->
     told = replace(job, facts={**job.facts, "marks_left_out": ["no room for the label of fork"]})
     (finding,) = found(fork, profile, told, "VF-L01")
     assert finding.severity is Severity.INFO
-    assert "label of fork: mark the film by hand" in finding.message
+    assert "label of fork: write it on the film by hand" in finding.message
     assert found(fork, profile, job, "VF-L01") == []
 
 

@@ -133,6 +133,7 @@ def test_checks_have_the_agreed_form_and_keep_what_was_skipped() -> None:
     assert first == {
         "id": "VF-C01",
         "severity": "error",
+        "title": "",
         "message": "too close",
         "measured": 2.5,
         "limit": 3.0,

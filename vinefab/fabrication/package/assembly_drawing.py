@@ -53,7 +53,7 @@ MOST_JOINTS_LISTED = 80
 _WIDE_PT, _EDGE_PT = 792.0, 20.0
 _HEAD_PT, _TITLE_PT, _LOW_PT, _LINE_PT = 50.0, 22.0, 300.0, 12.0
 _MOST_PT, _LEAST_PT = 620.0, 200.0
-_TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.0, 12.0, 8.5, 6.0
+_TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.25, 12.0, 8.5, 8.25
 _LEAD_PT = 34.0
 """Least distance on paper from a plug to its socket: room for the number of the joint."""
 

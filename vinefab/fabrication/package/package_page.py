@@ -1,6 +1,7 @@
 """Sections on how a design is made: sheet, rules, pressure, bill of materials, assumptions."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -46,19 +47,26 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
     rows = tuple((name.replace("_", " "), _value(value)) for name, value in facts.items())
     picture = Picture(
-        image=page_svg(job_plan(job, tuple(findings))),
+        image=lambda: page_svg(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
         wide=True,
     )
     return Section(
         title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
         pictures=(picture,),
-        tables=(Rows(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
+        tables=(
+            Rows(
+                caption="What the paths hold (computed)", headings=("", ""), rows=rows, folded=True
+            ),
+        ),
     )
 
 
 def check_section(
-    report: CheckReport, outline_mm: Floats | None = None, *, title: str = "Design rules"
+    report: CheckReport,
+    outline_mm: Callable[[], Floats] | None = None,
+    *,
+    title: str = "Design rules",
 ) -> Section:
     """Return every finding, at its place in the outline, and every rule that was run or skipped."""
     found = tuple(
@@ -91,16 +99,17 @@ def check_section(
         ),
         pictures=_marked(report, outline_mm),
         tables=tables,
+        folded=True,
     )
 
 
-def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ...]:
+def _marked(report: CheckReport, outline_mm: Callable[[], Floats] | None) -> tuple[Picture, ...]:
     """Return the picture of findings in the outline, if any finding has a place."""
     if outline_mm is None or not any(finding.marker_wkt for finding in report.findings):
         return ()
     return (
         Picture(
-            image=page_svg(findings_plan(outline_mm, report.findings)),
+            image=lambda: page_svg(findings_plan(outline_mm(), report.findings)),
             caption="Findings at their places in the flat outline; numbers as in the table. "
             "Findings about the whole robot have no place.",
             wide=True,
@@ -131,7 +140,9 @@ def pattern_section(pattern: Pattern) -> Section:
         title="Flat and deployed",
         paragraphs=words,
         pictures=(picture,),
-        tables=tuple(one for one in blocks if isinstance(one, Rows)),
+        # Its numbers stand in the JSON of `vinefab inflate`.
+        tables=tuple(replace(one, key="") for one in blocks if isinstance(one, Rows)),
+        folded=True,
     )
 
 
@@ -164,7 +175,7 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
         ),
         rows=tuple(rows),
     )
-    return Section(title="Pressure", tables=(table,))
+    return Section(title="Pressure", tables=(table,), folded=True)
 
 
 def pieces_section(
@@ -184,9 +195,8 @@ def pieces_section(
     sheets
         Numbers of the sheets that hold each piece, by its label; several for several robots.
     """
-    drawn = exploded_picture(design, partition, outlines, profile)
     picture = Picture(
-        image=page_svg(drawn),
+        image=lambda: page_svg(exploded_picture(design, partition, outlines, profile)),
         caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
         "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
         "together and one lap.",
@@ -228,6 +238,7 @@ def pieces_section(
                     "lap begins at, mm",
                 ),
                 rows=rows,
+                folded=True,
             ),
         ),
     )
@@ -262,6 +273,7 @@ def _piece_table(
         caption="Pieces; the size is that of the least rectangle around the outline (computed)",
         headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
         rows=tuple(rows),
+        folded=True,
     )
 
 
@@ -286,7 +298,7 @@ def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
     headings = ("item", "amount", "unit", "standing", "basis")
     caption = "One robot" if robots == 1 else f"The whole sheet: {counted(robots, 'robot')}"
     table = Rows(caption=caption, headings=headings, rows=rows)
-    return Section(title="Bill of materials", tables=(table,))
+    return Section(title="Bill of materials", tables=(table,), folded=True)
 
 
 def assumption_section(
@@ -315,6 +327,7 @@ def assumption_section(
             "such numbers; assumed, by vinefab. Predictions are simulated.",
         ),
         tables=(table,),
+        folded=True,
     )
 
 

@@ -4,10 +4,12 @@ import io
 import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
+from vinefab.core.validation import Floats
 from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Tone
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
@@ -41,7 +43,7 @@ from vinefab.fabrication.package.package_page import (
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.exploded import piece_lumens
-from vinefab.fabrication.pieces.partition import in_pieces, partition_of
+from vinefab.fabrication.pieces.partition import in_pieces, pieces_of
 from vinefab.fabrication.rules.as_built import READBACK
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
@@ -50,7 +52,7 @@ from vinefab.inflation.pattern import Pattern, cut_design, pattern_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
-from vinefab.model.finding import CheckReport, RuleSkipped
+from vinefab.model.finding import CheckReport, RuleSkipped, Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.outline import Contour
@@ -137,7 +139,7 @@ def prepare(
     pattern = pattern_of(design, profile)
     cut = pattern.flat
     flat_sheet = replace(sheet, beside=tuple(cut_design(one, profile) for one in sheet.beside))
-    partition = partition_of(cut, profile, separate=separate)
+    partition = pieces_of(pattern, profile, separate=separate)
     job = laser_job(cut, profile, flat_sheet, partition)
     flat = Subject.on_sheet(cut, profile, job, separate=separate)
     flat = replace(flat, pattern=pattern, deployments=deployments)
@@ -308,11 +310,11 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
         tone = "bad"
     yield Answer(f"{words}; laser recipe unverified" if cautions else words, tone)
     yield Notes(cautions)
-    sections = making_sections(prepared)
-    (sheet,) = (section for section in sections if section.title.startswith("The sheet"))
+    sheet, *sections = making_sections(prepared)
     yield from sheet.pictures
-    yield Facts(design_facts(prepared))
-    yield from (replace(one, pictures=()) if one is sheet else one for one in sections)
+    yield Facts((*making_facts(prepared), *design_facts(prepared)))
+    yield replace(sheet, pictures=())
+    yield from sections
     yield pressure_section(design, profile)
     yield assumption_section(profile)
     note = (
@@ -330,7 +332,7 @@ def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
-    """Return the sections on manufacturing: rules, sheet, materials."""
+    """Return the sections on manufacturing: sheet, pieces, rules, flat and deployed, materials."""
     job, joints = prepared.job, tuple[BomLine, ...]()
     if prepared.partition is not None:
         joints = joint_lines(
@@ -338,18 +340,22 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
         )
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
+
+    def outline_mm(design: Design) -> Floats:
+        return body_outline(cut_design(design, prepared.profile)).contour.flattened_mm()
+
     return (
+        sheet_section(job, [finding for report in reports for finding in report.findings]),
+        *_piece_sections(prepared),
         *(
             check_section(
                 report,
-                body_outline(cut_design(design, prepared.profile)).contour.flattened_mm(),
+                partial(outline_mm, design),
                 title=f"Design rules: {design.name}" if prepared.others else "Design rules",
             )
             for design, report in zip(designs, reports, strict=True)
         ),
-        sheet_section(job, [finding for report in reports for finding in report.findings]),
         pattern_section(prepared.pattern or pattern_of(prepared.design, prepared.profile)),
-        *_piece_sections(prepared),
         bom_section((*bill_of_materials(job, prepared.profile), *joints), robot_count(job)),
     )
 
@@ -368,6 +374,37 @@ def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
     return (pieces_section(design, partition, outlines, prepared.profile, sheets=sheets),)
 
 
+def making_facts(prepared: Prepared) -> tuple[Fact, ...]:
+    """Return in how many pieces a robot is cut, of how much film, and what the rules say."""
+    job, film, report = prepared.job, prepared.profile.material, prepared.report
+    joints = 0 if prepared.partition is None else len(prepared.partition.sleeves)
+    lines = {one.item: one for one in bill_of_materials(job, prepared.profile)}
+    sheets = counted(max(1, len(job.sheets)), "sheet")
+    size = " x ".join(f"{lines[f'film {side}'].value:.0f}" for side in ("width", "height"))
+    errors, warnings = report.count(Severity.ERROR), report.count(Severity.WARNING)
+    return (
+        Fact(
+            "pieces",
+            counted(joints + 1, "flat piece"),
+            detail=f"{counted(joints, 'joint')}; {sheets} of {size} mm",
+            standing="computed",
+        ),
+        Fact(
+            "film",
+            f"{counted(film.plies, 'ply')}, {lines['robot film mass'].value:.3g} g",
+            detail=film.title,
+            standing="computed",
+        ),
+        Fact(
+            "rules",
+            f"{counted(errors, 'error')}, {counted(warnings, 'warning')}",
+            detail=f"{counted(len(report.skipped), 'rule')} not checked",
+            tone="bad" if report.blocking else "plain",
+            standing="computed",
+        ),
+    )
+
+
 def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
     """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
@@ -380,7 +417,6 @@ def design_facts(prepared: Prepared) -> tuple[Fact, ...]:
             ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm",
         ),
         Fact("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
-        Fact("film", profile.material.title),
         Fact("machine", profile.machine.title),
         Fact("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
     )

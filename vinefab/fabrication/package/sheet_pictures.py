@@ -22,6 +22,7 @@ from vinefab.model.laser import LaserProfile
 from vinefab.pages.colours import ALERT, INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import Box, longer_mm
 from vinefab.pages.panel import (
+    TICK_PT,
     Ink,
     Marks,
     Page,
@@ -67,7 +68,7 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Page:
     for number, path in enumerate(paths if len(paths) <= MOST_NUMBERS else (), start=1):
         x, y = path.contour.points_mm[0].tolist()
         colour = OPERATION_COLOURS[path.operation]
-        panel.words((x, y), str(number), 7.5, colour=colour, shift_pt=(4.0, 6.0))
+        panel.words((x, y), str(number), TICK_PT, colour=colour, shift_pt=(4.0, 6.0))
     panel.title = _title(job, findings, cropped=cropped)
     return page_of(panel)
 

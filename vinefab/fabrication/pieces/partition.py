@@ -1,6 +1,6 @@
 """A robot in the fewest flat pieces that pass every rule about room on the sheet."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,10 +22,13 @@ from vinefab.fabrication.pieces.bodies import (
 from vinefab.fabrication.pieces.multicut import Clause, Multicut, multicut
 from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, OVERLAP, POUCH, least_gap_mm
-from vinefab.fabrication.rules.rule import LimitChanges
+from vinefab.fabrication.rules.piece_rules import LAP_PACKING, fullest_laps, widest_cut_mm
+from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import spacing
 from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.widths import passages_of
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
@@ -49,6 +52,7 @@ def partition_of(
     limits: LimitChanges | None = None,
     *,
     separate: bool = False,
+    passages: Mapping[int, float] | None = None,
 ) -> Partition:
     """Return the fewest pieces of a design that lie flat; the whole robot where none are allowed.
 
@@ -61,17 +65,34 @@ def partition_of(
         Limits that override those of recipe and design.
     separate
         Whether the robot is welded and cut in two passes although the recipe has one for both.
+    passages
+        Into the branches of each level, as far as they are known.
 
     Notes
     -----
     Branches are cut as the 0-1 program says in which every pair of bodies that come too near each
     other on one piece is a clause. The pieces are then outlined as they will be cut; what the rules
     still find there becomes a clause more, until they find nothing. Every clause holds for all
-    partitions that pass, so the least number is proven if that of the last program is.
+    partitions that pass, so the least number is proven if that of the last program is. Cuts whose
+    laps would burst or overfill a lumen (VF-J03, VF-J04) are avoided where others serve, within the
+    pieces that are allowed.
     """
     if design.build.pieces is None:
         return one_piece(design)
-    return _Cutter(design, design.build.pieces, profile, limits, separate=separate).partition()
+    cutter = _Cutter(design, design.build.pieces, profile, limits, separate=separate)
+    return cutter.partition(passages or {})
+
+
+def pieces_of(
+    pattern: Pattern,
+    profile: LaserProfile,
+    limits: LimitChanges | None = None,
+    *,
+    separate: bool = False,
+) -> Partition:
+    """Return the fewest pieces of a pattern, as `partition_of`."""
+    passages = passages_of(pattern)
+    return partition_of(pattern.flat, profile, limits, separate=separate, passages=passages)
 
 
 def one_piece(design: Design) -> Partition:
@@ -115,24 +136,48 @@ class _Cutter:
         self.known: dict[tuple[tuple[int, ...], ...], tuple[_Conflict, ...]] = {}
         self.waived = {waiver.fingerprint for waiver in design.waivers}
 
-    def partition(self) -> Partition:
+    def partition(self, passages: Mapping[int, float]) -> Partition:
         """Return the fewest pieces that pass."""
         conflicts, beyond = [*self._pairs()], 0
+        flat: Partition | None = None  # the first whose pieces pass, whatever their laps
         weights = {row: sleeve.width_mm for row, sleeve in self.sleeves.items()}
         for _ in range(_MOST_ROUNDS):
             found = multicut([conflict.clause for conflict in conflicts], weights)
             if found.broken:
-                return self._uncut(conflicts, found)
+                return flat or self._uncut(conflicts, found)
             cut = self._cut(found.cut, proven_least=found.proven_least)
+            if flat is not None and len(cut.pieces) > self.most:
+                return flat
             more = [one for piece in cut.pieces for one in self._known_of(cut, piece)]
             if not more:
-                return cut
+                flat = flat or cut
+                more = [*self._laps(cut, passages)]
+                if not more:
+                    return cut
             known = {conflict.clause for conflict in conflicts}
             beyond += len(cut.pieces) > self.most
             if beyond > ROUNDS_BEYOND or all(one.clause in known for one in more):
                 break
             conflicts += more
-        return replace(cut, unfinished=True)
+        return flat or replace(cut, unfinished=True)
+
+    def _laps(self, cut: Partition, passages: Mapping[int, float]) -> Iterator[_Conflict]:
+        """Yield what forbids the sleeves of a partition: further cuts only add to it."""
+        values = by_rule(changed_limits(self.design, self.profile, self.limits))
+        widest_mm = widest_cut_mm(self.design.build, self.profile, values)
+        cuts = frozenset(sleeve.branch for sleeve in cut.sleeves)
+        for sleeve in cut.sleeves:
+            if sleeve.width_mm > widest_mm:
+                alone = Clause(frozenset(), frozenset({sleeve.branch}))
+                yield _Conflict(why="load its lap", branches=(sleeve.branch,), clause=alone)
+        limits = LAP_PACKING.limits_with(values.get(LAP_PACKING.id, {}))
+        film_mm, packing = self.profile.material.film_mm, limits["packing"]
+        fullest = fullest_laps(self.design, cut.sleeves, film_mm, packing, passages)
+        for branch, share in fullest.values():
+            if 100.0 * share > limits["error"] * (1.0 + ROUNDING):
+                within = frozenset(row for row in cuts if branch in self._path(0, row) - {row})
+                clause = Clause(frozenset(), within or cuts)
+                yield _Conflict(why="overfill a lumen", branches=(branch,), clause=clause)
 
     # --- what must not be on one piece -----------------------------------------------------------
 

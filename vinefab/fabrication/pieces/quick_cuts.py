@@ -5,7 +5,7 @@ the outlines as they will be cut, is `vinefab.fabrication.pieces.partition`.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -27,7 +27,8 @@ from vinefab.fabrication.pieces.bodies import (
     sleeves_of,
 )
 from vinefab.fabrication.rules.clearance import CLEARANCE, least_gap_mm
-from vinefab.fabrication.rules.rule import LimitChanges
+from vinefab.fabrication.rules.piece_rules import LAP_PACKING, fullest_laps, widest_cut_mm
+from vinefab.fabrication.rules.rule import LimitChanges, relative_excess
 from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
 from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.laser import LaserProfile
@@ -55,6 +56,10 @@ class PieceLimits:
     reach_mm: float  # how far outside the lumen's edge its cuts run
     clearance_mm: float  # least distance of lumens
     sheet_mm: tuple[float, float] | None  # width and height that each piece must fit, if any
+    widest_mm: float  # branch that may be cut: its lap bears the pressure
+    film_mm: float  # thickness of all plies
+    packing: float  # share of solid film when crumpled
+    packing_percent: float  # most of a lumen that film with laps in it may fill
 
     @classmethod
     def of(
@@ -65,12 +70,17 @@ class PieceLimits:
         sheet_mm: tuple[float, float] | None = None,
     ) -> "PieceLimits":
         """Return the limits for a recipe and the limits that it changes."""
+        packed = LAP_PACKING.limits_with(changed.get(LAP_PACKING.id, {}))
         return cls(
             most_cuts=(build.pieces or PieceSettings()).most - 1,
             size=sleeve_size(build, profile),
             reach_mm=reach_mm(profile),
             clearance_mm=least_gap_mm(CLEARANCE, changed, taken_mm(profile)),
             sheet_mm=sheet_mm,
+            widest_mm=widest_cut_mm(build, profile, changed),
+            film_mm=profile.material.film_mm,
+            packing=packed["packing"],
+            packing_percent=packed["error"],
         )
 
 
@@ -79,16 +89,23 @@ class QuickCuts:
     """Where a robot is cut."""
 
     branches: tuple[int, ...]  # that are cut
-    # Summed depths of conflicts within a piece, and excess of pieces over the sheet relative to its
-    # shorter side; 0 where all pieces can be laid out.
+    # Summed depths of conflicts within a piece, excess of pieces over the sheet relative to its
+    # shorter side, and of film with laps over the lumens; 0 where all pieces can be made.
     left: float
 
 
-def quick_cuts(design: Design, limits: PieceLimits) -> QuickCuts | None:
+def quick_cuts(
+    design: Design, limits: PieceLimits, passages: Sequence[float] = ()
+) -> QuickCuts | None:
     """Return cuts that leave as few pieces as were found; None for designs that are too large.
 
     Where the pieces that are allowed do not suffice, these are the cuts that part the deepest
     conflicts, so that a search can follow what is left.
+
+    Parameters
+    ----------
+    passages
+        Of the joints below each level, the trunk's first; without them, as wide as the tubes.
 
     Notes
     -----
@@ -101,7 +118,7 @@ def quick_cuts(design: Design, limits: PieceLimits) -> QuickCuts | None:
     """
     if design.branch_count > MOST_PIECE_BRANCHES:
         return None
-    tree = _TreeCuts(design, limits)
+    tree = _TreeCuts(design, limits, passages)
     return tree.found() if len(tree.pairs) <= MOST_CONFLICTS else None
 
 
@@ -183,7 +200,7 @@ Conflict = tuple[float, int, int, int | None]
 class _TreeCuts:
     """The search for the cuts of one design."""
 
-    def __init__(self, design: Design, limits: PieceLimits) -> None:
+    def __init__(self, design: Design, limits: PieceLimits, passages: Sequence[float] = ()) -> None:
         self.limits, layout = limits, flat_layout(design)
         self.on_stub = limits.size.socket_on_stub
         self.parent: list[int] = layout.tree.parent.tolist()
@@ -193,7 +210,13 @@ class _TreeCuts:
         else:
             sides = planned_sides(design, layout, limits.size, limits.reach_mm)
         sides = StraightSides(start_mm=sides.start_mm, end_mm=sides.end_mm + LEAST_DEPTH)
-        sleeves = sleeves_of(layout, sides, limits.size)
+        self.design, self.passages = design, dict(enumerate(passages, start=2))
+        self.sleeves = {
+            row: sleeve
+            for row, sleeve in sleeves_of(layout, sides, limits.size).items()
+            if sleeve.width_mm <= limits.widest_mm
+        }
+        sleeves = self.sleeves
         bodies = bodies_of(layout, design.build, sleeves)
         self.capsules: Capsules = bodies.capsules
         self.whole = np.flatnonzero(bodies.kind == BodyKind.WHOLE)
@@ -304,7 +327,15 @@ class _TreeCuts:
         home = self.pieces(cut)
         whole = sum(pair.depth for pair in self.together(cut, home))
         parts = sum(depth for depth, *_ in self.of_parts(cut, home))
-        return whole + parts + self._excess(cut, home)
+        return whole + parts + self._excess(cut, home) + self.overfull(cut)
+
+    def overfull(self, cut: set[int]) -> float:
+        """Return by how much film with the laps of some cuts overfills lumens, as VF-J04."""
+        limits, sleeves = self.limits, [self.sleeves[row] for row in cut]
+        fullest = fullest_laps(self.design, sleeves, limits.film_mm, limits.packing, self.passages)
+        return math.fsum(
+            relative_excess(100.0 * share, limits.packing_percent) for _, share in fullest.values()
+        )
 
     def of_parts(self, cut: set[int], home: list[int]) -> Iterator[Conflict]:
         """Yield the conflicts of stubs and sockets with something on their piece."""
@@ -404,17 +435,23 @@ class _FewestCuts:
     def __init__(self, tree: _TreeCuts, most: int) -> None:
         self.tree, self.most = tree, most
         self.best: set[int] | None = None
+        self._overfull = math.inf
         self._steps = self._bound = 0
         self._visit(set(), set())
 
     def _visit(self, cut: set[int], banned: set[int]) -> None:
         """Part the first conflict that some cuts leave by each branch that is not banned."""
-        if self._steps == MOST_STEPS or (self.best is not None and len(self.best) <= self._bound):
+        if self._steps == MOST_STEPS or (self._overfull <= 0.0 and self.most < self._bound):
             return
         self._steps += 1
         ways = self._ways(cut, banned)
         if ways is None:
-            self.best, self.most = cut, len(cut) - 1
+            # Further cuts only add laps: those that overfill a lumen are kept for want of better.
+            overfull = self.tree.overfull(cut)
+            if overfull < self._overfull or overfull <= 0.0:
+                self.best, self._overfull = cut, overfull
+            if overfull <= 0.0:
+                self.most = len(cut) - 1
             return
         for way in ways:
             if len(cut) >= self.most:

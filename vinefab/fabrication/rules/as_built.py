@@ -182,7 +182,7 @@ def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicab
     if subject.readback is None:
         return RuleNotApplicable(reason="no file was written and read back")
     violations = [
-        Violation(message=f"{name}: {problem}", aspect=name)
+        Violation(message=f"{name}: {problem}; write the package again", aspect=name)
         for name, problems in subject.readback.items()
         for problem in problems
     ]
@@ -191,7 +191,8 @@ def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicab
 
 BUILT_WIDTH = Rule(
     id="VF-W04",
-    title="width as built, against the design",
+    title="branches come out as wide as designed",
+    broken="branches do not come out as wide as designed",
     unit="mm",
     limits={"error": 0.1},
     reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
@@ -200,7 +201,8 @@ BUILT_WIDTH = Rule(
 )
 READBACK = Rule(
     id="VF-X01",
-    title="exported files, read again, equal the model",
+    title="files read back equal the job",
+    broken="a file read back differs from the job",
     reason="programs read files, not intentions",
     remedy="report it: a file that differs from its model is a fault of vinefab or of a disk",
     check=check_readback,
@@ -234,8 +236,8 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
             violations.append(
                 Violation(
                     message=f"the paths of {counted(len(low), 'branch')} leave less seam than the "
-                    f"recipe makes{f', least on the sides{of}' if of else ''}: no burst test "
-                    "covers that seam",
+                    f"recipe makes{f', least on the sides{of}' if of else ''}, and no burst test "
+                    "covers it: draw them with the recipe's seam",
                     severity=Severity.WARNING,
                     measured=least,
                     limit=seam_mm,
@@ -260,7 +262,8 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         if overcut_mm < least_mm - slack_mm:
             violations.append(
                 Violation(
-                    message=f"the cut {where}{of} does not {fails} by the recipe's overcut: {so}",
+                    message=f"the cut {where}{of} does not {fails} by the recipe's overcut, "
+                    f"and {so}: draw it with that overcut",
                     severity=Severity.WARNING,
                     measured=overcut_mm,
                     limit=least_mm,
@@ -316,7 +319,8 @@ def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
 
 SEAM_WIDTH = Rule(
     id="VF-P05",
-    title="seam width and overcut at least the recipe's",
+    title="seams and overcuts are as wide as the recipe's",
+    broken="a seam or overcut is narrower than the recipe's",
     unit="mm",
     limits={"slack": 0.005},
     reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "

@@ -146,7 +146,7 @@ def all_rules() -> list[Rule]:
 
 
 def rules_named(words: str) -> list[Rule]:
-    """Return the rule with an id, else those with the words in their id, title or group.
+    """Return the rule with an id, else those with the words in their id, titles or group.
 
     Upper and lower case are the same.
     """
@@ -158,7 +158,7 @@ def rules_named(words: str) -> list[Rule]:
         rule
         for group, rules in grouped_rules().items()
         for rule in rules
-        if sought and sought in f"{rule.id} {rule.title} {group}".casefold()
+        if sought and sought in f"{rule.id} {rule.title} {rule.broken} {group}".casefold()
     ]
     if not found:
         raise UnknownNameError("rule", words, known)

@@ -91,7 +91,7 @@ def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     """VF-T03: branches that share no joint do not overlap."""
     found = spacing(subject.capsules, 0.0)
     nears, pairs = nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
-    message = "the branches overlap when flat: widen the fan, or shorten one of them"
+    message = "two branches lie on one place: widen the fan, shorten one of them, or allow pieces"
     violations = [
         near.violation(
             message, BrokenLimit(severity=Severity.ERROR, limit=0.0, measured=near.gap_mm)
@@ -150,7 +150,7 @@ def _gap_violations(
     """Return a violation for each chosen pair of branches with too little film between them."""
     low = chosen & (found.gap_mm < max(limits["error"], limits["warning"]))
     nears, pairs = nearest_pairs(subject, found, low)
-    message = "too little film is left between the branches: move them apart"
+    message = "cuts and seams leave a strip of film that melts: move the branches apart"
     violations = [
         near.violation(message, broken) for near in nears if (broken := limits.least(near.gap_mm))
     ]
@@ -159,7 +159,8 @@ def _gap_violations(
 
 OVERLAP = Rule(
     id="VF-T03",
-    title="branches that are not joined do not overlap when flat",
+    title="branches lie clear of each other on the sheet",
+    broken="branches overlap on the sheet",
     unit="mm",
     reason="a flat sheet has no room for two branches at one place",
     remedy="widen angles, shorten or narrow the branches named, use fewer of them, or allow pieces",
@@ -167,7 +168,8 @@ OVERLAP = Rule(
 )
 CLEARANCE = Rule(
     id="VF-C01",
-    title="clearance between branches as made",
+    title="enough film is left between branches",
+    broken="too little film is left between branches",
     unit="mm",
     limits={"error": 0.0, "warning": 2.0},
     reason="where seam, web and kerf of both leave no film between them, a cut runs through a "
@@ -271,7 +273,8 @@ def _near_webs(
 
 FOREIGN_FILLET = Rule(
     id="VF-C05",
-    title="a fillet joins nothing but its own joint",
+    title="fillets touch only branches of their own joint",
+    broken="a fillet reaches a branch of another joint",
     unit="mm",
     limits={"error": 0.0, "warning": 2.0},
     reason="a fillet that swallows another branch's side changes the robot",
@@ -388,7 +391,8 @@ def _confirmed(
 
 POUCH = Rule(
     id="VF-C07",
-    title="pouch wider and longer than its branch is wide, clear of its neighbours at the joint",
+    title="pouches are large enough and clear of neighbours",
+    broken="a pouch is too small or too near a neighbour",
     unit="mm",
     limits={"error": 0.0, "warning": 2.0},
     reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",

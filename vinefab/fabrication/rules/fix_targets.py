@@ -15,7 +15,6 @@ from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import (
     fabrication_penalty,
     least_fillet_mm,
-    relative_excess,
     rooms_mm,
     short_share,
 )
@@ -26,7 +25,7 @@ from vinefab.fabrication.rules.pressure_limits import (
     growth_limit_kpa,
     safe_pressure_kpa,
 )
-from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
+from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule, relative_excess
 from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.inflation.law import quick_pattern

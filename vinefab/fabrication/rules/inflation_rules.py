@@ -97,15 +97,16 @@ def _flat_is_not_deployed(design: Design) -> list[Violation]:
     if not any(np.any(fan_offsets_rad(level)) for level in design.levels):
         return []
     message = (
-        "cut as designed, and flat angles are not those under pressure: `vinefab inflate` shows by "
-        'how much, and `[build] compensation = "inflation"` cuts the robot that deploys as designed'
+        "cut at the designed angles, which pressure changes (`vinefab inflate` shows by how much): "
+        '`[build] compensation = "inflation"` cuts the robot that deploys as designed'
     )
     return [Violation(message=message, severity=Severity.INFO)]
 
 
 DEPLOYED = Rule(
     id="VF-I01",
-    title="deploys at the designed angles",
+    title="joints deploy at the designed angles",
+    broken="a joint does not deploy at the designed angles",
     unit="deg",
     limits={"error": MESH_DEG},
     reason="seams cannot stretch, so that joints open or close under pressure (simulated); meshes "
@@ -140,7 +141,8 @@ def check_sensitivity(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
 
 SENSITIVITY = Rule(
     id="VF-I02",
-    title="errors of flat angles are hardly multiplied under pressure",
+    title="small errors of flat angles stay small under pressure",
+    broken="a joint multiplies errors of its flat angles",
     limits={"warning": 2.5},
     reason="where siblings are near each other, a small change of the flat angles changes the "
     "deployed ones much more: errors of making are multiplied (simulated; the limit is assumed)",
@@ -219,7 +221,8 @@ def _larger_fillet(subject: Subject, joint: LevelJoint, found: FlatJoint) -> tup
 
 CROTCH_LOAD = Rule(
     id="VF-I03",
-    title="load of the weld in a crotch within what the seam stands",
+    title="welds in crotches bear their load",
+    broken="a weld in a crotch bears too much load",
     unit="N/mm",
     limits={"safety_factor": 1.0},
     reason="a crotch opens under 2 to 5 times the load of a straight seam (simulated), on a few "
@@ -314,7 +317,8 @@ def check_bodies(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
 
 BODIES = Rule(
     id="VF-I04",
-    title="inflated branches do not lie on each other",
+    title="inflated branches lie clear of each other",
+    broken="inflated branches lie on each other",
     unit="mm",
     limits={"warning": 0.0, "sibling_share": 0.5, "collapsed_share": 1.0},
     reason="branches that touch push each other aside or up, which neither growth nor the "

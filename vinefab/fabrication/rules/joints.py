@@ -254,7 +254,8 @@ def _violation(
 
 ANGLE = Rule(
     id="VF-C02",
-    title="angle between neighbours round a joint, the parent's body included",
+    title="neighbours at every joint part widely enough",
+    broken="the angle at a joint is too small",
     unit="deg",
     limits={"error": 15.0, "warning": 20.0},
     reason="narrower crotches leave a sliver of film that the laser melts shut",
@@ -263,7 +264,8 @@ ANGLE = Rule(
 )
 CROTCH = Rule(
     id="VF-C03",
-    title="the filleted crotch ends within half of the shorter neighbour",
+    title="crotches end within half of the shorter neighbour",
+    broken="a crotch webs its branches together too far",
     unit="mm",
     limits_in="times the length of the shorter neighbour",
     limits={"error": 0.5},
@@ -273,7 +275,8 @@ CROTCH = Rule(
 )
 FILLET = Rule(
     id="VF-C04",
-    title="fillet radius",
+    title="fillets are of the right size",
+    broken="a fillet is too small or too large",
     unit="mm",
     limits={
         "error": 1.0,
@@ -338,7 +341,8 @@ def _summed_along(tree: BranchTree, values: Floats) -> Floats:
 
 TURN = Rule(
     id="VF-C06",
-    title="turn at a joint, and capstan factor e^(mu gamma) along a path",
+    title="paths turn little enough to grow",
+    broken="a path turns too sharply or too often",
     unit="deg",
     limits={"joint_warning": 90.0, "capstan_warning": 10.0},
     reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -52,13 +53,15 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         if broken and (
             mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
         ):
-            message = f"mark {mark.label!r} touches the body or its rim: move it away"
+            message = f"{mark.label} weakens the body's rim: leave more room beside the robot"
             violations[mark.label] = broken.violation(message, aspect=mark.label)
     can_mark = Operation.MARK in subject.profile.recipe.by_operation
     note = "" if can_mark else "the recipe has no mark: no fold line, no label"
     reasons = subject.job.facts.get("marks_left_out", ())
     left_out = [
-        Violation(message=f"{reason}: mark the film by hand", severity=Severity.INFO, aspect=reason)
+        Violation(
+            message=f"{reason}: write it on the film by hand", severity=Severity.INFO, aspect=reason
+        )
         for reason in (reasons if isinstance(reasons, list) else ())
     ]
     return RuleApplied(checked=len(marks), violations=(*violations.values(), *left_out), note=note)
@@ -81,7 +84,8 @@ def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
             if broken := limits.least(size_mm, name):
                 violations.append(
                     broken.violation(
-                        f"{what} of {path.label!r} is too small to be run",
+                        f"{what} of {path.label!r} is too small to be run: lengthen the branch, or "
+                        "enlarge its fillet",
                         branches=(segment.branch,) if segment.branch else (),
                         aspect=f"{name} {path.label}",
                     )
@@ -124,7 +128,7 @@ def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violat
             continue
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         if broken := limits.most(shared_mm, "shared"):
-            message = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
+            message = f"{paths[one].label!r} and {paths[two].label!r} burn one place: part them"
             yield broken.violation(message, aspect="shared")
 
 
@@ -137,7 +141,7 @@ def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     for before, after in pairwise(paths):
         if _ORDER.index(before.operation) > _ORDER.index(after.operation):
             message = f"{after.operation} {after.label!r} comes after {before.operation}"
-            message += f" {before.label!r}: the film has moved by then"
+            message += f" {before.label!r}, when film has moved: keep the order of the files"
             violations.append(
                 Violation(message=message, aspect=f"{before.operation} {after.operation}")
             )
@@ -146,7 +150,8 @@ def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         for after in paths[place + 1 :]:
             if before.operation is after.operation and _holds(before, after):
                 message = (
-                    f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
+                    f"{before.label!r} frees the sheet before {after.label!r} inside it is cut: "
+                    "cut what lies inside first"
                 )
                 violations.append(Violation(message=message, aspect="inner"))
     return RuleApplied(checked=len(paths), violations=tuple(violations))
@@ -194,7 +199,8 @@ def _line(path: LaserPath) -> shapely.LineString:
 
 MARKS = Rule(
     id="VF-L01",
-    title="no mark inside the body or near its rim, none left out",
+    title="every mark is made, clear of the body",
+    broken="a mark is missing or too near the body",
     unit="mm",
     limits={"error": 3.0},
     reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
@@ -203,7 +209,8 @@ MARKS = Rule(
 )
 PATHS = Rule(
     id="VF-L02",
-    title="no path runs into another or itself, no piece too small",
+    title="laser paths keep apart and are large enough to run",
+    broken="laser paths run into each other or are too small to run",
     unit="mm",
     limits={
         "segment_error": LEAST_CUT_MM,
@@ -217,7 +224,8 @@ PATHS = Rule(
 )
 ORDER = Rule(
     id="VF-L03",
-    title="weld before cut, inner before outer",
+    title="paths run in order: weld before cut, inner before outer",
+    broken="paths run in the wrong order",
     reason="film that is cut free moves",
     remedy="let vinefab order the paths; do not reorder them by hand",
     check=check_order,
@@ -259,7 +267,7 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
         speed = settings.speed_mm_s.value
         top = machine.speed_max_mm_s.value
         if speed > top:
-            message = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
+            message = f"{operation} is faster than the machine runs: set its speed to {top:g} mm/s"
             violations.append(_warning(message, f"speed {operation}", (speed, top)))
         paths = [] if subject.job is None else subject.job.along(Operation(operation))
         radius_mm = min(
@@ -286,7 +294,12 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         energy = run.line_energy_mj_mm(subject.profile.machine)
         if not window.holds(energy):
             message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
-            violations.append(_warning(f"{message}{window.words()}", f"energy {window.operation}"))
+            violations.append(
+                replace(
+                    _warning(f"{message}{window.words()}", f"energy {window.operation}"),
+                    title="settings differ from those that coupons confirmed",
+                )
+            )
     if settings := recipe.by_operation.get(Operation.WELDCUT):
         kerf, seam = settings.kerf_mm, settings.seam_width_mm
         if broken := limits.most(kerf.value / seam.value if seam.value else math.inf, "kerf"):
@@ -295,9 +308,14 @@ def check_status(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
                 f"{seam.value:g} mm ({seam.standing}) beside it: measure both on coupons, or focus "
                 "less"
             )
-            violations.append(broken.violation(message, aspect="kerf"))
+            violations.append(
+                broken.violation(message, aspect="kerf", title="the kerf is wider than the seam")
+            )
     if recipe.status is RecipeStatus.UNVERIFIED:
-        message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+        message = (
+            f"no coupon has confirmed recipe {recipe.name}: cut the coupons of `vinefab coupon`, "
+            "measure them, and run `vinefab calibrate`"
+        )
         violations.insert(0, _warning(message, ""))
     return RuleApplied(checked=1 + len(recipe.coupons.windows), violations=tuple(violations))
 
@@ -317,7 +335,8 @@ def _warning(
 
 PLY = Rule(
     id="VF-L04",
-    title="the film can be welded by laser",
+    title="the laser can weld the film",
+    broken="the laser cannot weld the film",
     unit="mm",
     limits={"error": 0.0475},
     reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
@@ -326,7 +345,8 @@ PLY = Rule(
 )
 MACHINE = Rule(
     id="VF-L05",
-    title="speeds and accelerations within the machine",
+    title="the machine reaches the recipe's speeds",
+    broken="the recipe is too fast for the machine",
     unit="mm/s",
     reason="a head that must slow down in an arc puts more energy there than the recipe says",
     remedy="a lower speed in the recipe, or larger radii",
@@ -334,7 +354,8 @@ MACHINE = Rule(
 )
 STATUS = Rule(
     id="VF-L06",
-    title="the recipe is calibrated",
+    title="recipe calibrated",
+    broken="recipe not calibrated",
     limits={"kerf_warning": 1.0},
     reason="no laser settings for this film were found in any source; only coupons tell. A kerf "
     "wider than the seam leaves little that holds (assumed)",
@@ -364,13 +385,13 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         for number, tile in enumerate(subject.job.tiles, start=1):
             over_mm = _over_mm(tile, machine)[0]
             if over_mm > _SLACK_MM:
-                message, aspect = f"tile {number} hangs over the bed", f"tile {number}"
+                message, aspect = f"tile {number} lies over the rim: allow pieces", f"tile {number}"
                 violations.append(
                     Violation(message=message, measured=over_mm, limit=0.0, aspect=aspect)
                 )
             found = tile.facts["targets_found_mm"]
             if number > 1 and not (isinstance(found, list) and len(found) >= 2):
-                message = f"tile {number} has no two targets to align it by"
+                message = f"tile {number} lacks two targets to align it by: allow pieces"
                 violations.append(Violation(message=message, aspect=f"targets {number}"))
         return RuleApplied(checked=count, violations=tuple(violations), note=note)
     over_mm, checked = -math.inf, 0
@@ -428,8 +449,8 @@ def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         if width_mm > roll_mm:
             violations.append(
                 Violation(
-                    message=f"{name} is wider than the roll of film: shorten branches, narrow fans "
-                    "or nest less on one sheet",
+                    message=f"{name} does not lie on the roll in any turn: shorten branches, "
+                    "narrow fans or nest less on one sheet",
                     severity=Severity.WARNING,
                     measured=width_mm,
                     limit=roll_mm,
@@ -455,7 +476,8 @@ def least_width_mm(points_mm: Floats) -> float:
 
 BED = Rule(
     id="VF-S01",
-    title="fits the bed after rotation, or in tiles",
+    title="everything fits the bed",
+    broken="the robot does not fit the bed",
     unit="mm",
     reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
     remedy="shorten the robot, allow tiles or pieces, or use a machine with a larger bed",
@@ -463,7 +485,8 @@ BED = Rule(
 )
 FILM = Rule(
     id="VF-S02",
-    title="fits the roll of film",
+    title="every sheet fits the roll of film",
+    broken="a sheet is too wide for the roll of film",
     unit="mm",
     reason="a robot or sheet wider than the roll needs a seam across the film",
     remedy="shorten or narrow the robot, allow pieces, nest fewer, or use a wider roll",

@@ -16,7 +16,7 @@ from vinefab.fabrication.rules.inflation_rules import BODIES, contact_mm
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, bare_gaps, gap_angles_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, most_growth_kpa
-from vinefab.fabrication.rules.rule import LimitChanges, Rule
+from vinefab.fabrication.rules.rule import MOST_OF_ONE, LimitChanges, Rule, relative_excess
 from vinefab.fabrication.rules.spacing import (
     capsules_of,
     excess_mm,
@@ -75,10 +75,6 @@ def _joint(design: Design, number: int) -> Pair:
     return parent, child
 
 
-MOST_OF_ONE = 10.0
-"""Most that a single broken limit adds, so that none outweighs all others."""
-
-
 def window_penalty(
     design: Design, profile: LaserProfile, limits: LimitChanges | None = None
 ) -> float:
@@ -123,7 +119,8 @@ def fabrication_penalty(
     """Return how far a design is from passing the cheap geometric rules; 0 if it passes.
 
     These are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as negative
-    clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 if a sheet is given.
+    clearance, VF-T03; with pouches also their clearance (VF-C07), VF-S01 if a sheet is given, and
+    VF-J01 to VF-J04 and VF-J06 for robots in pieces.
     A design without penalty has no error from these rules. Fillets count with their designed
     radius, so that a few designs whose fillets the outline would reduce are penalized needlessly.
 
@@ -182,7 +179,7 @@ def fabrication_penalty(
         _on_sheet(design, changed, sheet_mm, beside_mm)
         if pieces is None
         else quick.left
-        if (quick := quick_cuts(design, pieces))
+        if (quick := quick_cuts(design, pieces, passages))
         else _on_sheet(design, changed, pieces.sheet_mm, beside_mm),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
@@ -233,11 +230,6 @@ def _limit(rule: Rule, changed: LimitChanges, name: str = "error") -> float:
 def _short_of(values: Iterable[float], limit: float) -> float:
     """Return the summed depths of values, none negative, that should be at least a limit."""
     return math.fsum((limit - value) / limit for value in values if value < limit)
-
-
-def relative_excess(value: float, limit: float) -> float:
-    """Return the relative excess of a value over a limit, at most 10; 0 below it."""
-    return 0.0 if value <= limit else min(MOST_OF_ONE, (value - limit) / max(abs(limit), 1e-9))
 
 
 def _over(values: Iterable[float], limit: float) -> float:

@@ -1,9 +1,14 @@
 """Rules about robots in pieces: their number, their sleeves, labels."""
 
+import math
+from collections.abc import Iterable, Mapping
+
 from vinefab.core.plain_text import agreeing, counted
 from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
 from vinefab.fabrication.job.placement import piece_name
 from vinefab.fabrication.rules.rule import (
+    ROUNDING,
+    LimitChanges,
     Limits,
     Rule,
     RuleApplied,
@@ -15,8 +20,12 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.fabrication.rules.widths import lap_occupancies, passages_of
+from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Sleeve
+from vinefab.model.tree import branch_tree
 from vinefab.physics.seam import lap_load_n_mm
 
 
@@ -81,8 +90,8 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
         return RuleApplied(checked=count, note=f"{counted(count, 'piece')}, {least}")
     many = f"at least {count}" if partition.unfinished else f"{count}"
     message = (
-        f"it takes {many} pieces to lie flat ({least}): set build.pieces.most to {count} or more, "
-        "or have fewer or shorter branches"
+        f"{many} pieces are needed to lie flat ({least}): set build.pieces.most to {count} or "
+        "more, or have fewer or shorter branches"
     )
     violation = Violation(message=message, measured=float(count), limit=float(settings.most))
     return RuleApplied(checked=count, violations=(violation,))
@@ -126,6 +135,7 @@ def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
                 severity=Severity.WARNING,
                 branches=subject.ids(*rows),
                 aspect="band",
+                title="a lap is too short for its band",
             )
         )
     return RuleApplied(checked=len(sleeves), violations=tuple(violations))
@@ -157,6 +167,38 @@ def check_ease(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplica
     return RuleApplied(checked=len(partition.sleeves), violations=(violation,))
 
 
+def fullest_laps(
+    design: Design,
+    sleeves: Iterable[Sleeve],
+    film_mm: float,
+    packing: float,
+    passages: Mapping[int, float],
+) -> dict[int, tuple[int, float]]:
+    """Return, for each level that laps ride in, its fullest branch and how much is filled.
+
+    What rides in a child comes through the passage of its joint; ``passages`` has them by level.
+    """
+    level, fullest = branch_tree(design).level, dict[int, tuple[int, float]]()
+    for branch, found in lap_occupancies(design, sleeves, film_mm, packing).items():
+        at = int(level[branch])
+        share = found / passages.get(at, 1.0)
+        if share > fullest.get(at, (-1, 0.0))[1]:
+            fullest[at] = branch, share
+    return fullest
+
+
+def widest_cut_mm(build: Build, profile: LaserProfile, changed: LimitChanges) -> float:
+    """Return the widest branch whose sleeve keeps VF-J03 and VF-J06; 0 if there is none."""
+    least_mm = EASE.limits_with(changed.get(EASE.id, {}))["films"] * profile.material.film_mm
+    if Limits({"error": least_mm}).least((build.pieces or PieceSettings()).ease_mm):
+        return 0.0
+    bond, load = profile.recipe.lap, lap_load_n_mm(build.pressure_kpa, 1.0)
+    if bond is None or not bond.is_measured_limit or load == 0.0:
+        return math.inf
+    factor = LAP.limits_with(changed.get(LAP.id, {}))["safety_factor"]
+    return (1.0 + ROUNDING) * bond.load_n_per_mm.value / factor / load
+
+
 def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it.
 
@@ -164,30 +206,23 @@ def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     """
     if subject.partition is None or subject.profile is None:
         return _no_partition(subject)
-    film_mm = subject.profile.material.film_mm
-    shares = lap_occupancies(
+    fullest = fullest_laps(
         subject.design,
         subject.partition.sleeves,
-        film_mm,
+        subject.profile.material.film_mm,
         limits["packing"],
+        passages_of(subject.pattern),
     )
-    fullest: dict[int, int] = {}
-    passages = passages_of(subject)
-    for branch in shares:
-        level = int(subject.layout.tree.level[branch])
-        share = shares[branch] = shares[branch] / passages.get(level, 1.0)
-        if share > shares.get(fullest.get(level, -1), 0.0):
-            fullest[level] = branch
     message = (
-        "with the laps of sleeves in it, the film that rides here fills too much of the lumen: "
-        "fewer or narrower children, or fewer cuts below"
+        "folded film may jam here, doubled by laps: fewer or narrower children, fewer cuts below, "
+        "or a wider branch"
     )
     violations = [
         branch_violation(subject, [branch], message, broken)
-        for branch in fullest.values()
-        if (broken := limits.most(100.0 * shares[branch]))
+        for branch, share in fullest.values()
+        if (broken := limits.most(100.0 * share))
     ]
-    return RuleApplied(checked=len(shares), violations=tuple(violations))
+    return RuleApplied(checked=len(fullest), violations=tuple(violations))
 
 
 def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -222,7 +257,8 @@ def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppl
 
 SLEEVE_ROOM = Rule(
     id="VF-J01",
-    title="room for a sleeve where the robot must be parted",
+    title="branches to be cut have room for a sleeve",
+    broken="no room for a sleeve where the robot must be cut",
     unit="mm",
     reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
     remedy="lengthen the branch named, or shorten fillets, lap or pouch",
@@ -230,14 +266,16 @@ SLEEVE_ROOM = Rule(
 )
 PIECE_COUNT = Rule(
     id="VF-J02",
-    title="number of pieces",
+    title="the robot goes in as few pieces as allowed",
+    broken="the robot needs too many pieces",
     reason="each joint is one more place to leak and some minutes of work",
     remedy="allow more pieces, or change what makes branches overlap",
     check=check_piece_count,
 )
 LAP = Rule(
     id="VF-J03",
-    title="laps of sleeves bear the working pressure",
+    title="laps bear the working pressure",
+    broken="a lap is too weak or too short",
     unit="N/mm",
     limits={"safety_factor": 1.5},
     reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
@@ -247,7 +285,8 @@ LAP = Rule(
 )
 LAP_PACKING = Rule(
     id="VF-J04",
-    title="folded film with the laps of sleeves within the lumen it rides in",
+    title="folded film leaves room where laps double it",
+    broken="too much folded film and laps ride in a branch",
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
@@ -256,14 +295,16 @@ LAP_PACKING = Rule(
 )
 PIECE_LABELS = Rule(
     id="VF-J05",
-    title="a label beside every piece, plug and socket",
+    title="every piece, plug and socket is labelled",
+    broken="labels of pieces or joints are missing",
     reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
     remedy="more room beside the piece, or mark it by hand before it leaves the bed",
     check=check_piece_labels,
 )
 EASE = Rule(
     id="VF-J06",
-    title="sockets are wide enough for their plugs, and not too wide",
+    title="sockets fit their plugs",
+    broken="sockets are too narrow or too wide for their plugs",
     unit="mm",
     limits={"films": 1.0, "rooms": 2.0},
     reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "

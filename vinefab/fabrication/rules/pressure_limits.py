@@ -5,7 +5,7 @@ at the least. Whether anything is left between the two decides whether a robot c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from vinefab.fabrication.rules.rule import (
@@ -52,7 +52,7 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     severity = Severity.ERROR if material.seam.is_measured_limit else Severity.WARNING
     broken = Limits({severity.value: limit_kpa}).most(subject.design.build.pressure_kpa)
     message = (
-        f"{width_mm:.1f} mm of lay-flat width may be inflated to {limit_kpa:.1f} kPa with safety "
+        f"a tube {width_mm:.1f} mm wide, lay-flat, bears {limit_kpa:.1f} kPa with safety "
         f"({material.seam.words()}): lower the pressure or narrow the widest part"
         f"{_or_test(material)}"
     )
@@ -68,8 +68,8 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable
     # In a narrower tube the same load on a seam takes more pressure: an extrapolation, so no error.
     broken = Limits({"warning": tested_kpa}).most(subject.design.build.pressure_kpa)
     message = (
-        f"no seam of this film is known to have held so much pressure, at any width: "
-        f"{material.seam.words()}; lower the pressure{_or_test(material)}"
+        f"no seam of this film is known to hold so much: {material.seam.words()}: lower the "
+        f"pressure{_or_test(material)}"
     )
     return _applied(subject, 0, message, broken)
 
@@ -83,8 +83,8 @@ def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         subject.design.build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
     )
     message = (
-        f"the film stretches a lot around {width_mm:.1f} mm of lay-flat width (from "
-        f"{film.modulus_mpa.standing} numbers): lower the pressure"
+        f"tubes {width_mm:.1f} mm wide, lay-flat, balloon ({film.modulus_mpa.standing} modulus): "
+        "lower the pressure, or narrow them"
     )
     return _applied(subject, branch, message, limits.most(100.0 * strain))
 
@@ -122,7 +122,8 @@ def _applied(
 
 BURST = Rule(
     id="VF-P01",
-    title="working pressure below what the seam stands at every width",
+    title="every width stands the working pressure with safety",
+    broken="the working pressure is too high for the widest tube",
     unit="kPa",
     limits={"safety_factor": 1.5},
     reason="the load on a seam is pressure times width, so the widest tube bursts first; only a "
@@ -132,7 +133,8 @@ BURST = Rule(
 )
 RATING = Rule(
     id="VF-P02",
-    title="working pressure within that of the seam's test",
+    title="the seam was tested at the working pressure or above",
+    broken="the working pressure exceeds that of the seam's test",
     unit="kPa",
     reason="beyond the pressure of its test a seam's strength is an extrapolation to other widths",
     remedy="a lower working pressure, or coupons that are burst at a higher one",
@@ -140,7 +142,8 @@ RATING = Rule(
 )
 STRAIN = Rule(
     id="VF-P04",
-    title="hoop strain at the working pressure",
+    title="the film stretches little at the working pressure",
+    broken="the film stretches too far at the working pressure",
     unit="%",
     limits={"warning": 50.0},
     reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
@@ -199,8 +202,7 @@ class GrowthConstantsRange:
             loose=loose,
             tight=tight,
             diameter_mm=FITTED_DIAMETER_MM.value,
-            source="published fit, its tube's diameter and scaling by 1/D assumed; from loosely to "
-            "tightly stored film, assumed",
+            source="published fit of one tube, scaled by 1/D; film stored loosely, assumed",
         )
 
 
@@ -257,40 +259,44 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
 
     Checked are the paths in free space and, where there are deployments, those on the maps.
 
-    Film that leaves its store without tension gives the least pressure that growth can take, a
-    tight spool the most. Even the least is an error only where seam and growth were measured; a
-    working pressure below it is one where growth was.
+    Crumpled into the base, film leaves its store without tension; that counts. A spool that holds
+    it back takes more: a note says so, where it would be too much. An error needs a seam and growth
+    that were measured; a working pressure below growth is one where growth was.
     """
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the seam")
     gauge = pressure_gauge(subject, subject.profile, limits)
     loose, tight, top_kpa = gauge.loose, gauge.tight, gauge.safe_kpa
-    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({gauge.source})"
     violations, measured = [], gauge.growth_measured and gauge.seam_measured
     worse = Severity.ERROR if measured else Severity.WARNING
-    for worst, severity in ((loose, worse), (tight, Severity.WARNING)):
-        stands = Limits({severity.value: gauge.growth_limit_kpa})
-        if broken := stands.most(worst.pressure_kpa):
-            message = (
-                f"growth to this tip {worst.place} takes {takes}, and {gauge.width_mm:.1f} mm of "
-                f"lay-flat width stands {top_kpa:.1f} kPa with safety: narrow the widest part, "
-                "widen the narrow branches, or shorten and straighten the way"
-            )
-            violations.append(_violation(subject, worst, message, broken))
-            break
+    stands = Limits({worse.value: gauge.growth_limit_kpa})
+    if broken := stands.most(loose.pressure_kpa):
+        message = (
+            f"to grow this tip {loose.place} takes {loose.pressure_kpa:.1f} kPa ({gauge.source}); "
+            f"the widest tube, {gauge.width_mm:.1f} mm lay-flat, bears {top_kpa:.1f} kPa with "
+            "safety: narrow that tube, widen the narrow branches, or shorten and straighten the way"
+        )
+        violations.append(_violation(subject, loose, message, broken))
     working_kpa = subject.design.build.pressure_kpa
     worse = Severity.ERROR if gauge.growth_measured else Severity.WARNING
     if weak := Limits({worse.value: working_kpa}).most(loose.pressure_kpa):
-        message = (
-            f"its working pressure of {working_kpa:g} kPa does not grow it to this tip "
-            f"{loose.place}, which takes {takes}"
-        )
+        helps = "lower what growth takes: wider branches, or a shorter and straighter way"
         if loose.pressure_kpa <= top_kpa:
-            message += f"; set build.pressure_kpa, to at most {top_kpa:.1f}"
-        violations.append(_violation(subject, loose, message, weak, aspect="working"))
-    note = "" if subject.deployments else _FREE
+            helps = f"set build.pressure_kpa, to at most {top_kpa:.1f}"
+        message = f"at {working_kpa:g} kPa it does not grow to this tip {loose.place}: {helps}"
+        one = _violation(subject, loose, message, weak, aspect="working")
+        title = "the working pressure is too low to grow the robot"
+        violations.append(replace(one, title=title))
+    notes = [] if subject.deployments else [_FREE]
+    if not violations and tight.pressure_kpa > gauge.growth_limit_kpa:
+        notes.append(
+            f"let the film lie loosely in the base: a spool that holds it back would take up to "
+            f"{tight.pressure_kpa:.0f} kPa, more than the widest tube bears (published fit)"
+        )
     return RuleApplied(
-        checked=max(1, len(subject.deployments)), violations=tuple(violations), note=note
+        checked=max(1, len(subject.deployments)),
+        violations=tuple(violations),
+        note="; ".join(notes),
     )
 
 
@@ -343,7 +349,8 @@ def _violation(
 
 WINDOW = Rule(
     id="VF-P03",
-    title="pressure window not empty: growth takes less than the widest tube stands",
+    title="the widest tube stands the pressure that growth takes",
+    broken="growth takes more pressure than the widest tube stands",
     unit="kPa",
     limits={
         "safety_factor": 1.5,
@@ -352,7 +359,8 @@ WINDOW = Rule(
         "tight_kpa": FITTED.storage_kpa.value,
     },
     reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
-    "may leave its store without any tension, a spool held back 8.32 kPa (published)",
+    "leaves its store without tension, as the paper's robots are stored; a spool held back 8.32 "
+    "kPa (published): with one, set loose_kpa to that",
     remedy="a narrower trunk, wider leaves, shorter paths or smaller turns; film stored loosely",
     check=check_window,
 )

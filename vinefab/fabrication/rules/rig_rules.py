@@ -32,7 +32,7 @@ def check_solids(subject: RigSubject | Subject, _: Limits) -> RuleApplied | Rule
     if subject.rig is None:
         return _NO_RIG
     violations = [
-        Violation(message=f"{part.name} {problem}", aspect=part.name)
+        Violation(message=f"{part.name} {problem}: make the rig anew", aspect=part.name)
         for part in subject.rig.parts
         for problem in part.problems
     ]
@@ -78,7 +78,7 @@ def check_corridors(
             in_mm.violation(
                 f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
                 f"{len(usable)} narrowest corridors of {place.name} are narrower, the least at "
-                f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm; no branch of that level gets through",
+                f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm: narrow the tubes, or scale up the map",
                 aspect=f"{place.name} level {level}",
             )
         )
@@ -99,22 +99,24 @@ def check_height(subject: RigSubject | Subject, limits: Limits) -> RuleApplied |
         return RuleApplied(checked=1)
     in_mm = replace(broken, measured=subject.rig.height_mm, limit=broken.limit * diameter_mm)
     violation = in_mm.violation(
-        f"obstacles are low for a trunk that inflates to {diameter_mm:.1f} mm, which "
-        "climbs over them: make them higher (--height-mm)"
+        f"a trunk that inflates to {diameter_mm:.1f} mm climbs over them: make them higher "
+        "(--height-mm)"
     )
     return RuleApplied(checked=1, violations=(violation,))
 
 
 RIG_SOLIDS = Rule(
     id="VF-R01",
-    title="every rig part is a closed, oriented solid with the right volume",
+    title="every rig part is a closed solid of the right volume",
+    broken="a rig part is not a closed solid of the right volume",
     reason="slicers guess what an open mesh means",
     remedy="make the rig anew; report it if the part still is not closed",
     check=check_solids,
 )
 RIG_SIZE = Rule(
     id="VF-R02",
-    title="every rig part fits the printer",
+    title="every rig part fits the machine",
+    broken="a rig part is too large for the machine",
     unit="mm",
     reason="a part that does not fit cannot be printed",
     remedy="another printer, a smaller scale, or lower obstacles",
@@ -122,7 +124,8 @@ RIG_SIZE = Rule(
 )
 CORRIDORS = Rule(
     id="VF-R03",
-    title="corridors are at least the inflated diameter of the branches meant to pass",
+    title="corridors let every inflated branch through",
+    broken="corridors are too narrow for inflated branches",
     unit="mm",
     limits_in="times the inflated diameter",
     limits={"warning": 1.0},
@@ -134,7 +137,8 @@ CORRIDORS = Rule(
 )
 OBSTACLE_HEIGHT = Rule(
     id="VF-R04",
-    title="obstacles are higher than the inflated trunk",
+    title="obstacles are higher than the inflated trunk climbs",
+    broken="obstacles are too low: the inflated trunk climbs over them",
     unit="mm",
     limits_in="times the inflated diameter of the trunk",
     limits={"warning": 1.2},

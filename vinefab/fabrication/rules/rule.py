@@ -19,11 +19,19 @@ from vinefab.model.finding import Severity
 ROUNDING = 1e-9
 """Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
 
+MOST_OF_ONE = 10.0
+"""Most that a single broken limit adds to a penalty, so that none outweighs all others."""
+
 PICTURES_PAGE = "docs/reference/rules.md in vinefab's source (not in the installed package)"
 """Where every rule stands with its picture."""
 
 LimitChanges = Mapping[str, Mapping[str, float]]
 """Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
+
+
+def relative_excess(value: float, limit: float) -> float:
+    """Return the relative excess of a value over a limit, at most 10; 0 below it."""
+    return 0.0 if value <= limit else min(MOST_OF_ONE, (value - limit) / max(abs(limit), 1e-9))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +76,7 @@ class Violation:
     at_mm: tuple[float, float] | None = None  # the place in the flat layout
     marker: str = ""  # geometry that marks the place, as well-known text
     aspect: str = ""  # separates findings of one rule at one place; part of the fingerprint
+    title: str = ""  # what is wrong, where that differs from the rule's ``broken``
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +95,7 @@ class BrokenLimit:
         at_mm: Point | None = None,
         marker: str = "",
         aspect: str = "",
+        title: str = "",
     ) -> Violation:
         """Return the violation by this value; see there."""
         return Violation(
@@ -97,6 +107,7 @@ class BrokenLimit:
             at_mm=at_mm,
             marker=marker,
             aspect=aspect,
+            title=title,
         )
 
 
@@ -127,7 +138,9 @@ class Rule(Result):
     id
         Permanent name; of vinefab's own rules ``VF-``, a letter and two digits.
     title
-        What must hold.
+        What holds where it is kept.
+    broken
+        What is wrong where it is broken: the title of its findings.
     unit
         Unit of the measured values; empty for ratios and yes-or-no rules.
     limits_in
@@ -144,6 +157,7 @@ class Rule(Result):
 
     id: str
     title: str
+    broken: str = ""
     unit: str = ""
     limits_in: str = ""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -154,6 +168,7 @@ class Rule(Result):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
+        object.__setattr__(self, "broken", self.broken or f"not kept: {self.title}")
 
     def __repr__(self) -> str:
         limits = ", ".join(f"{name} {value:g}" for name, value in self.limits.items())
@@ -184,9 +199,8 @@ class Rule(Result):
     def view(self) -> Iterator[Block]:
         """Yield what must hold, limits, reason, remedy, and how to change it."""
         yield Answer(f"{self.id}: {self.title}")
-        yield Facts((Fact("why", self.reason),))
-        if self.remedy:
-            yield Facts((Fact("remedy", self.remedy),))
+        facts = Fact("broken", self.broken), Fact("why", self.reason), Fact("remedy", self.remedy)
+        yield Facts(facts if self.remedy else facts[:2])
         yield Notes(tuple(f"limit {self.limit_text(name)}" for name in self.limits))
         if self.limits:
             first = next(iter(self.limits))
@@ -203,6 +217,7 @@ class Rule(Result):
         return {
             "id": self.id,
             "title": self.title,
+            "broken": self.broken,
             "unit": self.unit,
             "limits_in": self.limit_unit,
             "limits": dict(self.limits),
@@ -283,6 +298,7 @@ def branch_violation(  # noqa: PLR0913  what places and marks it, by keyword
     at_mm: Point | None = None,
     marked: Iterable[int] | None = None,
     aspect: str = "",
+    title: str = "",
 ) -> Violation:
     """Return a violation by branches.
 
@@ -302,6 +318,7 @@ def branch_violation(  # noqa: PLR0913  what places and marks it, by keyword
         at_mm=at_mm or branch_middle_mm(subject.layout, rows[0]),
         marker=mark_branches(subject.layout, rows if marked is None else marked),
         aspect=aspect,
+        title=title,
     )
 
 

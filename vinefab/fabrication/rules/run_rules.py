@@ -186,7 +186,7 @@ def _finding(rule: Rule, violation: Violation, waived: Mapping[str, str]) -> Fin
         y_mm=y_mm,
         marker_wkt=violation.marker,
         fingerprint=name,
-        title=rule.title,
+        title=violation.title or rule.broken,
         waived=name in waived,
         reason=waived.get(name, ""),
     )

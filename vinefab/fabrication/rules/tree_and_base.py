@@ -32,13 +32,13 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     violations = []
     for row, length_mm in enumerate(tree.length_mm.tolist()):
         if broken := limits.least(length_mm):
-            message = "the branch has next to no length: lengthen it or leave it out"
+            message = "the branch is too short to be drawn: lengthen it or leave it out"
             violations.append(branch_violation(subject, [row], message, broken))
     away = np.abs(layout.start_mm[1:] - layout.end_mm[tree.parent[1:]]).max(axis=1, initial=0.0)
     for row in (1 + np.flatnonzero(~(away < 1e-6))).tolist():
         violations.append(  # noqa: PERF401  one shape of loop for both halves of the rule
             Violation(
-                message="the branch does not begin at the tip of its parent",
+                message="the branch does not begin at the tip of its parent: join them",
                 measured=float(away[row - 1]),
                 branches=subject.ids(row),
                 aspect="joined",
@@ -65,7 +65,8 @@ def check_outline_polygon(subject: Subject, _: Limits) -> RuleApplied:
     far = shapely.distance(lines, shapely.Point(at)) - capsules.most_half_mm
     near = capsules.branch[np.argsort(far, kind="stable")]
     violation = Violation(
-        message="the outline crosses itself here: a flat sheet cannot lie on itself",
+        message="the outline crosses itself here, and a flat sheet cannot: widen the angle, or "
+        "shorten or narrow the branches",
         branches=subject.ids(*sorted(list(dict.fromkeys(near.tolist()))[:2])),
         at_mm=at,
         marker=mark_point(at),
@@ -78,7 +79,10 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     contour = subject.outline.contour
     if contour.closed:
         return RuleApplied(
-            checked=1, violations=(Violation(message="the outline has no mouth to inflate it by"),)
+            checked=1,
+            violations=(
+                Violation(message="the outline is closed: leave a mouth to inflate it by"),
+            ),
         )
     first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
     gap_mm = float(np.hypot(last[0] - first[0], last[1] - first[1]))
@@ -86,7 +90,7 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     if not broken:
         return RuleApplied(checked=1)
     violation = broken.violation(
-        "the mouth is too narrow to be opened over the base: widen the trunk",
+        "the mouth does not open over the base: widen the trunk",
         branches=subject.ids(0),
         at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
         marker=mark_line(tuple(first), tuple(last)),
@@ -96,7 +100,8 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
 
 TREE = Rule(
     id="VF-T01",
-    title="one connected tree, finite coordinates, no branch without length",
+    title="every branch hangs on its parent and has a length",
+    broken="a branch has no length or hangs on nothing",
     unit="mm",
     limits={"error": 0.1},
     reason="a branch shorter than a laser spot cannot be drawn",
@@ -105,14 +110,16 @@ TREE = Rule(
 )
 POLYGON = Rule(
     id="VF-T02",
-    title="the body is one valid polygon without holes",
+    title="the outline stays clear of itself",
+    broken="the outline crosses itself",
     reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
     remedy="widen angles, shorten or narrow branches until none crosses another, or pieces",
     check=check_outline_polygon,
 )
 MOUTH = Rule(
     id="VF-T04",
-    title="exactly one open mouth, wide enough",
+    title="the mouth is open and wide enough",
+    broken="the mouth is missing or too narrow",
     unit="mm",
     limits={"error": 5.0},
     reason="the robot is inflated and clamped through its mouth; everything else is sealed",
@@ -131,7 +138,7 @@ def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
     if not broken:
         return RuleApplied(checked=1)
     violation = broken.violation(
-        "the tail is too short to be inverted over the base: set build.tail_mm",
+        "too little tail to invert over the base: lengthen build.tail_mm",
         branches=subject.ids(0),
         at_mm=(-tail_mm, 0.0),
         marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
@@ -156,7 +163,7 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
         )
     else:
         broken = limits.most(abs(mouth_mm - collar.flat_width_mm), "fit")
-        message = "the collar misses the clamp"
+        message = "the collar is not as wide as the clamp: set build.collar to the clamp's size"
     if broken:
         at_mm = branch_start_mm(subject.layout, 0)
         violations.append(
@@ -167,7 +174,7 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
     if bent:
         violations.append(
             Violation(
-                message="the tail's side is not straight",
+                message="the tail bends, and a clamp seals straight tubes only: straighten it",
                 branches=subject.ids(0),
                 at_mm=bent[0].start_mm,
                 marker=mark_line(bent[0].start_mm, bent[0].end_mm),
@@ -189,7 +196,7 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
     if not broken:
         return RuleApplied(checked=1)
     than = "shorter" if limits.least(longest_mm, "short") else "longer"
-    message = f"robots {than} than the limit are untested: change the lengths or the scale"
+    message = f"robots with {than} paths are untested: change the lengths or the scale"
     at_mm = branch_tip_mm(subject.layout, far)
     violation = branch_violation(subject, [far], message, broken, at_mm=at_mm)
     return RuleApplied(checked=1, violations=(violation,))
@@ -197,7 +204,8 @@ def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
 
 TAIL = Rule(
     id="VF-B01",
-    title="tail length",
+    title="the tail is long enough to invert and clamp",
+    broken="the tail is too short to invert and clamp",
     unit="mm",
     limits={"error": 150.0, "warning": 200.0},
     reason="the last 200 mm are inverted over the base and clamped (paper)",
@@ -206,7 +214,8 @@ TAIL = Rule(
 )
 CLAMP = Rule(
     id="VF-B02",
-    title="tail straight, its mouth fits the clamp",
+    title="the tail is straight and fits the clamp",
+    broken="the tail does not fit the clamp",
     unit="mm",
     limits={"error": 100.0, "fit_error": 0.1},
     reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
@@ -215,7 +224,8 @@ CLAMP = Rule(
 )
 DEPLOYED_LENGTH = Rule(
     id="VF-B03",
-    title="deployed length of the longest path",
+    title="the longest path has a length that was tested",
+    broken="the longest path is too short or too long: untested",
     unit="mm",
     limits={"short_warning": 250.0, "long_warning": 2000.0},
     reason="untested above 2 m and below 0.25 m (paper)",

@@ -16,6 +16,7 @@ from vinefab.fabrication.rules.rule import (
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
+from vinefab.inflation.pattern import Pattern
 from vinefab.model.design import Design
 from vinefab.model.pieces import Sleeve
 from vinefab.model.tree import branch_tree
@@ -103,9 +104,9 @@ def lap_occupancies(
     }
 
 
-def passages_of(subject: Subject) -> dict[int, float]:
+def passages_of(pattern: Pattern | None) -> dict[int, float]:
     """Return the passage into the branches of each level, as far as their joint was simulated."""
-    joints = subject.pattern.joints if subject.pattern else ()
+    joints = pattern.joints if pattern else ()
     return {joint.level: joint.found.passage for joint in joints if joint.found is not None}
 
 
@@ -117,7 +118,7 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
         _level_violation(
             subject,
             level,
-            f"level {level} is too narrow: widen it, or widen the trunk and keep the ratios",
+            f"tubes of level {level} may burst before they grow: widen them, or the whole robot",
             broken,
         )
         for level, width_mm in enumerate(widths_mm, start=1)
@@ -140,7 +141,7 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
         _level_violation(
             subject,
             level,
-            f"level {level} is too wide for the level before it: narrow it or widen its parent",
+            f"level {level} is nearly as wide as the level before it: narrow it, or widen that one",
             broken,
         )
         for level, ratio in enumerate(ratios, start=2)
@@ -160,17 +161,16 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.film_mm
     found = [*occupancies(subject.design, film_mm, limits["packing"])]
-    for level, passage in passages_of(subject).items():
+    for level, passage in passages_of(subject.pattern).items():
         if level <= len(found):
             found[level - 1] /= passage
     violations = [
         _level_violation(
             subject,
             level,
-            f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
+            f"folded pouches may jam in level {level}: narrow them, or widen the level"
             if level == subject.design.depth
-            else f"what grows out of level {level} fills too much of it: fewer or narrower"
-            " children",
+            else f"folded film may jam in level {level}: fewer or narrower children, or widen it",
             broken,
         )
         for level, share in enumerate(found, start=1)
@@ -189,7 +189,8 @@ def _level_violation(
 
 LEAST_WIDTH = Rule(
     id="VF-W01",
-    title="least lumen width",
+    title="every level is wide enough to inflate",
+    broken="a level or pouch is too narrow to inflate",
     unit="mm",
     limits={"error": 5.0, "warning": 8.0},
     reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
@@ -198,7 +199,8 @@ LEAST_WIDTH = Rule(
 )
 WIDTH_RATIO = Rule(
     id="VF-W02",
-    title="width of the parent over that of the child",
+    title="every parent is much wider than its children",
+    broken="a child is too wide for its parent",
     limits={"error": 1.2, "warning": 1.5},
     reason="each level should be much wider than the next one, or it does not deploy (paper)",
     remedy="narrow the child's level or widen its parent's",
@@ -206,7 +208,8 @@ WIDTH_RATIO = Rule(
 )
 PACKING = Rule(
     id="VF-W03",
-    title="folded descendants and pouches within the lumen they ride in",
+    title="folded film leaves room in every branch",
+    broken="too much folded film rides in a branch",
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",

@@ -27,6 +27,7 @@ from vinefab.search.settings import (
     plain_settings,
 )
 from vinefab.tasks.shipped_tasks import TASKS
+from vinefab.tasks.targets import TARGETS, TOUCHED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,6 +85,38 @@ class Progress:
     elapsed_s: float  # of all sessions together
     left_s: float  # for the rest, at this pace
     history: Sequence[Generation] = ()  # every generation so far
+    # Whether the best so far passes the full check, joints by the table; None where that is not
+    # asked, or only a simulation tells.
+    passes: bool | None = None
+    advice: str = ""  # which rules stop all designs so far, and what to relax
+    stage: str = ""  # what is done after the last generation
+
+    @property
+    def manufacturable(self) -> str:
+        """Whether the best so far is manufacturable, for the user."""
+        return {True: "yes", False: "not yet", None: "by the quick rules"}[self.passes]
+
+    @property
+    def _touched(self) -> tuple[float, float] | None:
+        """How many targets the best design so far touches, of how many; None without targets."""
+        if not self.history or TARGETS not in self.history[-1].terms:
+            return None
+        best = max(self.history, key=lambda generation: generation.best)
+        place = int(best.fitness.argmax())
+        return float(best.terms[TOUCHED][place]), float(best.terms[TARGETS][place])
+
+    @property
+    def targets_text(self) -> str:
+        """How many targets the best design so far touches; empty where there are none."""
+        if self._touched is None:
+            return ""
+        touched, total = self._touched
+        return f"{touched:.3g} of {total:g} touched"
+
+    @property
+    def touches_all(self) -> bool:
+        """Whether the best design so far touches all targets."""
+        return self._touched is not None and self._touched[0] == self._touched[1]
 
     @property
     def share(self) -> float:

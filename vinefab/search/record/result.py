@@ -4,7 +4,7 @@ import base64
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
@@ -32,17 +32,19 @@ from vinefab.core.view import (
     Rows,
 )
 from vinefab.growth.options import growth_text, trained_growth
-from vinefab.model.design import ORIGIN_GROWTH, ORIGIN_RECIPE, Design
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
-from vinefab.model.files.run_recipe import RunRecipe
+from vinefab.model.files.run_context import RunContext, RunRecipe, shape_fingerprint
 from vinefab.model.files.shipped import path_given
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score, composite_text
 from vinefab.model.start_place import start_of_record, start_record, start_text
+from vinefab.model.target import TargetsResult
 from vinefab.search.evaluator import final_seed
 from vinefab.search.record.elsewhere import (
     contacts_table,
     elsewhere_facts,
+    lead_facts,
     mean_score,
     read_prediction,
     rule_tables,
@@ -58,17 +60,35 @@ from vinefab.search.timing import TimeSplit
 from vinefab.tasks.evaluate import composite
 
 
+def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) -> RunContext:
+    """Return what the designs of a run remember of it; the recipe comes with its result."""
+    parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
+    asked = {world.targets for world in worlds}
+    return RunContext(
+        run=run_id,
+        run_name=settings.name,
+        task=settings.task.name,
+        task_parameters={key: value for key, value in parameters.items() if value is not None},
+        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
+        maps=tuple(map(shape_fingerprint, worlds)),
+        growth=settings.growth.content,
+    )
+
+
 def with_origin(
-    finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
+    finalist: Finalist,
+    settings: RunSettings,
+    run_id: str,
+    versions: Mapping[str, str],
+    worlds: Sequence[Map],
 ) -> Design:
-    """Return a finalist's design with its name and origin, the growth options among it.
+    """Return a finalist's design with its name and origin, the context of the run among it.
 
     The origin holds no times: the same run gives the same bytes.
     """
     space = Space(settings.space, settings.build)
     origin: dict[str, object] = {
-        "run": run_id,
-        "task": settings.task.name,
+        **context_of_run(settings, run_id, worlds).kept,
         "optimizer": settings.optimizer.name,
         "seed": settings.search.seed,
         "population": settings.search.population,
@@ -81,7 +101,6 @@ def with_origin(
         **({"start": start_text(start)} if (start := settings.maps.start) else {}),
         **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
-        ORIGIN_GROWTH: settings.growth.content,
     }
     return finalist.design.changed(name=settings.name, origin=origin)
 
@@ -155,9 +174,19 @@ class RunResult(Result):
         """The summary, and where the time went."""
         return (*self.summary, self.times.summary)
 
+    @property
+    def targets(self) -> TargetsResult | None:
+        """Which targets the winner touches; None where there are none."""
+        return self.score.targets
+
     def view(self) -> Iterator[Block]:
         """Yield the winner, what it scores, how it was found, and the finalists."""
+        if self.targets is not None:
+            mean = self.score.composite["mean"]
+            yield self.targets.answer(f"{self.score.title_of_task} {mean:.3f}")
         yield self.answer
+        if self.targets is not None:
+            yield self.targets.table
         if (picture := self.best._repr_svg_()) is not None:
             yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
         best, found, growth = self.best, self.prediction, trained_growth(self.best)
@@ -167,20 +196,32 @@ class RunResult(Result):
                 f"{kind} {self.score.title_of_task} on the training maps",
                 Number(value, form=".4f"),
                 f"composite.{kind}",
-                detail=f"{made}; {fresh}; simulated"
-                if (made := composite_text(kind))
-                else f"{fresh}; simulated",
+                detail=f"{made}; {fresh}" if (made := composite_text(kind)) else fresh,
+                standing="simulated",
             )
             for kind, value in self.score.composite.items()
         }
-        yield Facts((*(elsewhere_facts(found) if found else ()), scores.pop("mean")), lead=True)
+        pieces = Fact("cut in", self.pieces_words, standing="computed")
+        yield Facts(
+            (
+                *(lead_facts(found) if found else [scores.pop("mean")]),
+                Fact(
+                    "by the rules",
+                    self.made,
+                    "fabricable",
+                    tone="bad" if self.violations else "plain",
+                    data=self.fabricable,
+                ),
+                *([pieces] if self.pieces_words else []),
+            ),
+            lead=True,
+        )
         designs = counted(self.evaluations, "design")
         yield Facts(
             (
                 *scores.values(),
                 Fact("winner", best.name, "winner", detail=size_words(best)),
-                *([Fact("cut in", self.pieces_words, detail="computed")] * bool(self.pieces_words)),
-                Fact("by the rules", self.made, "fabricable", data=self.fabricable),
+                *(elsewhere_facts(found)[1:-1] if found else ()),
                 *([Fact("limits", str(best.origin["limits"]), detail="planned")]
                   if "limits" in best.origin else []),
                 Fact("growth", growth_text(growth, [best]), "growth", data=growth.content),
@@ -256,7 +297,7 @@ class RunResult(Result):
         return Answer(
             f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
             f"{made}",
-            "good" if self.checked and self.fabricable else "caution",
+            "plain" if self.checked and self.fabricable else "caution",
         )
 
     @property
@@ -308,7 +349,7 @@ class RunResult(Result):
 
     def with_recipe(self, recipe: RunRecipe, folder: Path | None = None) -> "RunResult":
         """Return the result with the recipe of the run, which is copied into its folder."""
-        origin = {**self.best.origin, ORIGIN_RECIPE: recipe.origin}
+        origin = {**self.best.origin, "recipe": recipe.remembered.content}
         return replace(self, recipe=recipe, best=self.best.changed(origin=origin, folder=folder))
 
     def write_winner(self, folder: Path, *, force: bool = False) -> None:
@@ -398,6 +439,7 @@ def score_to_text(score: Score) -> str:
         "task": score.task,
         "evaluations": evaluations,
         "composite": dict(score.composite),
+        **({} if score.targets is None else {"targets": score.targets.record}),
     }
     return json.dumps(content, allow_nan=False)
 
@@ -418,6 +460,7 @@ def score_from_text(text: str) -> Score:
         task=record["task"],
         evaluations=evaluations,
         composite=record.get("composite") or composite([e.score for e in evaluations]),
+        targets=TargetsResult.of_record(record["targets"]) if "targets" in record else None,
     )
 
 
@@ -698,7 +741,9 @@ class RunArchive:
         run_id = self.identity.run_id
         result = RunResult(
             run_id=run_id,
-            best=with_origin(self.finalists[0], self.settings, run_id, self.identity.versions),
+            best=with_origin(
+                self.finalists[0], self.settings, run_id, self.identity.versions, self.maps
+            ),
             finalists=self.finalists,
             history=self.history,
             stopped=self.stopped,

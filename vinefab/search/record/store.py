@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -365,9 +365,12 @@ class Recorder:
         progress: Callable[[Progress], None] | None,
         search: SearchSettings,
         ledger: Ledger,
+        judged: Callable[[Progress], Progress] = lambda progress: progress,
     ) -> None:
         self._store, self._progress, self._search, self._ledger = store, progress, search, ledger
+        self._judged = judged
         self._unreported: Sequence[Generation] | None = None
+        self._reported: Progress | None = None
         self._pending = _PendingGenerations((), {})
         self._written_s = -math.inf
         self._totals = _RunningTotals(0, -math.inf, 0.0)
@@ -395,6 +398,12 @@ class Recorder:
         self._pending = _PendingGenerations((*self._pending.generations, history[-1]), copied)
         self._unreported = history
 
+    def stage(self, what: str) -> None:
+        """Report what is done after the last generation."""
+        self._report_last()
+        if self._reported is not None and self._progress is not None:
+            self._progress(replace(self._reported, stage=what))
+
     def write(self) -> None:
         """Report the last generation; record pending ones unless that was just done."""
         if time.monotonic() - self._written_s >= _PAUSE_S:
@@ -406,7 +415,8 @@ class Recorder:
         if history is not None and self._progress is not None:
             with self._ledger.spending("store"):
                 self._totals = self._totals.after(history)
-                self._progress(self._totals.progress(history, self._search))
+                self._reported = self._judged(self._totals.progress(history, self._search))
+                self._progress(self._reported)
 
     def _write(self) -> None:
         generations, state = self._pending

@@ -113,6 +113,7 @@ function mountLive(root, app, name, mark) {
       state.design = file.design;
       state.opened = file.path;
       if (file.recipe) state.recipe = file.recipe;
+      if (file.task) state.task = file.task;
     });
     setFile(fileOf(file, file.design));
     const note = file.recipe_note ? `; ${file.recipe_note}` : "";

@@ -3,7 +3,7 @@
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.files.run_recipe import RunRecipe
+from vinefab.model.files.run_context import RunRecipe
 
 
 def test_a_forged_record_leaves_nothing_behind(tmp_path):

@@ -1,0 +1,144 @@
+"""Ten cases of "touch these three points": ``python tests/search/target_cases.py [GENERATIONS]``.
+
+An arena of 600 x 400 mm with five boxes and three points, drawn anew for each case; the shipped
+film, and film of 0.1 mm on a 300 mm roll on a bed of 500 x 300 mm; one flat outline, and up to six
+pieces. Each search gets a minute on two cores: 120 s of processor time, measured as such. A case is
+solved where the winner touches three of three and passes every rule that forbids.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon, affinity
+
+from vinefab.core.errors import VinefabError
+from vinefab.model.map import Map, Pose, Start
+from vinefab.search.record.result import RunResult
+from vinefab.search.run import run_search, violations_of
+from vinefab.search.settings import RunSettings
+
+PROCESSOR_S = 120.0
+
+SEALED = "co2_60w__stretchlon_800"
+"""Film that no laser welds is sealed with an impulse sealer."""
+
+SPACE = {
+    "levels": [2, 4],
+    "length_mm": [40.0, 300.0],
+    "angle_deg": [30.0, 160.0],
+    "branches": [2, 3],
+    "growth_percent": [50.0, 160.0],
+}
+
+
+def arena(seed: int) -> Map:
+    """Return five boxes in an arena, and three points that a body has room at."""
+    rng = np.random.default_rng(seed)
+    bounds, start = shapely.box(0.0, 0.0, 600.0, 400.0), (25.0, 200.0)
+    boxes: list[Polygon] = []
+    while len(boxes) < 5:
+        width, height = rng.uniform(40.0, 110.0, 2)
+        x, y = rng.uniform(70.0, 580.0 - width), rng.uniform(20.0, 380.0 - height)
+        box = affinity.rotate(shapely.box(x, y, x + width, y + height), rng.uniform(0.0, 90.0))
+        apart = all(box.distance(other) > 30.0 for other in boxes)
+        if apart and bounds.contains(box) and box.distance(shapely.Point(start)) > 45.0:
+            boxes.append(box)
+    free = shapely.buffer(bounds.difference(shapely.union_all(boxes)), -15.0)
+    points: list[shapely.Point] = []
+    while len(points) < 3:
+        point = shapely.Point(*rng.uniform((120.0, 20.0), (580.0, 380.0)).round())
+        if free.contains(point) and all(point.distance(other) > 80.0 for other in points):
+            points.append(point)
+    return Map(
+        name=f"arena_{seed}",
+        bounds=bounds,
+        obstacles=tuple(boxes),
+        starts=(Start(pose=Pose(x_mm=start[0], y_mm=start[1], heading_rad=0.0)),),
+    ).with_targets(*((point.x, point.y) for point in points))
+
+
+def thick_film(folder: Path) -> Path:
+    """Write the recipe of film of 0.1 mm on a 300 mm roll, on a bed of 500 x 300 mm."""
+    shipped = Path(__file__).parents[2] / "laser_profiles"
+    changed = {
+        "materials/stretchlon_800": [("value = 0.05,", "value = 0.1,"), ("= 1524.0", "= 300.0")],
+        "machines/co2_60w": [
+            ("value = 1000.0", "value = 500.0"),
+            ("value = 600.0", "value = 300.0"),
+        ],
+        f"recipes/{SEALED}": [],
+    }
+    for name, replacements in changed.items():
+        text = (shipped / f"{name}.toml").read_text(encoding="utf-8")
+        for old, new in replacements:
+            assert text.count(old) == 1, (name, old)
+            text = text.replace(old, new)
+        path = folder / f"{name}.toml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return folder / f"recipes/{SEALED}.toml"
+
+
+def cases(folder: Path, generations: int) -> Iterator[tuple[str, int, RunSettings]]:
+    """Yield each search by its film and pieces, and its number."""
+    recipes = {"shipped film": "", "0.1 mm, 300 mm roll": str(thick_film(folder))}
+    for film, recipe in recipes.items():
+        for pieces in (None, {"most": 6}):
+            for number in range(1, 11):
+                path = arena(number).write(folder / f"arena_{number}.geojson", force=True)
+                build = {"trunk_width_mm": 24.0, "width_ratio": 0.65}
+                settings = RunSettings(
+                    name=f"case_{number}",
+                    maps={"files": [path]},
+                    task="reach",
+                    space=SPACE,
+                    build=build if pieces is None else {**build, "pieces": pieces},
+                    search={"population": 60, "generations": generations},
+                    evaluation={"recipe": recipe},
+                )
+                yield f"{film}, {'flat' if pieces is None else 'pieces'}", number, settings
+
+
+def solved(settings: RunSettings, folder: Path) -> tuple[bool, str, RunResult | None]:
+    """Return whether a search found what was asked for, and a line about it."""
+    try:
+        result = run_search(settings, folder)
+    except VinefabError as error:
+        return False, f"refused: {error}", None
+    assert result.targets is not None
+    broken = violations_of(result, settings)
+    return result.targets.all_touched and not broken, f"{result.targets.headline}; {broken}", result
+
+
+def main() -> int:
+    """Search every case and print what was found."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("generations", nargs="?", type=int, default=120)
+    parser.add_argument("--only", default="", help="kinds of cases with these words")
+    given = parser.parse_args()
+    found: dict[str, list[bool]] = {}
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        for kind, number, settings in cases(folder, given.generations):
+            if given.only not in kind:
+                continue
+            began = time.process_time()
+            is_solved, words, _ = solved(settings, folder / f"{kind}_{number}")
+            spent_s = time.process_time() - began
+            found.setdefault(kind, []).append(is_solved and spent_s <= PROCESSOR_S)
+            sign = "solved" if found[kind][-1] else "not   "
+            sys.stdout.write(f"{kind:>26} {number:2} {sign} {spent_s:5.1f} s  {words}\n")
+            sys.stdout.flush()
+    for kind, each in found.items():
+        sys.stdout.write(f"{kind}: {sum(each)} of {len(each)} solved\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

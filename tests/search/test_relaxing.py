@@ -1,0 +1,86 @@
+"""Which changes let designs pass: each that is named is tried here again."""
+
+from dataclasses import replace
+
+import pytest
+
+from vinefab.model.design import PieceSettings
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.search.loop import Search
+from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.record.generations import Progress
+from vinefab.search.relaxing import has_design, relaxations
+from vinefab.search.run import progress_line, training_maps
+from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
+from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+
+
+def thick() -> LaserProfile:
+    """Two plies of 0.1 mm, sealed by hand, on a bed of 500 x 300 mm."""
+    profile = read_profile("co2_60w__tpu_nylon_70d")
+
+    def measured(value: float) -> Quantity:
+        return Quantity(value=value, standing=Standing.MEASURED, source="gauge")
+
+    film = profile.material.changed(ply_mm=measured(0.1), modulus_mpa=measured(30.0))
+    bed = profile.machine.changed(bed_width_mm=measured(500.0), bed_height_mm=measured(300.0))
+    return replace(profile, material=film, machine=bed)
+
+
+PENALTY = ManufacturabilityPenalty(profile=thick())
+PACKED = RunSettings(
+    maps=MapSettings(count=1),
+    space=SpaceSettings(
+        levels=Bounds(low=3, high=4),
+        length_mm=Bounds(low=40, high=205),
+        branches=Bounds(low=2, high=3),
+        angle_deg=Bounds(low=30, high=160),
+    ),
+    build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=6)),
+    search=SearchSettings(population=20, generations=10),
+)
+"""Thick film, so that what grows out of a trunk of 24 mm fills it."""
+
+
+@pytest.fixture(scope="module")
+def seen() -> list[Progress]:
+    """What a run reports that finds nothing."""
+    reports = list[Progress]()
+    Search.of(PACKED, training_maps(PACKED), PENALTY).run(progress=reports.append)
+    return reports
+
+
+def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_tenth(
+    seen: list[Progress],
+) -> None:
+    first = next(one for one in seen if one.advice)
+    assert first.share <= 0.2
+    assert "VF-W03" in first.advice
+    assert "build.trunk_width_mm = " in first.advice
+    assert {one.advice for one in seen if one.generation > first.generation} == {first.advice}
+    assert "manufacturable: not yet" in progress_line(first, checked=True)
+
+
+def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_not() -> None:
+    found = relaxations(PACKED, PENALTY)
+    assert found
+    assert len({change.key for change in found}) == len(found)
+    assert not has_design(PACKED, PENALTY)
+    for change in found:
+        assert change.settings != PACKED
+        assert change.text.startswith(f"{change.key} = ")
+        reports = list[Progress]()
+        short = change.settings.changed(search=SearchSettings(population=12, generations=2))
+        Search.of(short, training_maps(short), PENALTY).run(progress=reports.append)
+        assert any(one.passes for one in reports)
+
+
+def test_a_run_that_finds_designs_needs_no_advice() -> None:
+    search = SearchSettings(population=12, generations=3)
+    wide = PACKED.changed(build=PACKED.build.changed(trunk_width_mm=40.0), search=search)
+    reports = list[Progress]()
+    result = Search.of(wide, training_maps(wide), PENALTY).run(progress=reports.append)
+    assert result.fabricable
+    assert not any(one.advice for one in reports)
+    assert PENALTY.passes(result.best)

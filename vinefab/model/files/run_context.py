@@ -1,0 +1,229 @@
+"""The context of a design: keys of ``[origin]`` in which the run that found it is remembered.
+
+Small values stand there themselves: task, growth options, fingerprints of the training maps. The
+recipe is a copy beside the design file, with its digest.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import shapely
+from pydantic import Field
+from typing_extensions import Doc
+
+from vinefab.core.atomic import write_text
+from vinefab.core.errors import BadInputError, located, values_hidden
+from vinefab.core.hashing import fingerprint
+from vinefab.core.table import Table, validated
+from vinefab.model.design import Design
+from vinefab.model.files.named_file import path_inside
+from vinefab.model.files.profile_toml import profile_files, read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, registered
+from vinefab.model.files.toml import read_toml
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
+from vinefab.model.target import TOLERANCE_MM, Target, targets_given
+
+RECORD = "the record of the run"
+COPY_FOLDER = "recipe_of_run"
+"""Folder of the copy, beside the design file."""
+
+PLACES = ("targets", "target_mm")
+"""Parameters of tasks that are places on the maps of a run."""
+
+_Text = Annotated[str, Field(pattern=r"^[^\x00]+$")]
+
+
+class RecipeOfRun(Table):
+    """Table ``[origin.recipe]``: the recipe by which a run judged its designs."""
+
+    name: Annotated[_Text, Doc("of the recipe")]
+    file: Annotated[_Text, Doc("its copy, below the folder of the design file")]
+    digest: Annotated[_Text, Doc("of the content of recipe, machine and material")]
+
+
+class RunContext(Table):
+    """Keys of ``[origin]`` of a design that commands use unless they are told otherwise."""
+
+    run: Annotated[str, Doc("id of the run")] = ""
+    run_name: Annotated[str, Doc("its name")] = ""
+    task: Annotated[str, Doc("of the run")] = ""
+    task_parameters: Annotated[
+        Mapping[str, Any], Doc("of the task, targets among them; defaults for all others")
+    ] = {}
+    targets: Annotated[
+        tuple[Mapping[str, Any], ...],
+        Field(strict=False),
+        Doc("of the training maps, where all have the same; the task may have others"),
+    ] = ()
+    maps: Annotated[
+        tuple[str, ...], Field(strict=False), Doc("`shape_fingerprint` of each training map")
+    ] = ()
+    growth: Annotated[Mapping[str, Any], Doc("growth options of the run")] = {}
+    recipe: Annotated[RecipeOfRun | None, Doc("by which the run judged")] = None
+
+    @classmethod
+    def of(cls, design: Design) -> Self:
+        """Return what a design remembers; empty for one that no run has made.
+
+        Raises
+        ------
+        BadInputError
+            If a key cannot be used.
+        """
+        known = {key: design.origin[key] for key in cls.model_fields if key in design.origin}
+        try:
+            return validated(cls, known)
+        except BadInputError as error:
+            key = f"origin.{error.key}"
+            raise BadInputError(key, error.value, error.allowed, f"design {design.name}") from error
+
+    @property
+    def kept(self) -> dict[str, Any]:
+        """The keys with something in them, as an origin has them."""
+        return {key: value for key, value in self.content.items() if value}
+
+    @property
+    def title(self) -> str:
+        """What the run is called in messages."""
+        if not self.run:
+            return "the design's origin"
+        return f"run {self.run_name} ({self.run})" if self.run_name else f"run {self.run}"
+
+    @property
+    def places(self) -> tuple[Target, ...]:
+        """The targets of the run: its task's, else those of its maps."""
+        named = self.task_parameters
+        with located("origin"):
+            if "target_mm" in named:  # the earlier form, with one tolerance
+                tolerance_mm = named.get("tolerance_mm", TOLERANCE_MM)
+                points = [{"point_mm": p, "tolerance_mm": tolerance_mm} for p in named["target_mm"]]
+                return targets_given(points, "task_parameters.target_mm")
+            return targets_given(list(named.get("targets", self.targets)), "targets")
+
+    @property
+    def without_places(self) -> Self:
+        """The same without targets."""
+        gone = (*PLACES, "tolerance_mm")  # which is that of target_mm
+        named = {key: value for key, value in self.task_parameters.items() if key not in gone}
+        return self.changed(task_parameters=named, targets=())
+
+    def trained_on(self, worlds: Iterable[Map]) -> list[bool]:
+        """Return of which maps the run trained on the bounds and obstacles; none if not known."""
+        return [shape_fingerprint(world) in self.maps for world in worlds] if self.maps else []
+
+    def with_places(self, worlds: Sequence[Map]) -> list[Map]:
+        """Return maps, those that the run trained on with its targets where they have none."""
+        places, is_known = self.places, self.trained_on(worlds)
+        return [
+            world.with_targets(*places) if known and not world.targets else world
+            for world, known in zip(worlds, is_known or [False] * len(worlds), strict=True)
+        ]
+
+    def seen_words(self, worlds: Iterable[Map]) -> str:
+        """Return how many of some maps the run trained on; empty where that is not known."""
+        seen = self.trained_on(worlds)
+        if not seen:
+            return ""
+        maps = "this map" if len(seen) == 1 else f"these {len(seen)} maps"
+        if any(seen):
+            return f"{self.title} trained on {maps if all(seen) else f'{sum(seen)} of {maps}'}"
+        return f"{self.title} trained on {'other maps' if len(seen) == 1 else f'none of {maps}'}"
+
+
+def shape_fingerprint(world: Map) -> str:
+    """Return a digest of the bounds and obstacles of a map, to 0.01 mm; names make no difference.
+
+    Starts and targets make none either: a run may give a map its own.
+    """
+    shapes = shapely.normalize([world.bounds, *world.obstacles])
+    bounds, *obstacles = shapely.to_wkt(shapes, rounding_precision=2)
+    return fingerprint(bounds, sorted(obstacles))
+
+
+def recipe_digest(recipe: str | Path) -> str:
+    """Return a digest of the content of a recipe, its machine and its material, comments apart."""
+    return fingerprint(*(read_toml(path) for path in profile_files(recipe).values()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRecipe:
+    """The recipe of a run with the texts of its files."""
+
+    name: str
+    digest: str
+    files: Mapping[str, str]  # text by path below the folder of the design; the recipe's first
+
+    @classmethod
+    def of(cls, recipe: str | Path) -> "RunRecipe":
+        """Return a recipe, given by its path or name, with its files."""
+        paths = profile_files(recipe)
+        return cls(
+            name=paths["recipe"].stem,
+            digest=recipe_digest(recipe),
+            files={
+                f"{COPY_FOLDER}/{kind}s/{path.name}": read_text(path)
+                for kind, path in paths.items()
+            },
+        )
+
+    @property
+    def remembered(self) -> RecipeOfRun:
+        """What a design remembers of it."""
+        return RecipeOfRun(name=self.name, file=next(iter(self.files)), digest=self.digest)
+
+    def write(self, folder: Path) -> None:
+        """Write the files below a folder; those that are there already stay as they are."""
+        texts = {
+            path_inside("recipe.files", name, [folder], RECORD): text
+            for name, text in self.files.items()
+        }
+        for path, text in texts.items():
+            if not path.exists():
+                write_text(path, text)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenRecipe:
+    """The recipe that a design is checked and made with."""
+
+    recipe: str  # name or path by which it is read again
+    profile: LaserProfile
+    note: str = ""  # where it was found, as one line; empty where the design remembers none
+    is_other: bool = False  # whether it differs from the recipe of the design's run
+
+    @classmethod
+    def of(cls, design: Design) -> "ChosenRecipe":
+        """Return the recipe of a design's run, or else the default."""
+        with values_hidden():
+            run = RunContext.of(design)
+            if run.recipe is None:
+                return cls(recipe=DEFAULT_RECIPE, profile=read_profile(DEFAULT_RECIPE))
+            return cls._of_run(design, run.recipe)
+
+    @classmethod
+    def _of_run(cls, design: Design, wanted: RecipeOfRun) -> "ChosenRecipe":
+        copy = None
+        if design.folder is not None:
+            copy = path_inside("origin.recipe.file", wanted.file, [design.folder], "the design")
+        found = [*([copy] if copy is not None and copy.is_file() else []), *_named(wanted.name)]
+        for path in found:
+            if recipe_digest(path) == wanted.digest:
+                note = f"recipe {wanted.name} of the design's run ({path})"
+                return cls(recipe=str(path), profile=read_profile(path), note=note)
+        missing = f"recipe {wanted.name} of the design's run"
+        missing += " has changed since" if copy in found else f" is missing ({copy or wanted.file})"
+        path = found[0] if found else locate("recipe", DEFAULT_RECIPE)
+        used = f"{path}, digest {recipe_digest(path)} in place of {wanted.digest}"
+        note = f"{missing}: used is {used}"
+        return cls(recipe=str(path), profile=read_profile(path), note=note, is_other=True)
+
+
+def _named(name: str) -> list[Path]:
+    """Return the files that a recipe of a name may be: here, the user's own or the shipped one."""
+    if Path(name).name != name:
+        return []
+    places = (Path(f"{name}.toml"), registered("recipe", name))
+    return [place for place in places if place is not None and place.is_file()]

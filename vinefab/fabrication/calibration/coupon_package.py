@@ -21,6 +21,7 @@ from vinefab.fabrication.calibration.coupons import (
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
+from vinefab.fabrication.job.passes import sealed_by_hand
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import filled_document
@@ -38,6 +39,7 @@ def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | N
     return filled_document(
         "COUPONS.txt.j2",
         recipe=profile.recipe,
+        by_hand=sealed_by_hand(profile),
         lap=profile.recipe.lap,
         jobs=jobs,
         matrix=matrix,

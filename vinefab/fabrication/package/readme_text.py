@@ -208,7 +208,9 @@ def _known_length(run: Job) -> tuple[str, float] | None:
         return "the two pin holes farthest apart, middle to middle", math.hypot(x1 - x0, y1 - y0)
     straight = [path for path in run.along(Operation.CUT) if len(path.contour) == 1]
     longest = max(straight, key=lambda path: path.contour.length_mm, default=None)
-    return longest and (f"the straight cut {longest.label!r}", longest.contour.length_mm)
+    if longest is None:
+        return None
+    return f"the straight cut {longest.label!r}", longest.contour.length_mm
 
 
 def _corner(tile: Job) -> str:

@@ -242,7 +242,7 @@ def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
         ({"tolerance_mm": 0.0}, "tolerance_mm", "greater than or equal to 0.000001"),
         ({"targets": 3}, "targets", "at most 1000"),
         ({"targets": [[1, 2], [3]]}, "targets[2].point_mm[2]", "field required|must be given"),
-        ({"targets": [{"name": "B", "point_mm": [1, 2]}] * 2}, "targets[1].name", "a name for"),
+        ({"targets": [{"name": "B", "point_mm": [1, 2]}] * 2}, "targets[1].name", "one target of"),
         ({"targets": [{"area_mm": [[0, 0], [1, 1]]}]}, "targets[1].area_mm", "3 corners"),
         ({"targets": [{"point_mm": [0, 0], "radius": 3}]}, "targets[1].radius", "no such key"),
         ({"targets": [[1, 2]], "target_mm": [[1, 2]]}, "target_mm", "not together"),

@@ -57,7 +57,7 @@ _HEAD_PT, _KEY_PT, _ROW_PT, _FOOT_PT = 50.0, 34.0, 14.0, 12.0
 _RIM_PT = 42.0
 _LEAST_PT, _MOST_PT = 190.0, 560.0
 _SIGN_PT = 11.0
-_TAG_PT = 8.25
+_TAG_PT = 8.0
 _LIST_PT = 8.25
 _NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
 """Distances within which findings share a tag: the first one that leaves room for all tags."""

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from annotated_types import Ge, Le, Unit
 from pydantic import Field, model_validator
+from shapely.geometry.base import BaseGeometry
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
@@ -119,7 +120,7 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     taken = Counter(one.name for one in found if one.name)
     for place, one in enumerate(found, start=1):
         if taken[one.name] > 1:
-            raise BadInputError(f"{key}[{place}].name", one.name, "a name for each target")
+            raise BadInputError(f"{key}[{place}].name", one.name, "one target of each name")
     free = (name for name in _letters() if name not in taken)
     return tuple(one if one.name else one.changed(name=next(free)) for one in found)
 
@@ -193,7 +194,7 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets")
 
 
 def out_of_reach(
-    targets: Sequence[Target], starts: Sequence[shapely.Geometry], longest_mm: float
+    targets: Sequence[Target], starts: Sequence[BaseGeometry], longest_mm: float
 ) -> Iterator[tuple[int, str, str]]:
     """Yield the places, from 1, of targets too far for a robot from any start, how far, and why.
 
@@ -205,7 +206,7 @@ def out_of_reach(
         Greatest length of a robot from its base to a tip.
     """
     for place, target in enumerate(targets, start=1):
-        far_mm = min((float(shapely.distance(start, target.shape)) for start in starts), default=0.0)
+        far_mm = min((shapely.distance(start, target.shape) for start in starts), default=0.0)
         if far_mm > longest_mm + target.tolerance_mm:
             within = f" with {target.tolerance_mm:g} mm of tolerance" if target.tolerance_mm else ""
             most = f"{longest_mm:.0f} mm, the robot's greatest length,{within}".rstrip(",")

@@ -213,7 +213,12 @@ class Predicted(WrittenResult):
             }
         )
         *sheet, rules, pattern, bill = making_sections(prepared)
-        yield from sheet
+        yield from (replace(one, tables=()) for one in sheet)
+        yield Section(
+            title="Sheet and pieces in numbers",
+            tables=tuple(replace(table, folded=False) for one in sheet for table in one.tables),
+            folded=True,
+        )
         yield from self.more
         yield self._deployments()
         design_rows = tuple((fact.name, fact.value) for fact in design_facts(prepared))

@@ -326,7 +326,8 @@ def _check_reach(evaluator: Evaluator) -> None:
             ]
             targets = task_targets(task, world)
             for place, far, most in out_of_reach(targets, starts, longest_mm):
-                raise BadInputError(f"targets[{place}]", far, f"within {most} (space.length_mm)")
+                key = "task.targets" if getattr(task, "own", ()) else "targets"
+                raise BadInputError(f"{key}[{place}]", far, f"within {most} (space.length_mm)")
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from vinefab.core.atomic import ensure_unchanged
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.calibration.coupon_results import SLACK_KPA, results_text
 from vinefab.fabrication.calibration.coupons import (
@@ -207,8 +205,3 @@ def _settings_text(coupons: CouponSet) -> str:
             "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
         },
     )
-
-
-def ensure_results_not_filled_in(path: Path, *, force: bool = False) -> None:
-    """Check that nobody filled in the results in a folder of coupons."""
-    ensure_unchanged(path / RESULTS_NAME, force=force)

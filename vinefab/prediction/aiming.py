@@ -333,7 +333,7 @@ class AimResult(Result):
             f"{self.task.name} score {score}."
         )
         if self.targets is not None:
-            yield self.targets.table
+            yield from self.targets.below
         yield Picture(
             image=partial(_svg, landscape_panel, self, first),
             caption=f"Expected score of {counted(len(first.search.landscape.places_mm), 'place')}, "

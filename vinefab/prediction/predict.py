@@ -188,7 +188,7 @@ class Predicted(WrittenResult):
         yield from self._typical()
         yield Facts(tuple(self._headlines()), lead=True)
         if targets is not None:
-            yield targets.table
+            yield from targets.below
         yield Picture(
             image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
             caption="What assumed contacts cost; line: predicted, grey: its 95 % interval.",

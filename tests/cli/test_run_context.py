@@ -8,6 +8,7 @@ import pytest
 
 import vinefab as vf
 from vinefab.model.files.shipped import shipped_root
+from vinefab.tasks.reach import Reach
 
 SHIPPED = "co2_60w__stretchlon_200"
 
@@ -147,7 +148,7 @@ def test_a_score_is_of_the_task_of_the_run(vinefab, reacher, grid):
     found, line = scored(vinefab, reacher, "--map", grid)
     assert found["task"] == "reach"
     assert {one["terms"]["farthest_mm"] > 0.0 for one in found["evaluations"]} == {True}
-    assert line.startswith("task reach, growth options of run tiny (")
+    assert line.startswith("targets, task reach, growth options of run tiny (")
     assert found["growth"]["storage_kpa"] == 2.0
     assert "trained on this map" in found["notes"][-1]
     wide, line = scored(vinefab, reacher, "--map", grid, "--set", "tolerance_mm=299")
@@ -177,12 +178,46 @@ def test_targets_of_a_run_are_left_out_on_maps_that_it_did_not_train_on(
 def test_aim_and_report_go_by_the_run(vinefab, reacher, grid, tmp_path):
     _, said, complaint = vinefab("aim", reacher, "--map", grid, "--deployments", 5000, "--alone")
     assert complaint == ""
-    assert said.startswith("task reach, growth options of run tiny (")
+    assert said.startswith("targets, task reach, growth options of run tiny (")
     page = tmp_path / "page.html"
     _, said, complaint = vinefab("report", reacher, "--map", grid, "--poses", 1, "--out", page)
     assert complaint == ""
-    assert said.startswith("growth options of run tiny (")
+    assert said.startswith("targets, growth options of run tiny (")
     assert "trained on this map" in said
+
+
+def test_the_targets_of_a_run_are_on_the_maps_that_it_trained_on(vinefab, reacher, grid):
+    _, said, complaint = vinefab("grow", reacher, "--map", grid)
+    assert complaint == ""
+    assert said.startswith("targets, growth options of run tiny (")
+    assert " of 2 touched" in said
+    _, said, _ = vinefab("grow", reacher, "--map", grid, "--target", "150,20")
+    assert "of run tiny" in said.splitlines()[0]
+    assert "touched" in said
+    assert " of 2 touched" not in said
+    found = scored(vinefab, reacher, "--map", grid, "--target", "150,20")[0]
+    assert found["task"] == "reach"
+    assert len(found["targets"]) == 1
+
+
+def test_targets_of_a_map_file_are_remembered_and_its_own_come_first(
+    vinefab, grid, run_file, tmp_path
+):
+    bare = tmp_path / "bare.geojson"
+    bare.write_text(grid.read_text())
+    vf.Map.read(grid).with_targets("shelf=12,12+-9", "288,288").write(grid)
+    text = run_file.read_text().replace("count = 1", f'files = ["{grid.name}"]')
+    run_file.write_text(text + 'fabricable = false\n[task]\nname = "reach"\n')
+    code, _, complaint = vinefab("optimize", run_file, "--out", tmp_path / "r", "--no-page", "-q")
+    assert (code, complaint) == (0, "")
+    best = tmp_path / "r" / "best.toml"
+    found = scored(vinefab, best, "--map", bare)[0]
+    assert [one["name"] for one in found["targets"]] == ["shelf", "A"]
+    assert found["targets"][0]["tolerance_mm"] == 9.0
+    assert found["targets"] == scored(vinefab, best, "--map", grid)[0]["targets"]
+    vf.Map.read(bare).with_targets("other=20,20").write(bare)
+    found = scored(vinefab, best, "--map", bare)[0]
+    assert [one["name"] for one in found["targets"]] == ["other"]
 
 
 @pytest.mark.parametrize("text", ["task = 3", "maps = [3]", "task_parameters = 2", "run = []"])
@@ -233,3 +268,12 @@ def test_a_mended_winner_keeps_its_recipe(vinefab, best):
     weak.write_text(best.read_text().replace("tail_mm = 200.0", "tail_mm = 100.0"))
     vinefab("check", weak, "--fix", best.with_name("fixed.toml"))
     assert used(vinefab, best.with_name("fixed.toml"))[0] == "mine"
+
+
+def test_a_cell_with_a_task_of_ones_own_does_not_go_on_with_older_code(run_file, tmp_path):
+    """Its code is no part of a run's identity: who changed it must not get the old result."""
+    cell = {"out": tmp_path / "run", "task": Reach(), "page": False, "progress": False}
+    best = vf.optimize(run_file, **cell).best
+    with pytest.raises(vf.VinefabError, match="a folder without a run, or resume"):
+        vf.optimize(run_file, **cell)
+    assert vf.optimize(run_file, **cell, resume=True).best == best

@@ -51,7 +51,7 @@ def test_a_design_against_itself_is_a_draw(found):
         for difference in comparison.differences
         if "short" not in (difference.first, difference.second)
     ]
-    assert len(twins) == len(MEASURES) - 1  # without pouches: the ideal case alone
+    assert len(twins) == len(MEASURES) - 2  # without pouches: the ideal case alone; no targets
     for difference in twins:
         assert (difference.mean, difference.p, difference.won_percent) == (0.0, 1.0, 50.0)
         assert np.isnan(difference.low)  # six maps that are alike are too few for three pairs
@@ -118,7 +118,7 @@ def test_words_json_and_page_say_the_same(found):
     document, page, lines = comparison.numbers, comparison.page(), comparison.summary
     assert lines[1] == "one thing to know"
     assert document["schema"] == "vinefab/design-comparison-1"
-    assert len(document["duels"]) == 3 * (len(MEASURES) - 1)
+    assert len(document["duels"]) == 3 * (len(MEASURES) - 2)
     assert document["designs"]["short"][REACH.key]["count"] == 12
     for difference in document["duels"]:
         if difference["measure"] == REACH.key:

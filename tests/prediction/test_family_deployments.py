@@ -52,7 +52,7 @@ def test_outcomes_name_every_deployment(result):
     assert result.outcomes.map_count == 5
     assert result.prepared_map(7).world.name == result.outcomes.maps[7]
     assert result.deployments[7].pose == result.outcomes.poses[7]
-    least, most = typical(result.outcomes, SEEN.key, (0.0, 1.0))
+    least, most = typical(result.outcomes, (0.0, 1.0), SEEN.key)
     values = result.outcomes.values[SEEN.key]
     assert (values[least], values[most]) == (values.min(), values.max())
 

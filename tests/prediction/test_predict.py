@@ -338,7 +338,7 @@ def test_headlines_are_the_numbers_of_spread_and_anchoring():
 def test_complete_failures_are_counted_over_maps(grown, words, interval, tone):
     outcomes = known_outcomes()
     outcomes = replace(outcomes, values={**outcomes.values, GROWN.key: np.array(grown)})
-    fact = failures(outcomes)
+    fact = failures(outcomes).fact
     assert (fact.value, fact.tone) == (words, tone)
     ends = fact.data["percent_low"] / 100.0, fact.data["percent_high"] / 100.0
     assert ends == pytest.approx(interval, abs=0.002)

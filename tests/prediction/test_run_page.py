@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
-from vinefab.core.view import Text
-from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.partition import pieces_of
+from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -51,7 +51,7 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
     page = (folder / "index.html").read_text()
     for heading in (
         "The winner on its training maps",
-        "The winner on unseen maps",
+        "How branches end on unseen maps",
         "How wide the score is",
         "The flat sheet and what the rules say",
         "What limits it",
@@ -63,6 +63,8 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int)
     assert 'http-equiv="refresh"' not in page
     names = {path.name for path in (folder / "pictures").iterdir()}
     assert {"curve.svg", "sheet.svg", "training_1.svg", "unseen_median.svg"} <= names
+    assert {"unseen_worst.svg", "unseen_best.svg", "contacts.svg"} <= names
+    assert "fails completely" in page
     assert page.count("<img ") == len(names)
     assert all(is_ours(path) for path in (folder / "pictures").iterdir())
 
@@ -98,14 +100,15 @@ def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.Mo
     result = run_in_folder(run, tmp_path, again="", progress=look)
     assert "at most 3, joined by sleeves, every joint costs 0.01 of the fitness" in seen[0]
     assert re.search(r"levels, (\d pieces? by the quick rules|not yet in 3 pieces)", seen[0])
-    partition = partition_of(result.best, read_profile(DEFAULT_RECIPE))
+    profile = read_profile(DEFAULT_RECIPE)
+    partition = pieces_of(pattern_of(result.best, profile), profile)
     count = len(partition.pieces)
     words = f"{count} piece{'s' * (count > 1)}, no fewer possible"
     assert (result.pieces_words, result.best.origin["pieces"]) == (words, count)
     assert EndedRun.read(tmp_path).result.answer.text.endswith(f"levels; {words}; manufacturable")
     assert f"cut in: {words} (computed)" in result.summary
     # The rest of the page is tried elsewhere, and takes long.
-    monkeypatch.setattr(run_page, "_shown", lambda *_: [Text("not drawn in a test")])
+    monkeypatch.setattr(run_page, "_shown", lambda *_: ((), ()))
     monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
     again = write_run_page(tmp_path, EndedRun.read(tmp_path))
     assert words in again.read_text()

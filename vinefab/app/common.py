@@ -19,6 +19,7 @@ from vinefab.model.inputs import (
     Pairs,
     PathText,
     StartsLike,
+    TargetsLike,
     as_design,
     as_growth,
     as_map,
@@ -31,7 +32,6 @@ from vinefab.model.inputs import (
 )
 
 if TYPE_CHECKING:
-    from vinefab.growth.options import GrowthChoice
     from vinefab.model.design import Design
     from vinefab.model.files.run_context import RunContext
     from vinefab.model.laser import LaserProfile
@@ -164,34 +164,25 @@ class Context:
         The designs.
     run
         What the designs remember; empty where none does.
-    profile
-        Laser profile by which the first design is checked and made.
+    worlds
+        The maps, with the targets of the run on those that it trained on and that have none.
+    recipe
+        Laser profile that the first design is made with; None where the verb asked for none.
     task
-        The task, if the verb scores.
+        The task, where the verb asked for one.
     growth
-        How they grow.
+        How they grow, where the verb asked for that.
     given
         Growth options that the caller gave, by name.
     """
 
     robots: list[Design]
     run: RunContext
-    profile: LaserProfile | None
-    task: Task | None
-    growth: GrowthChoice
+    worlds: list[Map]
+    recipe: Any  # LaserProfile
+    task: Any  # Task
+    growth: Any  # GrowthChoice
     given: Mapping[str, Any]
-
-    @property
-    def recipe(self) -> LaserProfile:
-        """The laser profile of a verb that asked for one."""
-        assert self.profile is not None  # noqa: S101  see `context_of`
-        return self.profile
-
-    @property
-    def scored(self) -> Task:
-        """The task of a verb that asked for one."""
-        assert self.task is not None  # noqa: S101  as above
-        return self.task
 
 
 def context_of(
@@ -204,7 +195,7 @@ def context_of(
     parameters: Mapping[str, object] | None = None,
     growth: object = ...,
     worlds: Sequence[Map] = (),
-    aimed: bool = False,
+    targets: object = (),
     **shortcuts: object,
 ) -> Context:
     """Return what a verb works with, and say in one line what of it is the design's run's.
@@ -217,105 +208,104 @@ def context_of(
         As the caller gave them, None where not; left out by a verb that does not use them.
     usual_task, parameters
         The task where neither caller nor run names one, and the caller's parameters of the task.
-    worlds
-        The maps: targets of a run hold on the maps that it trained on.
-    aimed
-        Whether the caller gives targets, in place of the run's.
+    worlds, targets
+        The maps, and the targets that the caller put on them: those of a run hold on the maps that
+        it trained on, where the caller gave none.
     **shortcuts
         Growth options that are parameters of the verb themselves.
     """
-    from vinefab.growth.options import GrowthChoice, trained_growth
-    from vinefab.model.files.run_context import ChosenRecipe, RunContext
+    from vinefab.model.files.run_context import PLACES, RunContext
 
-    named = as_several(designs)
+    named, typed = as_several(designs), parameters or {}
     robots = [as_design(one, key) for one in named]
     runs = list[RunContext]()
     for name, robot in zip(named, robots, strict=True):
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
             runs.append(RunContext.of(robot))
-            trained_growth(robot)
+            if growth is not ...:
+                from vinefab.growth.options import trained_growth  # a check needs no growth
+
+                trained_growth(robot)
     run = next((one for one in runs if one.kept), runs[0])
     used, others = list[str](), list[str]()
-    profile = as_recipe(recipe) if recipe is not None and recipe is not ... else None
-    if profile is not None and run.recipe and profile.recipe.name != run.recipe.name:
-        others.append(f"recipe {profile.recipe.name} in place of {run.recipe.name}")
-    elif profile is None and (recipe is None or robots[0].build.compensation == "none"):
-        chosen = ChosenRecipe.of(robots[0])
-        profile = chosen.profile
-        if chosen.is_other:
-            note(chosen.note)
-        elif chosen.note:
-            used.append(f"recipe {profile.recipe.name} ({chosen.recipe})")
-    scored = None
+    profile = scored = None
+    if recipe is not ... or robots[0].build.compensation == "none":
+        profile = _recipe_of(robots[0], run, None if recipe is ... else recipe, used, others)
+    placed = list(worlds)
+    if as_several(targets) or any(name in typed for name in PLACES):
+        run = run.without_places
+    elif worlds and run.places:
+        placed = run.with_places(worlds)
+        if not run.maps or any(run.trained_on(worlds)):
+            used.append("targets")
+        else:
+            run = run.without_places
+            others.append("without its targets, which are places on other maps")
     if task is not ...:
-        scored, *words = _task_of_run(run, task, usual_task, parameters or {}, worlds, aimed=aimed)
-        used, others = [*used, words[0]], [*others, words[1]]
-    given = {} if growth is ... else as_growth(growth, **shortcuts)
-    if growth is not ... and run.growth:
-        used.append("growth options")
-        others += [f"{', '.join(given)} as given"] * bool(given)
-    if any((*used, *others)):
-        of_run = f"{', '.join(filter(None, used))} of {run.title}".removeprefix(" of ")
-        note("; ".join(filter(None, (of_run, *others))), only_in_shell=True)
+        scored = _task_of(run, task, usual_task, typed, used, others)
+    choice, given = None, as_growth(None if growth is ... else growth, **shortcuts)
+    if growth is not ...:
+        from vinefab.growth.options import GrowthChoice
+
+        choice = GrowthChoice.of(robots, given)
+        if run.growth:
+            used.append("growth options")
+            others += [f"{', '.join(given)} as given"] * bool(given)
+    if used or others:
+        of_run = f"{', '.join(used)} of {run.title}" if used else run.title
+        note("; ".join([of_run, *others]), only_in_shell=True)
     return Context(
         robots=robots,
         run=run,
-        profile=profile,
+        worlds=placed,
+        recipe=profile,
         task=scored,
-        growth=GrowthChoice.of(robots, given),
+        growth=choice,
         given=given,
     )
 
 
-_PLACES = ("targets", "target_mm")
-"""Parameters of tasks that are places on the maps of a run."""
+def _recipe_of(
+    design: Design, run: RunContext, recipe: Any, used: list[str], others: list[str]
+) -> LaserProfile:
+    """Return the recipe to make a design with; note in one of the lists whose it is."""
+    from vinefab.model.files.run_context import ChosenRecipe
+
+    if recipe is not None:
+        profile = as_recipe(recipe)
+        if run.recipe and profile.recipe.name != run.recipe.name:
+            others.append(f"recipe {profile.recipe.name} in place of {run.recipe.name}")
+        return profile
+    chosen = ChosenRecipe.of(design)
+    if chosen.is_other:
+        note(chosen.note)
+    elif chosen.note:
+        used.append(f"recipe {chosen.profile.recipe.name} ({chosen.recipe})")
+    return chosen.profile
 
 
-def _task_of_run(
+def _task_of(
     run: RunContext,
     task: Any,
     usual: str,
     parameters: Mapping[str, object],
-    worlds: Sequence[Map],
-    *,
-    aimed: bool,
-) -> tuple[Task, str, str]:
-    """Return a task, the words for what of it is the run's, and those for what is not."""
-    from vinefab.model.files.run_context import shape_fingerprint
+    used: list[str],
+    others: list[str],
+) -> Task:
+    """Return the task to score by; note in one of the lists whose it is."""
     from vinefab.tasks.shipped_tasks import TASKS
 
     if not run.task or task not in (None, run.task):
         chosen = usual if task is None else task
-        other = f"task {getattr(chosen, 'name', chosen)} in place of {run.task}" if run.task else ""
-        return task_of(chosen, parameters), "", other
+        if run.task:
+            others.append(f"task {getattr(chosen, 'name', chosen)} in place of {run.task}")
+        return task_of(chosen, parameters)
     if run.task not in TASKS:
         note(f"task {run.task} of {run.title} is not installed here: used is {usual}")
-        return task_of(usual, parameters), "", ""
-    kept, other = dict(run.task_parameters), ""
-    is_elsewhere = run.maps and not any(shape_fingerprint(one) in run.maps for one in worlds)
-    if any(name in kept for name in _PLACES):
-        if is_elsewhere:
-            other = "without its targets, which are places on other maps"
-        if is_elsewhere or aimed or any(name in parameters for name in _PLACES):
-            kept = {name: value for name, value in kept.items() if name not in _PLACES}
-    return task_of(run.task, {**kept, **parameters}), f"task {run.task}", other
-
-
-def with_run_targets(worlds: Sequence[Map], run: RunContext) -> list[Map]:
-    """Return maps with the targets of a run's task, those that it trained on."""
-    from dataclasses import replace
-
-    from vinefab.model.files.run_context import shape_fingerprint
-    from vinefab.tasks.shipped_tasks import TASKS
-
-    if run.task not in TASKS or not {*_PLACES} & {*run.task_parameters}:
-        return list(worlds)
-    own = getattr(task_of(run.task, run.task_parameters), "own", ())
-    return [
-        replace(one, targets=own) if own and shape_fingerprint(one) in run.maps else one
-        for one in worlds
-    ]
+        return task_of(usual, parameters)
+    used.append(f"task {run.task}")
+    return task_of(run.task, {**run.task_parameters, **parameters})
 
 
 def note_seen(context: Context, families: Sequence[MapFamily]) -> None:
@@ -331,8 +321,10 @@ def families_of(
     count: int,
     seed: int,
     options: object,
+    *,
+    targets: TargetsLike = (),
 ) -> tuple[MapFamily, ...]:
-    """Return the maps passed, and unseen ones of an environment, as families."""
+    """Return the maps passed, with targets, and unseen ones of an environment, as families."""
     from dataclasses import replace
 
     from vinefab.prediction.family_deployments import map_families, unseen_maps
@@ -342,7 +334,7 @@ def families_of(
         unseen = unseen_maps(environment, count, seed, chosen)
         worlds = tuple(as_map(world, "maps", start) for world in unseen.worlds)
         unseen = replace(unseen, worlds=worlds)
-    return map_families(as_maps(maps, start), unseen)
+    return map_families(as_maps(maps, start, targets), unseen)
 
 
 def task_of(task: str | Task, parameters: Mapping[str, object]) -> Task:

@@ -119,7 +119,7 @@ def observe(
 
         design = joint_coupon(str(getattr(design, "name", design)))
     context = context_of(design, growth=growth)
-    robot = as_grown(context.robots[0], context.profile)
+    robot = as_grown(context.robots[0], context.recipe)
     eight, three = (
         "columns and rows of four corners, eight numbers",
         "red, green and blue, 0 to 255",

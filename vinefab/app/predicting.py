@@ -22,7 +22,6 @@ from vinefab.app.common import (
     note_seen,
     page_path,
     with_origin,
-    with_run_targets,
     write_page,
 )
 from vinefab.core.errors import BadInputError
@@ -55,7 +54,6 @@ from vinefab.model.inputs import (
     as_maps,
     as_several,
     as_starts,
-    as_targets,
     written,
 )
 
@@ -79,7 +77,7 @@ def _grown(context: Context) -> list[Design]:
     from vinefab.prediction.deploy import as_grown
 
     first, *others = context.robots
-    return [as_grown(first, context.profile), *map(as_grown, others)]
+    return [as_grown(first, context.recipe), *map(as_grown, others)]
 
 
 @verb
@@ -168,6 +166,8 @@ def grow(
         raise BadInputError("pose", pose, "not together with start")
     context = context_of(
         design,
+        worlds=[as_map(map, start=start, targets=targets)],
+        targets=targets,
         growth=growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
@@ -175,11 +175,8 @@ def grow(
         children_of_stuck=children_of_stuck,
     )
     (robot,), here = context.robots, None if pose is None else Pose.of(pose)
-    grown = as_grown(robot, context.profile)
-    world = as_map(map, start=start, targets=targets)
-    if not as_targets(targets):
-        (world,) = with_run_targets([world], context.run)
-    found = deploy(grown, world, here, context.given)
+    grown = as_grown(robot, context.recipe)
+    found = deploy(grown, context.worlds[0], here, context.given)
     if picture is not None:
         write_page(picture, found.picture(picture.suffix, named=label), force=force)
     if film is not None:
@@ -250,15 +247,15 @@ def score(
         task=task,
         parameters=parameters,
         worlds=worlds,
-        aimed=bool(as_targets(targets)),
+        targets=targets,
         growth=growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
         contacts=contacts,
     )
-    plan = ScorePlan(task=context.scored, poses=poses, seed=seed)
-    grown = as_grown(context.robots[0], context.profile)
-    found = score_design_on_task(grown, worlds, plan, context.growth.options)
+    plan = ScorePlan(task=context.task, poses=poses, seed=seed)
+    grown = as_grown(context.robots[0], context.recipe)
+    found = score_design_on_task(grown, context.worlds, plan, context.growth.options)
     seen = context.run.seen_words(worlds)
     return replace(found, notes=(*found.notes, *([seen] * bool(seen))))
 
@@ -349,19 +346,19 @@ def aim(
     from vinefab.prediction.family_deployments import MapFamily
 
     page = page_path("out", out, force=force)
-    place = as_map(world, "world", targets=targets)
     context = context_of(
         [design] if against is None else [design, as_design(against, "against")],
         task=task,
         usual_task="reach",
         parameters=parameters,
-        worlds=[place],
-        aimed=bool(as_targets(targets)),
+        worlds=[as_map(world, "world", targets=targets)],
+        targets=targets,
         growth=growth,
         body=body,
         head_on_half_angle_deg=head_on_half_angle_deg,
         contacts=contacts,
     )
+    (place,) = context.worlds
     compared = held_against(*_grown(context), alone=alone)
     choice = aim_growth(compared, context.given)
     plan = AimPlan(
@@ -374,7 +371,7 @@ def aim(
         options=choice.options,
     )
     with told("aim", progress) as tell:
-        found = aim_robots(compared, place, context.scored, plan, tell, workers)
+        found = aim_robots(compared, place, context.task, plan, tell, workers)
     family = MapFamily(label=place.name, worlds=(place,))
     found = with_origin(replace(found, growth_notes=choice.notes), compared, [family])
     if page is not None:
@@ -517,19 +514,22 @@ def report(
     assert path is not None  # noqa: S101  it is required
     with told("report", progress) as tell:
         tell(0.0, "reading and generating maps")
+        families = families_of(maps, start, environment, count, seed, options, targets=targets)
         context = context_of(
             design,
             recipe=recipe,
+            worlds=[world for family in families for world in family.worlds],
+            targets=targets,
             growth=growth,
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
             contacts=contacts,
         )
-        (robot,), profile = context.robots, context.recipe
-        worlds = as_maps(maps, start, targets)
-        if not as_targets(targets):
-            worlds = with_run_targets(worlds, context.run)
-        families = families_of(worlds, start, environment, count, seed, options)
+        (robot,), profile, placed = context.robots, context.recipe, iter(context.worlds)
+        families = tuple(
+            replace(family, worlds=tuple(next(placed) for _ in family.worlds))
+            for family in families
+        )
         note_seen(context, families)
         plan = PredictionPlan(poses=poses, seed=seed, options=context.growth.options)
         found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))

@@ -75,13 +75,16 @@ class Number:
         """The number with its interval and unit."""
         if not self._is_known(self.value):
             return "-"
-        words = self._shown(self.value)
-        if self.interval is not None:
-            low, high = self.interval
-            known = self._is_known(low) and self._is_known(high)
-            ends = (self._shown(low), self._shown(high)) if known else None
-            words += f" {bracketed(ends, self.over)}"
-        return f"{words} {self.unit}".rstrip()
+        return " ".join(filter(None, (self._shown(self.value), self.bracket, self.unit)))
+
+    @property
+    def bracket(self) -> str:
+        """The interval alone; empty where none was asked for."""
+        if self.interval is None:
+            return ""
+        low, high = self.interval
+        known = self._is_known(low) and self._is_known(high)
+        return bracketed((self._shown(low), self._shown(high)) if known else None, self.over)
 
     @property
     def data(self) -> float | None:

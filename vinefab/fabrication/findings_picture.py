@@ -58,7 +58,7 @@ _RIM_PT = 42.0
 _LEAST_PT, _MOST_PT = 190.0, 560.0
 _SIGN_PT = 11.0
 _TAG_PT = 8.0
-_LIST_PT = 8.0
+_LIST_PT = 8.25
 _NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
 """Distances within which findings share a tag: the first one that leaves room for all tags."""
 
@@ -131,7 +131,7 @@ def _line(number: int, group: Sequence[Finding]) -> Listed:
         severity=worst.severity,
         rule=worst.rule,
         branches=worst.branches,
-        words=f"{count}{worst.numbers}{'; ' if worst.numbers else ''}{worst.message}",
+        words=f"{count}{worst.measures}{'; ' if worst.measures else ''}{worst.message}",
         findings=tuple(group),
     )
 

@@ -82,12 +82,12 @@ class Finding(Result):
     def words(self) -> str:
         """Branches, message, numbers and fingerprint in one line."""
         who = f"[{', '.join(self.branches[:4])}] " if self.branches else ""
-        numbers = f" ({self.numbers})" if self.numbers else ""
+        numbers = f" ({self.measures})" if self.measures else ""
         why = f" (waived: {self.reason})" if self.waived else ""
         return f"{who}{self.message}{numbers}{why}  #{self.fingerprint}"
 
     @property
-    def numbers(self) -> str:
+    def measures(self) -> str:
         """The measured value and what is allowed; empty if the rule has no number."""
         if self.measured is None or self.limit is None:
             return ""

@@ -1,11 +1,13 @@
 """Scores of a design on a task, evaluation by evaluation."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vinefab.core.plain_text import counted
+from vinefab.core.statistics import group_means, share_interval
 from vinefab.core.validation import Floats
 from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Rows
 from vinefab.model.map import Pose
@@ -50,6 +52,54 @@ class Evaluation:
     score: float
     terms: Mapping[str, float]
     parts: Mapping[str, float] = field(default_factory=dict)
+
+
+FAILED_PERCENT = 10.0
+"""A robot without targets has failed where it grows a smaller share of its length [assumed]."""
+
+HARDLY_GROWN, NOTHING_TOUCHED = "grows less than a tenth of its length", "touches no target"
+
+_MANY = 0.1
+"""From this share of failures on, they are bad news."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failures:
+    """In how many deployments a robot does nothing of what it was asked for (simulated)."""
+
+    failed: int
+    deployments: int
+    share: float  # mean of the maps' shares
+    samples: int  # independent ones: maps, or poses where there is one map
+    over: str  # how many that is, as it is shown
+    what: str  # what a failure is
+
+    @classmethod
+    def of(cls, failed: ArrayLike, maps: Sequence[str], what: str) -> "Failures":
+        """Return the failures among deployments, each on one of some maps."""
+        each = np.asarray(failed, dtype=np.float64)
+        means = group_means(each, maps) if len(set(maps)) > 1 else each
+        over = counted(len(means), "map" if len(set(maps)) > 1 or len(means) == 1 else "pose")
+        return cls(
+            failed=int(each.sum()), deployments=len(each), share=float(means.mean()),
+            samples=len(means), over=over, what=what,
+        )  # fmt: skip
+
+    @property
+    def fact(self) -> Fact:
+        """The count, and the share with its interval over maps."""
+        low, high = share_interval(self.share, self.samples)
+        number = Number(self.share, "%", ".1f", (low, high), per=0.01, over=self.over)
+        return Fact(
+            "fails completely",
+            f"{self.failed} of {self.deployments}",
+            "failed",
+            f"{number.text}; {self.what}",
+            "bad" if self.share >= _MANY else "caution" if self.failed else "plain",
+            {"deployments": self.failed, "percent": round(100.0 * self.share, 1),
+             "percent_low": round(100.0 * low, 1), "percent_high": round(100.0 * high, 1)},
+            "simulated",
+        )  # fmt: skip
 
 
 IDEAL_CASE = "ideal_case"

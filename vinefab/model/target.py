@@ -206,7 +206,7 @@ def out_of_reach(
         Greatest length of a robot from its base to a tip.
     """
     for place, target in enumerate(targets, start=1):
-        far_mm = min((float(start.distance(target.shape)) for start in starts), default=0.0)
+        far_mm = min((shapely.distance(start, target.shape) for start in starts), default=0.0)
         if far_mm > longest_mm + target.tolerance_mm:
             within = f" with {target.tolerance_mm:g} mm of tolerance" if target.tolerance_mm else ""
             most = f"{longest_mm:.0f} mm, the robot's greatest length,{within}".rstrip(",")

@@ -290,7 +290,7 @@ class Panel:
         (x, y), end = at, at[0] + length_mm * pt_per_mm
         ends = [(x, y), (x, y + 6), (x, y + 3), (end, y + 3), (end, y + 6), (end, y)]
         self.line(ends, Ink(line=INK, width_pt=1.2))
-        return end + 6.0 + self.written((end + 6.0, y), f"{length_mm:g} mm", 8.0, colour=SOFT)
+        return end + 6.0 + self.written((end + 6.0, y), f"{length_mm:g} mm", TICK_PT, colour=SOFT)
 
     def arrow(
         self, start: ArrayLike, end: ArrayLike, ink: Ink, head_pt: float, rank: float

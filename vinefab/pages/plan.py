@@ -26,7 +26,7 @@ from vinefab.pages.map_view import (
 )
 from vinefab.pages.page_png import page_png
 from vinefab.pages.page_svg import page_svg
-from vinefab.pages.panel import Ink, Marks, Page, Panel, Shape, page_of, plan_panel
+from vinefab.pages.panel import TICK_PT, Ink, Marks, Page, Panel, Shape, page_of, plan_panel
 
 TIP_SIGNS = {
     Stop.FULL_LENGTH: "o",
@@ -188,7 +188,7 @@ def draw_targets(panel: Panel, targets: Sequence[Target | TargetOutcome]) -> Non
         [(one if isinstance(one, Target) else one.target).middle_mm for one in targets],
         [(one if isinstance(one, Target) else one.target).name for one in targets],
         [INK] * len(targets),
-        size_pt=8.0,
+        size_pt=TICK_PT,
         mark_pt=4.0,
     )
 

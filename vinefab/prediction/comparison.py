@@ -52,7 +52,6 @@ from vinefab.prediction.measures import (
 )
 from vinefab.prediction.pictures import contact_chart, paired_difference_chart
 from vinefab.prediction.prediction_width import (
-    CONTACT_MEASURES,
     ContactRange,
     contact_range,
     contact_words,
@@ -288,9 +287,9 @@ class DesignComparison(Result):
 
     def over_contacts(self, name: str, measure: Measure) -> str:
         """Return a design's range of a measure over what contacts may be like, in words."""
-        if measure not in CONTACT_MEASURES:
-            return ""
         contacts = self.contacts[self.names.index(name)]
+        if measure.key not in contacts.values:
+            return ""
         low, high = (measure.number(value) for value in contacts.ends(measure))
         least, most = contacts.angles_deg[0], contacts.angles_deg[-1]
         over = f"half-angles of {least:g} to {most:g} deg, {contacts.standing.partition(':')[0]}"
@@ -432,7 +431,7 @@ def paired_difference_table(differences: Sequence[PairedDifference]) -> Rows:
 
 def contact_section(found: DesignComparison, measure: Measure) -> Section:
     """Return the designs over the range of half-angles, in the main measure where it has one."""
-    shown = measure if measure in CONTACT_MEASURES else COVERAGE
+    shown = measure if measure.key in found.contacts[0].values else COVERAGE
     rows = tuple(
         (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
         for name, contacts in zip(found.names, found.contacts, strict=True)

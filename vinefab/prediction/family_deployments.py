@@ -215,7 +215,7 @@ def deployment_notes(
     return tuple(notes)
 
 
-def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:
-    """Return the deployments that stand at some shares of a measure's order."""
-    order = np.argsort(outcomes.values[key], kind="stable")
+def typical(outcomes: MeasureTable, shares: Sequence[float], *keys: str) -> list[int]:
+    """Return the deployments that stand at some shares of the order of measures, one by one."""
+    order = np.lexsort([outcomes.values[key] for key in reversed(keys)])
     return [int(order[round(share * (len(order) - 1))]) for share in shares]

@@ -124,6 +124,18 @@ REACH = Measure(
     most=100.0,
 )
 
+TOUCHED = Measure(
+    key="targets_touched_percent",
+    title="targets touched",
+    unit="%",
+    digits=1,
+    better="more",
+    meaning="share of the map's targets that the body comes within tolerance of",
+    does=("touches", "of its targets"),
+    least=0.0,
+    most=100.0,
+)
+
 ANCHORING = Measure(
     key="anchoring_amplification",
     title="anchoring amplification",
@@ -201,8 +213,8 @@ TIGHT_PRESSURE = Measure(
 )
 
 MEASURES = (
-    COVERAGE, SEEN, REACH, ANCHORING, IDEAL_ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE,
-    TIGHT_PRESSURE,
+    COVERAGE, SEEN, REACH, TOUCHED, ANCHORING, IDEAL_ANCHORING, GROWN, STUCK, UNDEPLOYED,
+    LOOSE_PRESSURE, TIGHT_PRESSURE,
 )  # fmt: skip
 
 
@@ -335,7 +347,14 @@ def measured_shapes(
         both = (amplified, math.nan) if held.has_pouches[0] else (math.nan, amplified)
         rows.append((*both, *shares_percent(grown)))
     areas = coverage.score, 100.0 * coverage.terms["area"], 100.0 * reach.score
-    return np.column_stack([*areas, np.array(rows)])
+    return np.column_stack([*areas, touched_percent(block, contexts), np.array(rows)])
+
+
+def touched_percent(block: Block, contexts: Sequence[MapContext]) -> Floats:
+    """Return the share of their maps' targets that growths touch; NaN where a map has none."""
+    if not all(context.targets for context in contexts):
+        return np.full(len(block.terrain), np.nan)
+    return 100.0 * Reach(falloff_mm=0.0).evaluate_block(block, contexts).score
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:

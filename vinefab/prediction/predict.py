@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import share_interval
 from vinefab.core.view import (
     Answer,
     Block,
@@ -17,7 +16,6 @@ from vinefab.core.view import (
     Fact,
     Facts,
     Notes,
-    Number,
     Origin,
     Picture,
     Rows,
@@ -42,6 +40,7 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.model.map import Map
+from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.target import TargetsResult
 from vinefab.model.tree import branch_tree
 from vinefab.pages.page_svg import page_svg
@@ -77,14 +76,14 @@ from vinefab.prediction.measures import (
     REACH,
     SEEN,
     STUCK,
+    TOUCHED,
     UNDEPLOYED,
     Measure,
     MeasureTable,
-    means_by_map,
-    samples_text,
 )
 from vinefab.prediction.pictures import cost_chart
 from vinefab.prediction.prediction_width import (
+    COST_CAPTION,
     ContactRange,
     PressureRange,
     contact_costs,
@@ -142,8 +141,8 @@ class Predicted(WrittenResult):
 
     @property
     def main(self) -> FamilyDeployments:
-        """The family with most deployments: what headlines are about."""
-        return max(self.results, key=lambda result: len(result.deployments))
+        """What headlines are about."""
+        return _main(self.results)
 
     @property
     def growth(self) -> str:
@@ -170,11 +169,16 @@ class Predicted(WrittenResult):
     @property
     def title(self) -> str:
         """What the page is about."""
-        return f"{self.prepared.design.name} on {self.main.outcomes.label}"
+        main = self.main
+        (first, *others) = main.prepared.maps
+        where = main.outcomes.label if others else first.world.name
+        return f"{self.prepared.design.name} on {where}"
 
     @property
     def asked(self) -> Measure:
         """The measure that shows whether the robot does what its search asked for."""
+        if self.main.outcomes.spread(TOUCHED) is not None:
+            return TOUCHED
         return _ASKED.get(str(self.prepared.design.origin.get("task")), SEEN)
 
     def view(self) -> Iterator[Block]:
@@ -183,17 +187,18 @@ class Predicted(WrittenResult):
         design, profile = prepared.design, prepared.profile
         words, tone = verdict_on(prepared.report, self.window, profile.recipe.status)
         targets = self.targets
-        asked = self._deed if targets is None else targets.headline
-        yield Answer(f"{asked}; {words}", tone, "verdict")
-        yield from self._typical()
-        yield Facts(tuple(self._headlines()), lead=True)
+        yield Answer(f"{self._deed(targets)}; {words}", tone, "verdict")
         if targets is not None:
-            yield from targets.below
+            yield Data({"targets_headline": targets.headline})
+        yield from self._typical()
+        yield Facts(tuple(self._headlines(targets)), lead=True)
         yield Picture(
             image=lambda: page_svg(cost_chart(*contact_costs(self.contacts, outcomes, self.asked))),
-            caption="What assumed contacts cost; line: predicted, grey: its 95 % interval.",
+            caption=COST_CAPTION,
             file="contacts",
         )
+        if targets is not None:
+            yield targets.table
         yield Notes(self.notes, "notes")
         yield Notes(cautions(prepared, self.window, outcomes))
         yield Facts((Fact("growth model", self.growth),))
@@ -208,7 +213,12 @@ class Predicted(WrittenResult):
             }
         )
         *sheet, rules, pattern, bill = making_sections(prepared)
-        yield from sheet
+        yield from (replace(one, tables=()) for one in sheet)
+        yield Section(
+            title="Sheet and pieces in numbers",
+            tables=tuple(replace(table, folded=False) for one in sheet for table in one.tables),
+            folded=True,
+        )
         yield from self.more
         yield self._deployments()
         design_rows = tuple((fact.name, fact.value) for fact in design_facts(prepared))
@@ -230,10 +240,11 @@ class Predicted(WrittenResult):
         yield from (rules, pattern, bill)
         yield assumption_section(profile, model_assumptions(self.plan.options))
 
-    @property
-    def _deed(self) -> str:
-        """What it does of what was asked, as a sentence."""
+    def _deed(self, targets: TargetsResult | None) -> str:
+        """Return how much of what was asked it does, as a sentence."""
         spread, name = self.main.outcomes.spread(self.asked), self.prepared.design.name
+        if targets is not None:
+            return f"{name}: {targets.headline}"
         does, what = self.asked.does
         found = "-" if spread is None else self.asked.text(spread.mean)
         return f"{name} {does} {found} {what}"
@@ -241,7 +252,7 @@ class Predicted(WrittenResult):
     def _typical(self) -> Iterator[Picture]:
         """Yield the worst, the median and the best deployment by what was asked."""
         found, main = self.asked, self.main
-        indices = typical(main.outcomes, found.key, [share for share, _ in _SHARES])
+        indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
         for index, (_, words) in zip(indices, _SHARES, strict=True):
             yield Picture(
                 image=partial(
@@ -252,16 +263,25 @@ class Predicted(WrittenResult):
                 file=words.lower(),
             )  # fmt: skip
 
-    def _headlines(self) -> Iterator[Fact]:
+    def _headlines(self, targets: TargetsResult | None) -> Iterator[Fact]:
         """Yield the numbers to take away: what was asked, failures, pressure, making."""
         outcomes, prepared, window = self.main.outcomes, self.prepared, self.window
         held = next(one for one in self.anchoring if one.label == outcomes.label)
-        if prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
+        if targets is not None:
+            total = len(targets.outcomes)
+            yield Fact(
+                "asked: targets",
+                f"touches {total - len(targets.missed)} of {total}",
+                detail=f"all in {100.0 * targets.together:.0f} % of the deployments",
+                tone=targets.tone,
+                standing="simulated",
+            )
+        elif prepared.design.origin.get("task") == "anchoring" or held.has_pouches:
             yield anchoring_headline(held)
         else:
             task = prepared.design.origin.get("task", "no task")
             yield replace(measured(outcomes, self.asked), name=f"asked: {task}")
-        yield failures(outcomes)
+        yield failures(outcomes).fact
         if window is not None:
             room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
             yield Fact(
@@ -313,7 +333,7 @@ def predict(
             prepared_families, sizes.tolist(), ends.tolist(), strict=True
         )
     )
-    main = max(results, key=lambda result: len(result.deployments))
+    main = _main(results)
     evaluator = VariantEvaluator(grown, main.prepared, plan)
     effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
     scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
@@ -338,6 +358,15 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+def _main(results: Sequence[FamilyDeployments]) -> FamilyDeployments:
+    """Return the family with targets, or of several the one with most deployments."""
+
+    def weight(result: FamilyDeployments) -> tuple[bool, int]:
+        return result.outcomes.spread(TOUCHED) is not None, len(result.deployments)
+
+    return max(results, key=weight)
 
 
 class _AllDeployments(Collection[Deployment]):
@@ -449,28 +478,13 @@ def span_notes(prepared: Prepared) -> list[str]:
     return notes
 
 
-FAILED_PERCENT = 10.0
-"""A deployment in which a robot grows a smaller share of its length has failed [assumed]."""
-
-
-def failures(outcomes: MeasureTable) -> Fact:
-    """Return in how many deployments a robot hardly gets out of its base."""
-    failed = outcomes.values[GROWN.key] < FAILED_PERCENT
-    samples = means_by_map(failed.astype(np.float64), outcomes.maps)
-    share = float(samples.mean())
-    low, high = share_interval(share, len(samples))
-    over = samples_text(len(samples), outcomes.maps)
-    number = Number(share, "%", ".1f", (low, high), per=0.01, over=over)
-    return Fact(
-        "fails completely",
-        f"{failed.sum()} of {len(failed)}",
-        "failed",
-        f"{number.text}; grows less than a tenth of its length",
-        "bad" if 100.0 * share >= MANY_PERCENT else "caution" if failed.any() else "plain",
-        {"deployments": int(failed.sum()), "percent": round(100.0 * share, 1),
-         "percent_low": round(100.0 * low, 1), "percent_high": round(100.0 * high, 1)},
-        "simulated",
-    )  # fmt: skip
+def failures(outcomes: MeasureTable) -> Failures:
+    """Return in how many deployments a robot touches no target, or hardly leaves its base."""
+    touched = outcomes.values[TOUCHED.key]
+    if np.isnan(touched).all():
+        hardly = outcomes.values[GROWN.key] < FAILED_PERCENT
+        return Failures.of(hardly, outcomes.maps, HARDLY_GROWN)
+    return Failures.of(touched == 0.0, outcomes.maps, NOTHING_TOUCHED)
 
 
 def measured(outcomes: MeasureTable, measure: Measure) -> Fact:

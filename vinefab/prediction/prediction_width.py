@@ -33,17 +33,20 @@ from vinefab.prediction.measures import (
     SEEN,
     STUCK,
     TIGHT_PRESSURE,
+    TOUCHED,
     Measure,
     MeasureTable,
     means_by_map,
     samples_text,
+    touched_percent,
 )
 from vinefab.prediction.pictures import contact_chart
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
 
-CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK)
+CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK, TOUCHED)
+"""Targets where a family's maps have any."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +106,7 @@ class RuleRange:
     @property
     def content(self) -> dict[str, object]:
         """The means as they stand in JSON."""
-        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in CONTACT_MEASURES}
+        means = {m.key: [m.rounded(v.mean) for v in self.values[m.key]] for m in known(self.values)}
         standing = {} if self.standing == "assumed" else {"standing": self.standing}
         return {"choices": list(self.choices), **standing, "means": means}
 
@@ -130,12 +133,12 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
     """Deploy a design from a family's poses at every half-angle of the range."""
     prepared = prepared.distinct
     names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
-    columns: dict[str, list[ContactValue]] = {measure.key: [] for measure in CONTACT_MEASURES}
+    columns = dict[str, list[ContactValue]]()
     for angle_deg in options.contact_angles_deg:
         at_angle = options.changed(head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
-        for measure, values in zip(CONTACT_MEASURES, table, strict=True):
-            columns[measure.key].append(contact_value(values, names, measure))
+        for measure, values in table.items():
+            columns.setdefault(measure.key, []).append(contact_value(values, names, measure))
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
@@ -187,29 +190,39 @@ def _rule_range(
     names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
     tables = [_contact_measures(design, prepared, options) for options in variants]
     values = {
-        measure.key: tuple(contact_value(table[row], names) for table in tables)
-        for row, measure in enumerate(CONTACT_MEASURES)
+        measure.key: tuple(contact_value(table[measure], names) for table in tables)
+        for measure in tables[0]
     }
     choices = tuple(getattr(options, words["option"]) for options in variants)
     return RuleRange(choices=choices, values=values, **words)
 
 
-def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> Floats:
-    """Return `CONTACT_MEASURES` of every deployment, shape (measures, deployments)."""
+def known(values: Mapping[str, object]) -> tuple[Measure, ...]:
+    """Return the measures that a range has."""
+    return tuple(measure for measure in CONTACT_MEASURES if measure.key in values)
+
+
+def _contact_measures(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions
+) -> dict[Measure, Floats]:
+    """Return `CONTACT_MEASURES` of every deployment, shape (deployments,) each."""
     contexts = [prepared_map.context for prepared_map in prepared.maps]
+    areas = [context.without_targets for context in contexts]
 
     def measured(block: Block) -> Floats:
         coverage = outcomes(Coverage(area="fast"), block, contexts)
-        reach = outcomes(Reach(area="fast"), block, contexts)
+        reach = outcomes(Reach(area="fast"), block, areas)
         edges = block.branch[:-1]
         grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
         stuck = np.isin(block.growth.stop, STUCK_STOPS).astype(np.float64)
         share = np.add.reduceat(stuck, edges) / np.diff(block.branch)
         rows = (coverage.score, 100 * coverage.terms["area"], 100 * reach.score, 100 * grown)
-        return np.array([*rows, 100 * share])
+        return np.array([*rows, 100 * share, touched_percent(block, contexts)])
 
     batch = Batch(Plans.of([design], options), prepared.launches(), options)
-    return np.concatenate(list(batch.each(measured)), axis=1)
+    table = np.concatenate(list(batch.each(measured)), axis=1)
+    every = zip(CONTACT_MEASURES, table, strict=True)
+    return {measure: values for measure, values in every if not np.isnan(values).all()}
 
 
 def contact_value(
@@ -321,6 +334,9 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
+COST_CAPTION = "What assumed contacts cost; line: predicted, grey: its 95 % interval."
+
+
 def contact_costs(
     found: ContactRange, measured: MeasureTable, measure: Measure
 ) -> tuple[str, tuple[float, ...], tuple[tuple[str, tuple[float, ...]], ...]]:
@@ -379,7 +395,7 @@ def width_blocks(
                     "deployments": contacts.deployments,
                     "means": {
                         m.key: [m.rounded(v.mean) for v in contacts.values[m.key]]
-                        for m in CONTACT_MEASURES
+                        for m in known(contacts.values)
                     },
                 },
                 **{rule.option: rule.content for rule in contacts.rules},
@@ -393,12 +409,12 @@ def width_blocks(
         headings=("measure", *(f"{angle:g} deg" for angle in contacts.angles_deg)),
         rows=tuple(
             (m.label, *(m.of(v.mean, v.low, v.high, over=v.over) for v in contacts.values[m.key]))
-            for m in CONTACT_MEASURES
+            for m in known(contacts.values)
         ),
     )
     tables, words = [over_contacts], [contact_words(contacts)]
     if contacts.rules:
-        tables += [rule.rows(CONTACT_MEASURES) for rule in contacts.rules]
+        tables += [rule.rows(known(rule.values)) for rule in contacts.rules]
         words.append(RULE_WORDS)
     if pressure is not None:
         percent = partial(Number, unit="%", form=".1f", decimals=1)

@@ -1,6 +1,6 @@
 """The page of a run that has ended, with its pictures beside it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ import numpy as np
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
 from vinefab.core.view import (
+    Answer,
     Block,
     Fact,
     Facts,
@@ -36,6 +37,8 @@ from vinefab.pages.map_view import STOP_WORDS
 from vinefab.pages.page_svg import page_svg
 from vinefab.prediction.deployment_sections import TOO_FINE, deployment_picture, stop_table
 from vinefab.prediction.family_deployments import PreparedFamily
+from vinefab.prediction.pictures import cost_chart
+from vinefab.prediction.prediction_width import COST_CAPTION
 from vinefab.prediction.run_winner import unseen_family
 from vinefab.search.evaluator import with_pose_range
 from vinefab.search.live_page import PAGE_NAME, run_facts
@@ -133,20 +136,49 @@ def run_blocks(run: EndedRun) -> Iterator[Block]:
     """Yield the page of a run that has ended, the answer and a picture first."""
     checked = _checked(run)
     unseen = _unseen(run)
-    first, *shown = _shown(run, unseen)
-    # The winner is drawn on a map first, and flat with the rules below.
-    answer, *view = (one for one in run.result.view() if not isinstance(one, Picture))
-    yield answer
-    yield first
-    yield from view
+    pictures, sections = _shown(run, unseen)
+    # The winner is drawn on maps first, and flat with the rules below.
+    view = [one for one in run.result.view() if not isinstance(one, Picture)]
+    answers: list[Block] = [one for one in view if isinstance(one, Answer)]
+    lead: list[Block] = [one for one in view if isinstance(one, Facts) and one.lead]
+    yield from (*answers, *pictures, *lead)
+    if run.result.prediction:
+        yield _cost_picture(run)
+    above = {id(one) for one in (*answers, *lead)}
+    yield from (one for one in view if id(one) not in above)
     chosen = Fact("winner chosen", f"among the finalists by fitness {_chosen_by(run.settings)}")
     yield Facts((*run_facts(run.settings), chosen))
-    yield from shown
-    yield from _width_sections(run)
     yield _sheet_section(run, checked)
+    yield from sections
+    yield from _width_sections(run)
     yield _limit_section(run, checked, unseen)
     yield _found_section(run)
     yield _files_section(run)
+
+
+def _cost_picture(run: EndedRun) -> Picture:
+    """Return what contacts cost the winner's score, as one picture."""
+    found = run.result.prediction
+    unseen, name = found["unseen"], f"{found.get('title', found['task'])} score, simulated"
+    score = [unseen["score"][end] for end in ("mean", "low", "high")]
+    low, *_, high = found["head_on_half_angles_deg"]
+
+    def row(words: str, values: Sequence[Mapping[str, float]]) -> tuple[str, list[float]]:
+        means = [value["mean"] for value in values]
+        return f"{words}: {means[0]:.3f} to {means[-1]:.3f}", means
+
+    words = {
+        "branch_contact": "branches pass, or stop at each other",
+        "emergence": "children come out, 1 to 0.9",
+    }
+    rows = [
+        row(f"tips stop within {low:g} to {high:g} deg", unseen["over_contacts"]),
+        *(row(words[rule["option"]], rule["unseen"]) for rule in found.get("rules", ())),
+    ]
+    predicted = [value for value in score if value is not None]
+    return Picture(
+        image=page_svg(cost_chart(name, predicted, rows)), caption=COST_CAPTION, file="contacts"
+    )
 
 
 def _chosen_by(settings: RunSettings) -> str:
@@ -162,28 +194,28 @@ def _unseen(run: EndedRun) -> PreparedFamily:
     return unseen_family(run.settings, run.training())[0]
 
 
-def _shown(run: EndedRun, unseen: PreparedFamily) -> Iterator[Picture | Section]:
-    """Yield the winner on a typical unseen map, on its training maps and on other unseen ones."""
+def _shown(
+    run: EndedRun, unseen: PreparedFamily
+) -> tuple[tuple[Picture, ...], tuple[Section, ...]]:
+    """Return the winner on unseen maps, worst, median and best, and the rest of its deployments."""
     training = run.training()
     kept = min(len(training.maps), MOST_TRAINING_SHOWN)
     grown = run.grown(training)
     elsewhere, places = run.grown(unseen), unseen.launches().terrain.tolist()
-    on_unseen = {
-        name: _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
+    pictures = tuple(
+        _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
         for index, name, words in _typical(run, len(places))
-    }
-    yield on_unseen.pop("unseen_median" if "unseen_median" in on_unseen else next(iter(on_unseen)))
-    on_training = [
+    )
+    on_training = tuple(
         _drawn(run, f"training_{index + 1}", training.maps[index].world, grown[index], "its start")
         for index in range(kept)
-    ]
-    yield Section(title="The winner on its training maps", pictures=tuple(on_training))
+    )
     # A run with maps of its own has no unseen ones.
     where = unseen.label if unseen.label.startswith("other poses") else "unseen maps"
-    yield Section(
-        title=f"The winner on {where}",
-        pictures=tuple(on_unseen.values()),
-        tables=(stop_table(unseen.label, elsewhere),),
+    ended = stop_table(unseen.label, elsewhere)
+    return pictures, (
+        Section(title="The winner on its training maps", pictures=on_training, folded=True),
+        Section(title=f"How branches end on {where}", tables=(ended,), folded=True),
     )
 
 
@@ -193,16 +225,18 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
     if len(scores) != count:
         return [(0, "unseen_1", "the first pose")]
     order = np.argsort(scores, kind="stable").tolist()
-    chosen = {order[0]: "least", order[len(order) // 2]: "median", order[-1]: "most"}
+    chosen = {order[0]: "worst", order[len(order) // 2]: "median", order[-1]: "best"}
     return [
-        (index, f"unseen_{name}", f"{name} score of {count}, {scores[index]:.3f}")
+        (index, f"unseen_{name}", f"{name} of {count}, {scores[index]:.3f}")
         for index, name in chosen.items()
     ]
 
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
     touched = touched_targets([(deployment, world)], run_task(run.settings))
-    image = deployment_picture(run.design, world, deployment, run.growth, touched=touched)
+    image = deployment_picture(
+        run.design, world, deployment, run.growth, whole=True, touched=touched
+    )
     return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
 
 
@@ -243,7 +277,9 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
         "base to its left, positive positions move it to its left; places without room for the "
         "trunk are left out."
     )
-    section = Section(title="How wide the score is", paragraphs=(words,), tables=(placed,))
+    section = Section(
+        title="How wide the score is", paragraphs=(words,), tables=(placed,), folded=True
+    )
     return (section,)
 
 
@@ -305,6 +341,7 @@ def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFa
             *(f"{caption}: none." for caption in empty),
         ),
         tables=tuple(table for table in tables if table.rows),
+        folded=True,
     )
 
 
@@ -393,7 +430,7 @@ def _found_section(run: EndedRun) -> Section:
             "the last generation."
         )
     paragraphs = (*section.paragraphs, *words)
-    return replace(section, paragraphs=paragraphs, pictures=pictures)
+    return replace(section, paragraphs=paragraphs, pictures=pictures, folded=True)
 
 
 def _files_section(run: EndedRun) -> Section:
@@ -408,4 +445,5 @@ def _files_section(run: EndedRun) -> Section:
         title="Files and time",
         paragraphs=(f"The last session: {run.result.times.summary}.",),
         tables=(table,),
+        folded=True,
     )

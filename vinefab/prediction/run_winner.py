@@ -5,7 +5,7 @@ A winner is tried on unseen maps, over what contacts may be like, and placed off
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,13 @@ from vinefab.core.plain_text import counted
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.pieces.partition import pieces_of
-from vinefab.growth.batch import Launches, TerrainSet
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import BRANCH_CONTACTS, GrowthOptions
+from vinefab.growth.plan import Plans
 from vinefab.inflation.pattern import pattern_of
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
+from vinefab.model.score import FAILED_PERCENT, HARDLY_GROWN, NOTHING_TOUCHED, Failures
 from vinefab.model.start_place import StartPlace, start_text, with_starts
 from vinefab.prediction.family_deployments import (
     MapFamily,
@@ -44,6 +46,7 @@ from vinefab.search.record.result import RunResult, resumed_limits
 from vinefab.search.run import run_profile, run_search
 from vinefab.search.settings import RunLimits, RunSettings, has_own_targets
 from vinefab.tasks.evaluate import score_designs, trunks_with_room
+from vinefab.tasks.targets import design_touches
 from vinefab.tasks.task import Task
 
 
@@ -122,6 +125,21 @@ class WinnerTrial:
         launches = Launches.of(terrains, family.poses)
         (score,) = score_designs([self.design], family.maps, launches, self.task, options)
         return score.scores
+
+    def failures(self, family: PreparedFamily) -> Failures:
+        """Return in how many deployments it touches no target, or hardly leaves its base."""
+        launches, names = family.launches(), names_of(family)
+        worlds = [place.world for place in family.maps]
+        touched = design_touches(self.design, worlds, launches, self.growth, self.task)
+        if touched is not None and all(len(one.touched) == len(names) for one in touched.outcomes):
+            nothing = np.sum([one.touched for one in touched.outcomes], axis=0) == 0.0
+            return Failures.of(nothing, names, NOTHING_TOUCHED)
+        batch = Batch(Plans.of([self.design], self.growth), launches, self.growth)
+        grown = batch.each(
+            lambda one: np.add.reduceat(one.growth.grown, one.branch[:-1]) / one.planned_mm()
+        )
+        hardly = 100.0 * np.concatenate(list(grown)) < FAILED_PERCENT
+        return Failures.of(hardly, names, HARDLY_GROWN)
 
     def over_contacts(self, family: PreparedFamily) -> tuple[ContactValue, ...]:
         """Return the mean score at every half-angle that predictions are shown for."""
@@ -241,6 +259,7 @@ def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any
         "deployments": len(scores),
         "score": _value(contact_value(scores, names_of(family))),
         "scores": [round(score, 4) for score in scores.tolist()],
+        "failed": asdict(trial.failures(family)),
         "over_contacts": [_value(value) for value in trial.over_contacts(family)],
     }
 

@@ -177,7 +177,7 @@ class VariantEvaluator:
         launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
         if not len(launches):
             return np.empty((len(plans), 0, len(QUICK_MEASURES)))
-        contexts = [prepared_map.context for prepared_map in self.prepared.maps]
+        contexts = [place.context.without_targets for place in self.prepared.maps]
         unpressed = list[Deployment]()
 
         def measured(block: Block) -> Floats:

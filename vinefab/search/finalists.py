@@ -85,7 +85,8 @@ def front_points(
         failed = [
             row
             for row in chosen
-            if isinstance(penalty, FullCheck) and not penalty.passes(space.design(x[row]))
+            if isinstance(penalty, FullCheck)
+            and not (evaluator.may_win(design := space.design(x[row])) and penalty.passes(design))
         ]
         if not failed:
             return [x[row] for row in chosen]

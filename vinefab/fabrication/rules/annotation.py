@@ -205,8 +205,8 @@ def numbered(findings: Sequence[Finding]) -> list[str]:
     lines = []
     for number, one in enumerate(findings, start=1):
         line = f"{number} {one.severity} {one.rule} {' '.join(one.branches[:4])}"
-        if one.numbers:
-            line += f": {one.numbers.replace(',', '')}"
+        if one.measures:
+            line += f": {one.measures.replace(',', '')}"
         lines.append(line)
     return lines
 

@@ -4,7 +4,7 @@ Small values stand there themselves: task, growth options, fingerprints of the t
 recipe is a copy beside the design file, with its digest.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -14,7 +14,7 @@ from pydantic import Field
 from typing_extensions import Doc
 
 from vinefab.core.atomic import write_text
-from vinefab.core.errors import BadInputError, values_hidden
+from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
@@ -24,10 +24,14 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, regis
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.model.target import TOLERANCE_MM, Target, targets_given
 
 RECORD = "the record of the run"
 COPY_FOLDER = "recipe_of_run"
 """Folder of the copy, beside the design file."""
+
+PLACES = ("targets", "target_mm")
+"""Parameters of tasks that are places on the maps of a run."""
 
 _Text = Annotated[str, Field(pattern=r"^[^\x00]+$")]
 
@@ -49,6 +53,11 @@ class RunContext(Table):
     task_parameters: Annotated[
         Mapping[str, Any], Doc("of the task, targets among them; defaults for all others")
     ] = {}
+    targets: Annotated[
+        tuple[Mapping[str, Any], ...],
+        Field(strict=False),
+        Doc("of the training maps, where all have the same; the task may have others"),
+    ] = ()
     maps: Annotated[
         tuple[str, ...], Field(strict=False), Doc("`shape_fingerprint` of each training map")
     ] = ()
@@ -83,9 +92,39 @@ class RunContext(Table):
             return "the design's origin"
         return f"run {self.run_name} ({self.run})" if self.run_name else f"run {self.run}"
 
+    @property
+    def places(self) -> tuple[Target, ...]:
+        """The targets of the run: its task's, else those of its maps."""
+        named = self.task_parameters
+        with located("origin"):
+            if "target_mm" in named:  # the earlier form, with one tolerance
+                tolerance_mm = named.get("tolerance_mm", TOLERANCE_MM)
+                points = [{"point_mm": p, "tolerance_mm": tolerance_mm} for p in named["target_mm"]]
+                return targets_given(points, "task_parameters.target_mm")
+            return targets_given(list(named.get("targets", self.targets)), "targets")
+
+    @property
+    def without_places(self) -> Self:
+        """The same without targets."""
+        gone = (*PLACES, "tolerance_mm")  # which is that of target_mm
+        named = {key: value for key, value in self.task_parameters.items() if key not in gone}
+        return self.changed(task_parameters=named, targets=())
+
+    def trained_on(self, worlds: Iterable[Map]) -> list[bool]:
+        """Return of which maps the run trained on the bounds and obstacles; none if not known."""
+        return [shape_fingerprint(world) in self.maps for world in worlds] if self.maps else []
+
+    def with_places(self, worlds: Sequence[Map]) -> list[Map]:
+        """Return maps, those that the run trained on with its targets where they have none."""
+        places, is_known = self.places, self.trained_on(worlds)
+        return [
+            world.with_targets(*places) if known and not world.targets else world
+            for world, known in zip(worlds, is_known or [False] * len(worlds), strict=True)
+        ]
+
     def seen_words(self, worlds: Iterable[Map]) -> str:
         """Return how many of some maps the run trained on; empty where that is not known."""
-        seen = [shape_fingerprint(world) in self.maps for world in worlds] if self.maps else []
+        seen = self.trained_on(worlds)
         if not seen:
             return ""
         maps = "this map" if len(seen) == 1 else f"these {len(seen)} maps"

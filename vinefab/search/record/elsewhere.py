@@ -6,10 +6,12 @@ That is on unseen maps, over contacts and placed off. `vinefab.prediction.run_wi
 import collections
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from vinefab.core.plain_text import counted
 from vinefab.core.view import Fact, Facts, Number, Rows, lines
+from vinefab.model.score import Failures
 
 PLACED_OFF = 10.0
 """A body is placed this well [assumed]: mm to either side, and degrees of its heading."""
@@ -23,7 +25,9 @@ def read_prediction(text: str) -> dict[str, Any]:
     content = dict(json.loads(text))
     if content:
         tables = (contacts_table(content), *rule_tables(content))
-        collections.deque(lines((Facts(elsewhere_facts(content)), *tables)), maxlen=0)
+        collections.deque(
+            lines((Facts((*elsewhere_facts(content), *lead_facts(content))), *tables)), maxlen=0
+        )
     return content
 
 
@@ -51,6 +55,19 @@ def mean_score(score: Mapping[str, Any]) -> Number:
     return Number(score["mean"], form=".3f", interval=interval, over=score.get("over", ""))
 
 
+def lead_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
+    """Return what leads a page: the score elsewhere, failures, and placed off."""
+    score, *_, placed = elsewhere_facts(content)
+    number = mean_score(content["unseen"]["score"])
+    score = replace(
+        score,
+        value=replace(number, interval=None),
+        detail=f"{number.bracket}, {score.detail}".removeprefix(", "),
+    )
+    failed = content["unseen"].get("failed")  # unknown in records of an earlier vinefab
+    return score, *([] if failed is None else [Failures(**failed).fact]), placed
+
+
 def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
     """Return what a winner is expected to score elsewhere, and how sure that is."""
     task, unseen = content.get("title", content["task"]), content["unseen"]
@@ -60,21 +77,21 @@ def elsewhere_facts(content: Mapping[str, Any]) -> tuple[Fact, ...]:
         Fact(
             f"{task} on {unseen['label']}",
             mean_score(unseen["score"]),
-            detail=f"mean over {counted(unseen['deployments'], 'deployment')}, in brackets its "
-            "95 % interval over maps (simulated)",
+            detail=f"mean over {counted(unseen['deployments'], 'deployment')}",
+            standing="simulated",
         ),
         Fact(
             f"{task} over contacts",
             f"{least:.3f} to {most:.3f}",
-            detail=f"mean there at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg "
-            f"({standing.partition(':')[0]}; simulated)",
+            detail=f"mean at head-on half-angles of {angles[0]:g} to {angles[-1]:g} deg",
+            standing=f"simulated, {standing.partition(':')[0]}",
         ),
         *(_rule_fact(task, rule) for rule in content.get("rules", ())),
         Fact(
             f"{task} placed off",
             f"{low:.3f} to {high:.3f}",
-            detail=f"mean there with the body placed up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg "
-            "off (assumed; simulated)",
+            detail=f"mean with the body up to {PLACED_OFF:g} mm or {PLACED_OFF:g} deg off",
+            standing="simulated, assumed",
         ),
     )
 
@@ -97,8 +114,8 @@ def _rule_fact(task: str, rule: Mapping[str, Any]) -> Fact:
     return Fact(
         f"{task} {name}",
         ", ".join(f"{choice}: {mean}" for choice, mean in zip(_choices(rule), means, strict=True)),
-        detail=f"mean there where {meaning} (growth.{rule['option']}; "
-        f"{rule['standing'].partition(':')[0]}; simulated)",
+        detail=f"mean where {meaning} (growth.{rule['option']})",
+        standing=f"simulated, {rule['standing'].partition(':')[0]}",
     )
 
 
@@ -114,6 +131,7 @@ def rule_tables(content: Mapping[str, Any]) -> tuple[Rows, ...]:
                 (content[key]["label"], *map(mean_score, rule[key]))
                 for key in ("unseen", "training")
             ),
+            folded=True,
         )
         for rule in content.get("rules", ())
     )
@@ -136,4 +154,5 @@ def contacts_table(content: Mapping[str, Any]) -> Rows:
             (content[key]["label"], *map(mean_score, content[key]["over_contacts"]))
             for key in ("unseen", "training")
         ),
+        folded=True,
     )

@@ -45,6 +45,7 @@ from vinefab.search.evaluator import final_seed
 from vinefab.search.record.elsewhere import (
     contacts_table,
     elsewhere_facts,
+    lead_facts,
     mean_score,
     read_prediction,
     rule_tables,
@@ -63,11 +64,13 @@ from vinefab.tasks.evaluate import composite
 def context_of_run(settings: RunSettings, run_id: str, worlds: Sequence[Map]) -> RunContext:
     """Return what the designs of a run remember of it; the recipe comes with its result."""
     parameters = cast("dict[str, Any]", plain_settings(settings.task.parameters))
+    asked = {world.targets for world in worlds}
     return RunContext(
         run=run_id,
         run_name=settings.name,
         task=settings.task.name,
         task_parameters={key: value for key, value in parameters.items() if value is not None},
+        targets=tuple(one.content for one in asked.pop()) if len(asked) == 1 else (),
         maps=tuple(map(shape_fingerprint, worlds)),
         growth=settings.growth.content,
     )
@@ -191,20 +194,32 @@ class RunResult(Result):
                 f"{kind} {self.score.title_of_task} on the training maps",
                 Number(value, form=".4f"),
                 f"composite.{kind}",
-                detail=f"{made}; {fresh}; simulated"
-                if (made := composite_text(kind))
-                else f"{fresh}; simulated",
+                detail=f"{made}; {fresh}" if (made := composite_text(kind)) else fresh,
+                standing="simulated",
             )
             for kind, value in self.score.composite.items()
         }
-        yield Facts((*(elsewhere_facts(found) if found else ()), scores.pop("mean")), lead=True)
+        pieces = Fact("cut in", self.pieces_words, standing="computed")
+        yield Facts(
+            (
+                *(lead_facts(found) if found else [scores.pop("mean")]),
+                Fact(
+                    "by the rules",
+                    self.made,
+                    "fabricable",
+                    tone="bad" if self.violations else "plain",
+                    data=self.fabricable,
+                ),
+                *([pieces] if self.pieces_words else []),
+            ),
+            lead=True,
+        )
         designs = counted(self.evaluations, "design")
         yield Facts(
             (
                 *scores.values(),
                 Fact("winner", best.name, "winner", detail=size_words(best)),
-                *([Fact("cut in", self.pieces_words, detail="computed")] * bool(self.pieces_words)),
-                Fact("by the rules", self.made, "fabricable", data=self.fabricable),
+                *(elsewhere_facts(found)[1:-1] if found else ()),
                 *([Fact("limits", str(best.origin["limits"]), detail="planned")]
                   if "limits" in best.origin else []),
                 Fact("growth", growth_text(growth, [best]), "growth", data=growth.content),
@@ -288,7 +303,7 @@ class RunResult(Result):
         return Answer(
             f"found {self.best.name}: {self.score.title_of_task} {mean} (simulated); {size}; "
             f"{made}",
-            "good" if self.checked and self.fabricable else "caution",
+            "plain" if self.checked and self.fabricable else "caution",
         )
 
     @property

@@ -162,7 +162,7 @@ def test_a_run_remembers_which_targets_its_winner_touches(tmp_path):
     assert "of 2 touched)" in shown[0]
     again = RunResult.read(tmp_path / "run")
     assert again.targets.content == result.targets.content
-    assert again.summary[0].startswith(f"targets: {result.targets.headline}; reach ")
+    assert again.summary[0].startswith(f"{result.targets.headline}: found ")
 
 
 def test_a_run_says_that_a_task_leaves_targets_out_or_rewards_no_nearness():

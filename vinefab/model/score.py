@@ -148,7 +148,7 @@ class Score(Result):
         composite, parts = self.composite, self.parts
         if self.targets is not None:
             yield self.targets.answer(f"{self.title_of_task} {composite['mean']:.3f}")
-            yield self.targets.table
+            yield from self.targets.below
         task = Fact("task", self.title_of_task, "task", data=self.task)
         yield Facts((task, Fact("growth", self.grown or "as trained")))
         yield Rows(

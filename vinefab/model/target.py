@@ -18,7 +18,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.core.validation import LARGEST_MM, Floats, Ints
-from vinefab.core.view import Answer, Block, Number, Result, Rows, Tone
+from vinefab.core.view import Answer, Block, Data, Number, Result, Rows, Tone
 
 if TYPE_CHECKING:
     from vinefab.model.deployment import Deployment
@@ -443,12 +443,16 @@ class TargetsResult(Result):
     def view(self) -> Iterator[Block]:
         """Yield the headline, and each target with its state, branch and share."""
         yield self.answer()
-        yield self.table
+        yield from self.below
 
     def answer(self, score: str = "") -> Answer:
         """Return the headline as the result in one sentence, with the score beside it."""
-        words = f"targets: {self.headline}{f'; {score}' if score else ''} (simulated)"
-        return Answer(words, self.tone, "targets_headline")
+        return Answer(f"{self.headline}{f'; {score}' if score else ''} (simulated)", self.tone)
+
+    @property
+    def below(self) -> tuple[Block, ...]:
+        """The table, and the headline as it stands in JSON."""
+        return self.table, Data({"targets_headline": self.headline})
 
     @property
     def table(self) -> Rows:

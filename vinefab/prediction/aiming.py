@@ -378,7 +378,7 @@ class AimResult(Result):
             lead=True,
         )
         if self.targets is not None:
-            yield self.targets.table
+            yield from self.targets.below
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")
         yield Rows(

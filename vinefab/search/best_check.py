@@ -6,7 +6,7 @@ table: a design that fails is never the best.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +94,16 @@ class BestCheck:
         return (self._advice,) if self._advice and beaten else ()
 
 
+def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:
+    """Return the two rules that most of some designs break."""
+    rules = Counter[str]()
+    for point in x:
+        found = evaluator.broken(evaluator.space.design(point)) or ()
+        rules.update({f"{finding.rule} ({finding.title})" for finding in found})
+    named = ", ".join(rule for rule, _ in rules.most_common(2))
+    return named or "the rules of the quick penalty"
+
+
 def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:
     """Return which rules stop the designs of a run, and which single changes let some pass."""
     penalty, settings = evaluator.penalty, evaluator.spec.settings
@@ -103,11 +113,7 @@ def advice(evaluator: Evaluator, history: Sequence[Generation]) -> str:
     penalties = np.concatenate([generation.penalty for generation in history])
     valid = np.isfinite(np.concatenate([generation.composite for generation in history]))
     rows = np.flatnonzero(valid)[np.argsort(penalties[valid], kind="stable")]
-    rules = Counter[str]()
-    for row in rows[:NEAREST].tolist():
-        found = penalty.broken(evaluator.space.design(x[row])) or ()
-        rules.update({f"{finding.rule} ({finding.title})" for finding in found})
-    stops = ", ".join(rule for rule, _ in rules.most_common(2)) or "the rules of the quick penalty"
+    stops = rules_broken(evaluator, x[rows[:NEAREST]])
     helps = relaxations(settings, penalty, x[rows[:MOST_NEAR]])
     named = " or ".join(change.text for change in helps)
     helped = f"tried, and lets designs pass: {named}" if helps else "no single change tried helps"

@@ -16,7 +16,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.model.target import out_of_reach
-from vinefab.search.best_check import BestCheck
+from vinefab.search.best_check import BestCheck, rules_broken
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated, settled
 from vinefab.search.front import minimized
@@ -42,6 +42,9 @@ from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.targets import task_targets
 from vinefab.tasks.task import Task
+
+FREE_GENERATIONS = 10
+"""Of the search that tells whether rules keep a robot from its targets."""
 
 AHEAD = 8
 """Generations whose poses are drawn at once, which takes half the time of one by one."""
@@ -211,10 +214,35 @@ class Search:
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=(*self.evaluator.notes, *points.notes, *check.notes(finalists)),
+            notes=(
+                *self.evaluator.notes,
+                *points.notes,
+                *check.notes(finalists),
+                *self._without_rules(finalists),
+            ),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )
+
+    def _without_rules(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
+        """Return why the winner misses targets: the rules, or the space; nothing where it does not.
+
+        A short search that no rule stops tells them apart.
+        """
+        settings, targets = self.settings, finalists[0].score.targets
+        asked = self.evaluator.penalty is not None and not settings.objectives
+        if targets is None or targets.all_touched or not asked:
+            return ()
+        evaluation = settings.evaluation.changed(fabricable=False, joint_weight=0.0)
+        generations = min(settings.search.generations, FREE_GENERATIONS)
+        search = settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0)
+        changed = settings.changed(evaluation=evaluation, search=search, start_from=())
+        free = Search.of(changed, self.maps).run()
+        more = free.targets
+        if more is None or len(more.missed) >= len(targets.missed):
+            return ("robots that no rule stops touch no more: what is missing is length or levels",)
+        rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
+        return (f"robots that no rule stops: {more.headline}; they break {rules}",)
 
     def _generation(
         self,

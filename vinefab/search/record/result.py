@@ -30,6 +30,7 @@ from vinefab.core.view import (
     Picture,
     Result,
     Rows,
+    Tone,
 )
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.model.design import Design
@@ -181,12 +182,9 @@ class RunResult(Result):
 
     def view(self) -> Iterator[Block]:
         """Yield the winner, what it scores, how it was found, and the finalists."""
-        if self.targets is not None:
-            mean = self.score.composite["mean"]
-            yield self.targets.answer(f"{self.score.title_of_task} {mean:.3f}")
         yield self.answer
         if self.targets is not None:
-            yield self.targets.table
+            yield from self.targets.below
         if (picture := self.best._repr_svg_()) is not None:
             yield Picture(image=picture.encode(), caption=f"{self.best.name}, flat (computed).")
         best, found, growth = self.best, self.prediction, trained_growth(self.best)
@@ -283,7 +281,15 @@ class RunResult(Result):
 
     @property
     def answer(self) -> Answer:
-        """The winner, what it is expected to score, its size, and whether it can be made."""
+        """The targets it touches, its score and size, and whether it can be made."""
+        if self.targets is None:
+            return self._found
+        tones: list[Tone] = [self.targets.tone, self._found.tone]
+        worst = max(tones, key=("good", "caution", "bad").index)
+        return Answer(f"{self.targets.headline}: {self._found.text}", worst)
+
+    @property
+    def _found(self) -> Answer:
         if self.violations:
             beyond = self.violations.startswith(LIMITED)
             asked = "robot within the limits" if beyond else "manufacturable robot"

@@ -24,6 +24,7 @@ from vinefab.fabrication.rules.rule import Rule
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.contacts import ContactsFile
 from vinefab.model.design import Design
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.laser import Machine, Material, Quantity, Recipe
 from vinefab.model.map import Start
 from vinefab.model.start_place import StartTable
@@ -151,6 +152,8 @@ def tables_of(form: type[Table], prefix: str = "") -> Iterator[tuple[str, type[T
     yield prefix, form
     for name, field in form.model_fields.items():
         inner, many = _inner_form(field.annotation)
+        if name == "origin":  # free-form, but for these
+            inner = RunContext
         if inner not in (None, Quantity, Bounds):
             key = field.alias or name
             path = f"{prefix.strip('[]')}.{key}" if prefix else key

@@ -521,7 +521,8 @@ def test_files_to_begin_with_are_those_of_the_command(tmp_path):
         assert path.read_bytes() == (tmp_path / "command" / name).read_bytes()
     assert vf.RunSettings.read(tmp_path / "b.toml").name == "b"
     with pytest.raises(vf.VinefabError, match=r"a.toml: exists; .*force=True"):
-        vf.new("design", tmp_path / "a.toml")
+        vf.new("design", tmp_path / "a.toml", original="plain_vine")
+    assert not vf.new("design", tmp_path / "a.toml").is_new
     assert "arena/sprig.toml" in vf.examples()
     assert vf.examples("sprig", "table.jpg", out=tmp_path / "ex") == (
         "arena/sprig.toml",

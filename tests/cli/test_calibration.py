@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from vinefab.core.atomic import ensure_unchanged
+from vinefab.core.atomic import is_filled_in
 from vinefab.core.hashing import manifest_text, sha256_of
 from vinefab.core.jsontext import GENERATOR
 from vinefab.fabrication.calibration.coupon_results import results_text
@@ -74,13 +74,25 @@ def test_a_table_that_was_filled_in_is_not_lost(vinefab, tmp_path):
     (folder / "coupon.json").write_text(GENERATOR)
     digest = sha256_of(table.encode())
     (folder / "MANIFEST.sha256").write_text(manifest_text({"results.csv": digest}))
-    ensure_unchanged(folder / "results.csv")
+    assert not is_filled_in(folder / "results.csv", {"results.csv": b"others"})
     filled(folder)
+    assert is_filled_in(folder / "results.csv", {"results.csv": table.encode()})
     before = (folder / "results.csv").read_bytes()
     code, _, complaint = vinefab("coupon", "--out", folder)
     assert code == 2
     assert "filled in" in complaint
     assert (folder / "results.csv").read_bytes() == before
+
+
+def test_the_same_coupons_are_asked_for_again_after_the_table_was_filled_in(vinefab, tmp_path):
+    folder = tmp_path / "coupons"
+    assert vinefab("coupon", "--out", folder, "-q") == (0, "", "")
+    filled(folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    code, said, complaint = vinefab("coupon", "--out", folder)
+    assert (code, complaint) == (0, "")
+    assert "results.csv, filled in, is kept" in said
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_calibrated_recipe_is_calibrated_again_by_what_is_new(vinefab, tmp_path):

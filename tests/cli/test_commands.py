@@ -203,10 +203,14 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     assert "the best design found" in (out / "index.html").read_text()
     assert vinefab("grow", out / "best.toml", "--map", grid, "-q")[0] == 0
     first = (out / "best.toml").read_bytes()
-    code, _, complaint = vinefab("optimize", run_file, "--out", out)
-    assert code == 2
-    assert "--resume" in complaint
+    code, words, complaint = vinefab("optimize", run_file, "--out", out)
+    assert (code, complaint) == (0, "")
+    assert words.startswith(f"{out} holds a run: if it is this one, it is continued")
     assert vinefab("optimize", run_file, "--out", out, "--resume", "-q") == (0, "", "")
+    assert (out / "best.toml").read_bytes() == first
+    code, _, complaint = vinefab("optimize", run_file, "--out", out, "--seed", 5)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "search.seed is 5; allowed: 1, with which the run began; another run" in complaint
     assert (out / "best.toml").read_bytes() == first
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import vinefab as vf
 from vinefab.model.files.shipped import shipped_root
+from vinefab.tasks.reach import Reach
 
 SHIPPED = "co2_60w__stretchlon_200"
 
@@ -194,6 +195,7 @@ def test_the_targets_of_a_run_are_on_the_maps_that_it_trained_on(vinefab, reache
     assert "of run tiny" in said.splitlines()[0]
     assert "touched" in said
     assert " of 2 touched" not in said
+    assert len(vf.Design.read(reacher).grow(grid).world.targets) == 2
     found = scored(vinefab, reacher, "--map", grid, "--target", "150,20")[0]
     assert found["task"] == "reach"
     assert len(found["targets"]) == 1
@@ -267,3 +269,12 @@ def test_a_mended_winner_keeps_its_recipe(vinefab, best):
     weak.write_text(best.read_text().replace("tail_mm = 200.0", "tail_mm = 100.0"))
     vinefab("check", weak, "--fix", best.with_name("fixed.toml"))
     assert used(vinefab, best.with_name("fixed.toml"))[0] == "mine"
+
+
+def test_a_cell_with_a_task_of_ones_own_does_not_go_on_with_older_code(run_file, tmp_path):
+    """Its code is no part of a run's identity: who changed it must not get the old result."""
+    cell = {"out": tmp_path / "run", "task": Reach(), "page": False, "progress": False}
+    best = vf.optimize(run_file, **cell).best
+    with pytest.raises(vf.VinefabError, match="a folder without a run, or resume"):
+        vf.optimize(run_file, **cell)
+    assert vf.optimize(run_file, **cell, resume=True).best == best

@@ -45,8 +45,12 @@ def test_a_new_file_is_read_and_has_the_name_of_its_file(kind, tmp_path, capsys)
     assert "next: " in capsys.readouterr().out
     path.write_text(path.read_text() + "\n")
     before = path.read_text()
-    assert main(["new", kind, str(path)]) == 2
+    assert main(["new", kind, str(path)]) == 0
     assert path.read_text() == before
+    assert f"{path} is there already and left as it is" in capsys.readouterr().out
+    path.write_text(f"\n\n\n{before}")
+    assert main(["new", kind, str(path)]) == 2
+    assert path.read_text() == f"\n\n\n{before}"
     assert "exists; --force overwrites it" in capsys.readouterr().err
 
 

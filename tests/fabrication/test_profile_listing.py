@@ -58,6 +58,7 @@ def test_line_energy_is_worked_out_for_the_laser_and_not_for_the_sealer():
         "weld.temperature_c",
         "weld.dwell_s",
         "weld.seam_width_mm",
+        "weld.pin_mm",
     ]
 
 

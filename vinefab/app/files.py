@@ -49,7 +49,8 @@ def new(
     Returns
     -------
     WrittenFile
-        What was written; it can be passed as a path.
+        What was written; it can be passed as a path. A file that the same call wrote, changed since
+        or not, is left as it is.
 
     Raises
     ------
@@ -72,9 +73,12 @@ def new(
     from vinefab.model.files.starters import write_starter
 
     path = as_path("file", file)
-    name = write_starter(kind, path, original=original, force=force)
-    wrote(path, "" if name == path.stem else f", named {name}")
-    return WrittenFile(path=path, summary=(f"next: {_NEXT_STEPS[kind].format(path, name)}",))
+    name, is_new = write_starter(kind, path, original=original, force=force)
+    if is_new:
+        wrote(path, "" if name == path.stem else f", named {name}")
+    there = f"{path} is there already and left as it is; --force writes it anew"
+    steps = (f"next: {_NEXT_STEPS[kind].format(path, name)}",)
+    return WrittenFile(path=path, summary=steps if is_new else (there, *steps), is_new=is_new)
 
 
 @verb

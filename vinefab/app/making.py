@@ -17,7 +17,7 @@ from vinefab.app.common import (
     write_page,
 )
 from vinefab.app.results import WrittenFolder
-from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
+from vinefab.core.atomic import ensure_writable, is_filled_in, write_bytes, write_folder
 from vinefab.core.errors import BadInputError, ExportRefusedError, located
 from vinefab.core.plain_text import counted
 from vinefab.core.verbs import FieldsOf, Force, Kind, Progress, Within, also, told, verb, wrote
@@ -385,25 +385,27 @@ def coupon(
     """
     from vinefab.fabrication.calibration.coupon_package import (
         COUPON_MARK,
+        RESULTS_NAME,
         coupon_files,
-        ensure_results_not_filled_in,
         make_coupons,
     )
     from vinefab.fabrication.formats.laser_formats import broken_formats
 
     folder = folder_to_write("out", out, COUPON_MARK, force=force)
-    ensure_results_not_filled_in(folder, force=force)
     made = make_coupons(as_recipe(recipe))
     if made.report.blocking:
         raise _refused("coupons", made.report)
-    files = coupon_files(made)
-    write_folder(folder, files, COUPON_MARK, force=force)
-    wrote(folder, f"/ ({counted(len(files), 'file')}; begin with README.txt)")
+    files, kept = coupon_files(made), list[str]()
+    if is_filled_in(folder / RESULTS_NAME, files, force=force):
+        kept = [f"{folder} is as this call writes it; {RESULTS_NAME}, filled in, is kept"]
+    else:
+        write_folder(folder, files, COUPON_MARK, force=force)
+        wrote(folder, f"/ ({counted(len(files), 'file')}; begin with README.txt)")
     return WrittenFolder(
         path=folder,
         files=tuple(files),
         report=made.report,
-        summary=(*made.report.summary, *broken_formats()),
+        summary=(*made.report.summary, *broken_formats(), *kept),
     )
 
 

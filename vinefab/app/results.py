@@ -30,10 +30,13 @@ class WrittenFile(Result):
         The file; what is returned can be passed as a path.
     summary
         What a user should know, a line each.
+    is_new
+        Whether it was written now; False where it was there already and is left as it is.
     """
 
     path: Path
     summary: tuple[str, ...] = ()
+    is_new: bool = True
 
     def __fspath__(self) -> str:
         """Return the path."""
@@ -41,7 +44,8 @@ class WrittenFile(Result):
 
     def view(self) -> Iterator[Block]:
         """Yield the file and what to know about it."""
-        yield from (Text(f"written: {self.path}"), Notes(self.summary))
+        yield from [Text(f"written: {self.path}")] * self.is_new
+        yield Notes(self.summary)
 
     def json_text(self) -> str:
         """Return what was written as JSON: ``vinefab/written-1``."""

@@ -102,9 +102,10 @@ def optimize(
 ) -> RunResult:
     """Search for the best design of a run; a page shows it, also while it is going on.
 
-    Every generation is recorded: ``resume`` continues a stopped run, and with ``generations``,
-    ``evaluations`` or ``wall_time_s`` a run that has ended, as if it had been asked for more at
-    once. The exit code of the command is 1 where no manufacturable robot was found.
+    Every generation is recorded: the same call continues a stopped run and gives the result of one
+    that has ended; with ``resume`` and ``generations``, ``evaluations`` or ``wall_time_s`` it
+    searches on, as if it had been asked for more at once. The exit code of the command is 1 where
+    no manufacturable robot was found.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def optimize(
     task
         A task in place of the run's: its name, in Python also a task of your own.
     resume
-        Continue the run in ``out``.
+        Continue the run in ``out``; needed to raise its limits, and with a task of your own.
     generations
         With ``resume``: go on until so many generations.
     evaluations
@@ -148,9 +149,10 @@ def optimize(
     Raises
     ------
     BadInputError
-        If a setting cannot be used, or no design of the space can be made.
+        If a setting cannot be used, no design of the space can be made, or ``out`` holds another
+        run.
     ForeignFileError
-        If ``out`` holds something else, or a run and ``resume`` is not set.
+        If ``out`` holds something else.
     UnreadableFileError
         If a file cannot be read.
 
@@ -173,6 +175,7 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
+    from vinefab.search.record.result import RECORD_FILE
     from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
 
@@ -199,6 +202,10 @@ def optimize(
     from vinefab.prediction.run_winner import run_in_folder
 
     folder = as_path("out", out)
+    # The code of a task of one's own is no part of a run's identity: it may have changed.
+    if not resume and own_task is None and (folder / RECORD_FILE).is_file():
+        resume = True
+        note(f"{folder} holds a run: if it is this one, it is continued", only_in_shell=True)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(_FRONT_FILES if settings.objectives else ())):
         ensure_writable(folder / name, force=force)

@@ -17,7 +17,13 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.core.file_mark import Authorship, authorship, has_mark, marked
-from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of_file
+from vinefab.core.hashing import (
+    MANIFEST_NAME,
+    digests_in,
+    manifest_text,
+    sha256_of,
+    sha256_of_file,
+)
 from vinefab.core.lock import lock_folder
 from vinefab.core.replacement import (
     NEW,
@@ -278,14 +284,29 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
             raise ForeignFileError(path)
 
 
-def ensure_unchanged(path: Path, *, force: bool = False) -> None:
-    """Check that a file which vinefab wrote for a person to fill in is still empty, or away."""
+def is_filled_in(path: Path, files: Mapping[str, bytes], *, force: bool = False) -> bool:
+    """Tell whether a person filled in a file of a folder that holds the same files as now.
+
+    Parameters
+    ----------
+    files
+        The files of the folder, by name, as they would be written now.
+
+    Raises
+    ------
+    ForeignFileError
+        If it was filled in and the folder was written with other files.
+    """
     manifest = path.parent / MANIFEST_NAME
     if force or not path.is_file() or not manifest.is_file():
-        return
+        return False
     with _system_errors(path):
-        if digests_in(manifest.read_text()).get(path.name) != sha256_of_file(path):
-            raise ForeignFileError(path, "was filled in; copy it, or name another folder")
+        before = digests_in(manifest.read_text())
+        if before.get(path.name) == sha256_of_file(path):
+            return False
+    if before != {name: sha256_of(data) for name, data in files.items()}:
+        raise ForeignFileError(path, "was filled in; copy it, or name another folder")
+    return True
 
 
 def _add_manifest(folder: Path) -> None:

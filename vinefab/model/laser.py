@@ -216,6 +216,12 @@ class Material(Table):
     survived_kpa: _SurvivedPressure = None
     survived_width_mm: _TubeWidth = None
     weldable: Annotated[bool, Doc("whether a laser can weld it")]
+    lamination: Annotated[
+        str,
+        Field(repr=False, max_length=200),
+        LATER,
+        Doc("how plies are pressed on each other before they are welded, with its source"),
+    ] = ""
     # Predictions do not use it: no part of the recipe's fingerprint in their reports.
     shrinkage_percent: Annotated[
         Quantity,
@@ -367,6 +373,7 @@ class OperationSettings(Table):
     def record(self) -> dict[str, object]:
         """Return the settings and their tool as reports have them (and fingerprint them)."""
         values = dict(self)
+        values.pop("pin_mm", None)  # it changes no prediction: fingerprints stay as they were
         sealing = {name: values.pop(name, None) for name in ("temperature_c", "dwell_s")}
         tool = Tool.LASER if self.by_laser else Tool.IMPULSE_SEALER
         return {**values, "tool": tool, **sealing}
@@ -397,6 +404,13 @@ class Sealer(Table):
     temperature_c: Annotated[Quantity, _POSITIVE, Unit("C"), Doc("of the bar")]
     dwell_s: Annotated[Quantity, _POSITIVE, Unit("s"), Doc("for which it stays shut")]
     seam_width_mm: Annotated[Quantity, _POSITIVE, Unit("mm"), Doc("of the bar")]
+    pin_mm: Annotated[
+        Quantity,
+        Interval(ge=1, le=20),
+        Field(repr=False),
+        Unit("mm"),
+        Doc("diameter of the pins that a sheet is put back by"),
+    ] = Quantity(value=4.0, standing=Standing.ASSUMED, source="common locating pin")
 
 
 _BY_SEALER = Quantity(

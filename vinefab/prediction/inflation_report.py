@@ -255,7 +255,7 @@ class InflatedDesign(Result):
         yield Answer(
             f"{self.design.name} at {self.pressure_kpa:g} kPa, {found.how}: tips end "
             f"{_off_words(found)} from where they are designed{held} (simulated).",
-            tone="good" if other is None or found.mean_mm <= other.mean_mm else "caution",
+            tone="plain" if other is None or found.mean_mm <= other.mean_mm else "caution",
         )
         yield Picture(
             image=lambda: page_svg(inflation_sheet(self)),

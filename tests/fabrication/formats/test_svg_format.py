@@ -59,7 +59,7 @@ def test_a_user_unit_is_a_millimetre_and_nothing_is_transformed(job: Job) -> Non
     assert root.get("viewBox") == "0 0 150.000 80.000"
     assert "transform" not in text
     assert {element.tag for element in root.iter()} == {
-        SVG + name for name in ("svg", "title", "desc", "defs", "g", "path")
+        SVG + name for name in ("svg", "title", "desc", "defs", "style", "g", "path")
     }
 
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from tests.pages.drawn import placed_texts, primitives_of, texts_of
+from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.package import assembly_drawing as drawing
 from vinefab.fabrication.package.assembly_drawing import (
     assembly_drawing,
@@ -81,11 +82,28 @@ def test_a_robot_in_one_piece_has_the_drawing_of_its_faces(robot, recipe) -> Non
     for mounting, outside in (("tail_inverted", ALERT), ("turned", INK)):
         turned = robot.changed(build=robot.build.changed(mounting=mounting))
         drawn = primitives_of(mounting_drawing(turned))
-        lines = [one for one in drawn if isinstance(one, Shape) and len(one.chains[0]) > 8]
+        shapes = [one for one in drawn if isinstance(one, Shape) and not one.closed]
+        lines = [one for one in shapes if len(one.chains[0]) > 8]
         growing = sorted(lines, key=lambda line: line.chains[0][:, 0].max())[-2:]
         highest = min(growing, key=lambda line: line.chains[0][:, 1].min())
         assert highest.ink.line == outside
     assert list(assembly_files(turned, None, {}, recipe)) == ["assembly.svg", "assembly.pdf"]
+
+
+def test_every_branch_has_its_length_and_width_beside_it(robot, parts, recipe) -> None:
+    layout = flat_layout(robot)
+    tail = f"tail {layout.tail_mm:g}"
+    sizes = zip(layout.tree.length_mm.tolist(), layout.width_mm.tolist(), strict=True)
+    wanted = sorted([*(f"{length:.1f} x {wide:.3g}" for length, wide in sizes), tail])
+    for page in (mounting_drawing(robot), exploded_picture(robot, *parts, recipe)):
+        found = [
+            (text, box)
+            for text, box in placed_texts(page)
+            if re.fullmatch(r"[\d.]+ x [\d.]+|tail \d+", text)
+        ]
+        assert sorted(text for text, _ in found) == wanted
+        for (_, one), (_, two) in itertools.combinations(found, 2):
+            assert not one.intersects(two)
 
 
 def test_labels_lie_on_no_other_label(robot, parts, recipe) -> None:

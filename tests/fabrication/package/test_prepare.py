@@ -2,6 +2,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import subprocess
 import zipfile
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.job_json import fluence_mj_mm2, job_text, operation_energy_mj_mm
 from vinefab.fabrication.package.prepare import (
     PackageContent,
@@ -37,7 +39,6 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
     LaserProfile,
     OperationSettings,
-    Quantity,
     RecipeStatus,
     Standing,
 )
@@ -76,7 +77,7 @@ def test_the_package_can_be_made_again_from_its_own_design(content, tmp_path) ->
         (tmp_path / name).write_bytes(files[name])
         assert Design.read(tmp_path / name) == design
     readme = " ".join(files["README.txt"].decode().split())
-    assert "kerf_mm and seam_width_mm of [operations." in readme
+    assert "[operations.weldcut] and [operations.cut] of a copy of recipe" in readme
     assert "vinefab fabricate design.toml --recipe your_recipe.toml" in readme
 
 
@@ -214,13 +215,14 @@ def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
     text = words(content)
     assert "UNVERIFIED RECIPE" in text
     assert "kerf of 0.3 mm (assumed) and a seam of 0.4 mm (measured)" in text
-    assert "Leave kerf, offset and beam compensation at 0" in text
+    assert "Kerf, offset and beam compensation 0" in text
     assert "2 plies of 0.05 mm (measured)" in text
     assert "at least 150 x 80 mm" in text
     assert "70 kPa (paper)" in text
     assert "all paths together measure 140.00 x 70.00 mm" in text
     assert "WARNING" not in text
-    layers = [text.index(f"- {op.layer}, colour") for op in PRESETS["default"].styles]
+    machined = [op for op in PRESETS["default"].styles if op.is_machined]
+    layers = [text.index(f"Run {op.layer} (") for op in machined]
     assert layers == sorted(layers)
 
 
@@ -238,16 +240,32 @@ def test_the_readme_names_no_offset_of_an_operation_that_the_files_do_not_hold(
     assert "The cut paths are offset for that seam and a kerf of 0.3 mm (assumed)." in text
 
 
-def test_the_readme_says_where_the_focus_changes(content: PackageContent) -> None:
-    assert "change it by hand" not in words(content)
-    operations = dict(content.profile.recipe.by_operation)
-    focus = Quantity(value=0.0, standing=Standing.MEASURED, source="a test")
-    operations[Operation.CUT] = operations[Operation.CUT].changed(focus_offset_mm=focus)
-    recipe = content.profile.recipe.changed(operations=operations)
-    text = words(replace(content, profile=replace(content.profile, recipe=recipe)))
-    assert "Set the focus offset to 6 mm for VF_10_MARK, then change it by hand" in text
-    assert "from 6 to 0 mm between VF_30_WELDCUT and VF_40_CUT:" in text
-    assert text.count(" to 0 mm between") == 1
+STEPS = {
+    "co2_60w__stretchlon_200": (
+        "Lay Import Check Set Run:MARK Refocus Run:WELDCUT Refocus Run:CUT Lift"
+    ),
+    "weld+cut": "Lay Import Check Set Run:MARK Run:WELD Refocus Run:CUT Lift",
+    "co2_60w__stretchlon_800": (
+        "Tape Lay Import Check Set Run:MARK Refocus Run:MARK_holes Switch Seal Let Put Run:CUT Lift"
+    ),
+}
+"""Words that the numbered steps of a sheet begin with, by process."""
+
+
+@pytest.mark.parametrize("process", STEPS)
+def test_a_sheet_is_one_list_of_its_passes(process: str) -> None:
+    separate = process == "weld+cut"
+    profile = read_profile("co2_60w__stretchlon_200" if separate else process)
+    sheet = SheetOptions(process=process if separate else "auto")
+    prepared = prepare(Design.read("plain_vine"), profile, sheet=sheet)
+    assert prepared.report.blocking == ()
+    text = package(prepared)["README.txt"].decode()
+    section = text.split("\nThe sheet\n")[1].split("\nCheck\n")[0]
+    steps = re.findall(r"^ ?\d+\. (?:(Run) VF_\d\d_(\w+)|(\w+))", section, re.MULTILINE)
+    found = " ".join(f"{run}:{layer}" if run else word for run, layer, word in steps)
+    assert found == STEPS[process]
+    numbers = re.findall(r"^ ?(\d+)\. ", section, re.MULTILINE)
+    assert numbers == [str(number + 1) for number in range(len(numbers))]
 
 
 def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) -> None:
@@ -260,7 +278,7 @@ def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) 
 
 def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) -> None:
     text = words(replace(content, colours=PRESETS["shop_single"]))
-    assert "WARNING: weldcut and cut have the same layer and colour" in text
+    assert "weldcut and cut have the same layer and colour" in text
     assert "does not write: mark, weld, reg, doc" in text
 
 
@@ -282,14 +300,7 @@ def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent
 
 
 def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> None:
-    """The fixture's recipe takes two passes for everything; one pass needs no words."""
-    text = words(content)
-    assert "let the program run mark 2 times and weld 2 times and weldcut 2 times" in text
-    once = {name: s.changed(passes=1) for name, s in content.profile.recipe.by_operation.items()}
-    recipe = content.profile.recipe.changed(operations=once)
-    assert "let the program run" not in words(
-        replace(content, profile=replace(content.profile, recipe=recipe))
-    )
+    assert "2 passes, air" in words(content)  # the fixture's recipe, for everything
     files = package_files(content)
     for job in (content.job, replace(content.job, paths=content.job.paths[3:4])):
         drawn = laser_files(LaserFileSpec(job=job)).files["outline.dxf"].decode()
@@ -304,14 +315,13 @@ def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -
     ]
     tiles = tuple(replace(content.job, facts=fact) for fact in facts)
     text = words(replace(content, job=replace(content.job, tiles=tiles)))
-    assert "For tile 1 the film's lower left corner lies 190 mm right of the bed's lower" in text
+    assert "its lower left corner is 190 mm right of the bed's lower" in text
     assert "left corner and 100 mm above it" in text
-    assert "lower left corner is then 290 mm left of the bed's" in text
-    assert "Check after import: the film is 150 x 80 mm" in text
+    assert "its lower left corner is 290 mm left of the bed's" in text
     # the fixture marks an arrow, but no targets
-    assert "mark them on the film by hand" in text
+    assert "on the film by hand, by the pointer, before it moves" in text
     # half of the fixture's seam of 0.4 mm
-    assert "must lie within 0.2 mm (half the seam, computed)" in text
+    assert "within 0.2 mm (half the seam, computed)" in text
 
 
 def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
@@ -352,8 +362,7 @@ def test_the_readme_of_tiles_names_the_layer_that_verifies_their_place() -> None
     prepared = prepare(vine, read_profile("co2_60w__stretchlon_200"))
     files = package(prepared)
     words = " ".join(files["README.txt"].decode().split())
-    assert "run the layer VF_10_MARK_verify of a tile first and alone" in words
-    assert "VF_10_MARK_verify, a colour of its own: diagonal crosses of 4 lines" in words
+    assert "Run VF_10_MARK_verify (#00E000, 4 paths, " in words
     for suffix in (".dxf", ".svg", ".lbrn2", "_polyline.dxf"):
         assert b"VF_10_MARK_verify" in files[f"tile_2_outline{suffix}"]
         assert b"VF_10_MARK_verify" not in files[f"tile_1_outline{suffix}"]

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from vinefab.core.atomic import ensure_unchanged
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.calibration.coupon_results import SLACK_KPA, results_text
 from vinefab.fabrication.calibration.coupons import (
@@ -23,6 +21,7 @@ from vinefab.fabrication.calibration.coupons import (
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
+from vinefab.fabrication.job.passes import sealed_by_hand
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, body_outline
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import filled_document
@@ -40,6 +39,7 @@ def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | N
     return filled_document(
         "COUPONS.txt.j2",
         recipe=profile.recipe,
+        by_hand=sealed_by_hand(profile),
         lap=profile.recipe.lap,
         jobs=jobs,
         matrix=matrix,
@@ -205,8 +205,3 @@ def _settings_text(coupons: CouponSet) -> str:
             "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
         },
     )
-
-
-def ensure_results_not_filled_in(path: Path, *, force: bool = False) -> None:
-    """Check that nobody filled in the results in a folder of coupons."""
-    ensure_unchanged(path / RESULTS_NAME, force=force)

@@ -17,6 +17,7 @@ from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.marks import fold_ticks, lettered
 from vinefab.fabrication.job.passes import body_paths, weldcut_offset_mm
 from vinefab.fabrication.job.piece_jobs import recipe_facts
+from vinefab.fabrication.job.registration import registration
 from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.outline.body_outline import WHOLE_ROBOT, PieceEnds
 from vinefab.fabrication.outline.ends import OpenEnd
@@ -354,10 +355,13 @@ def coupon_sheets(
         x, row = x + width + COUPON_GAP_MM, max(row, height)
     names = [name] if len(sheets) == 1 else [f"{name}_{k + 1}" for k in range(len(sheets))]
     facts = _coupon_facts(profile)
-    return tuple(
-        sheet_job(title, [path for piece in sheet for path in piece.paths], profile, facts)
-        for title, sheet in zip(names, sheets, strict=True)
-    )
+    within = (margin, margin, margin + bed_x, margin + bed_y)
+    jobs = []
+    for title, sheet in zip(names, sheets, strict=True):
+        paths = [path for piece in sheet for path in piece.paths]
+        pins = registration(paths, profile, within)
+        jobs.append(sheet_job(title, [*paths, *pins], profile, facts))
+    return tuple(jobs)
 
 
 def sheet_job(

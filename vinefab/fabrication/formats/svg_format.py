@@ -29,6 +29,14 @@ _DECIMALS = 3
 SVG_TOLERANCE_MM = 2e-3
 """Three decimals: 0.0007 mm at a vertex, twice that in the middle of an arc."""
 
+ON_SCREEN = (
+    "@supports (vector-effect: non-scaling-stroke) { @media screen { :root { width: 100vw; "
+    "height: 100vh } path { vector-effect: non-scaling-stroke; stroke-width: 1px !important } } }"
+)
+"""Shows the whole sheet with lines a pixel wide in a browser. What reads laser files knows no
+``@supports`` rule and, as CSS 2.1 asks, skips all that it holds: it takes colour and width of each
+path's own style. On paper, and so through a printer driver, lines stay hairlines."""
+
 LARGEST_TURN_RAD = math.pi / 2
 LEAST_SAGITTA_MM = 0.0005
 
@@ -54,7 +62,9 @@ def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRL
             # An XML id may not start with a digit, a layer's name may.
             layers[layer] = drawing.add(inkscape.layer(label=layer, id=f"layer_{layer}"))
         layers[layer].add(_path(drawing, styled, float(height), hairline_mm))
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{drawing.tostring()}\n'
+    # svgwrite would wrap the rule in CDATA, which simple readers of SVG do not know.
+    text = drawing.tostring().replace("<defs />", f"<defs><style>{ON_SCREEN}</style></defs>", 1)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
 def svg_contour(contour: Contour) -> Contour:

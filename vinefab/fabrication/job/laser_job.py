@@ -20,6 +20,7 @@ from vinefab.fabrication.job.placement import (
     nest,
     place_contours,
 )
+from vinefab.fabrication.job.registration import registration
 from vinefab.fabrication.job.tile_jobs import Tiled, target_paths, tile_jobs, tiled
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
@@ -76,12 +77,13 @@ def laser_job(
     margin = machine.margin_mm.value
     usable = machine.usable_mm
     within = (margin, margin, margin + usable[0], margin + usable[1])
-    marks = marks_of(robots, bodies, profile, within)
+    pins = registration(bodies, profile, within, separate=sheet.process == "weld+cut")
+    marks = marks_of(robots, [*bodies, *pins], profile, within)
     return Job(
         name=design.name,
         sheet_width_mm=machine.bed_width_mm.value,
         sheet_height_mm=machine.bed_height_mm.value,
-        paths=in_order([*marks.paths, *bodies]),
+        paths=in_order([*marks.paths, *bodies, *pins]),
         facts={
             **recipe_facts(profile),
             **robots[0].body.facts,
@@ -104,7 +106,7 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
     facts = {**recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
     # Targets and labels may lie beyond the robot: the film begins a margin below all of them.
-    paths = [*marks.paths, *targets, *robot.paths]
+    paths = [*marks.paths, *robot.paths, *targets]
     margin = profile.machine.margin_mm.value
     x0, y0, x1, y1 = box_around_mm(path.contour for path in paths)
     low = x0 - margin, y0 - margin

@@ -85,6 +85,9 @@ def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
     return tuple(given[row] for row in order)
 
 
+GUIDE = "seal guide"
+"""Label of what is marked where the cut will run, for a seam that is made by hand inside it."""
+
 WEB_MM = 2.0
 """Film left between the seam and the cut where they are separate (assumed)."""
 
@@ -129,6 +132,12 @@ def in_one_pass(profile: LaserProfile) -> bool:
     """Whether a recipe cuts and seals in one pass; else it welds and cuts separately."""
     operations = profile.recipe.by_operation
     return Operation.WELDCUT in operations or Operation.WELD not in operations
+
+
+def sealed_by_hand(profile: LaserProfile, *, separate: bool = False) -> bool:
+    """Whether the sheet leaves the bed between marks and cut, to be sealed by hand."""
+    apart = separate or not in_one_pass(profile)
+    return apart and not profile.settings(Operation.WELD).by_laser
 
 
 def body_paths(
@@ -204,12 +213,17 @@ def _two_passes(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyP
         design, cut_offset_mm(profile), least_fillet_mm=LEAST_ARC_RADIUS_MM, ends=ends
     )
     name = design.name
+    by_hand = sealed_by_hand(profile, separate=True)
+    guided = by_hand and Operation.MARK in profile.recipe.by_operation
     paths = (
+        *(_sealed(Operation.MARK, around.contour, f"{GUIDE} of {name}", name) if guided else ()),
         *_sealed(Operation.WELD, outline.contour, f"seam of {name}", name),
         _path(Operation.CUT, closed_cut(around.contour, overcut), f"cut around {name}", name),
     )
     facts: dict[str, object] = {
-        "process": "weld and cut: the seam first, then the cut around it",
+        "process": "weld and cut: the seam first, then the cut around it"
+        if not by_hand
+        else "mark, seal by hand off the bed, cut",
         "weld_offset_mm": weld_offset_mm(profile),
         "weld_seam_mm": weld.seam_width_mm.value,
         "weld_passes": weld.passes,

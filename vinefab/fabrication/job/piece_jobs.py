@@ -14,6 +14,7 @@ from vinefab.fabrication.job.placement import (
     nest,
     place_contours,
 )
+from vinefab.fabrication.job.registration import registration
 from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
 from vinefab.model.design import Design
 from vinefab.model.job import Job
@@ -77,7 +78,7 @@ def pieces_job(
         left = [part for part, place in pairs if not place]
     wide, high = profile.machine.bed_width_mm.value, profile.machine.bed_height_mm.value
     jobs = [
-        _sheet_job(design, profile, (number, len(sheets)), robots, partition)
+        _sheet_job(design, profile, (number, len(sheets)), robots, (partition, separate))
         for number, robots in enumerate(sheets, start=1)
     ]
     left_out: list[object] = []  # marks that found no room on their sheets
@@ -114,19 +115,21 @@ def _sheet_job(
     profile: LaserProfile,
     place: tuple[int, int],
     robots: Sequence[SheetRobot],
-    partition: Partition,
+    cutting: tuple[Partition, bool],
 ) -> Job:
     """Return the job of one sheet, of several."""
+    partition, separate = cutting
     machine = profile.machine
     margin, usable = machine.margin_mm.value, machine.usable_mm
     within = (margin, margin, margin + usable[0], margin + usable[1])
     bodies = [path for robot in robots for path in robot.paths]
-    marks = marks_of_pieces(robots, bodies, profile, within, partition)
+    pins = registration(bodies, profile, within, separate=separate)
+    marks = marks_of_pieces(robots, [*bodies, *pins], profile, within, partition)
     return Job(
         name=design.name,
         sheet_width_mm=machine.bed_width_mm.value,
         sheet_height_mm=machine.bed_height_mm.value,
-        paths=in_order([*marks.paths, *bodies]),
+        paths=in_order([*marks.paths, *bodies, *pins]),
         facts={
             **recipe_facts(profile),
             **robots[0].body.facts,

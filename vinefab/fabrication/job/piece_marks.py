@@ -57,7 +57,7 @@ def marks_of_pieces(
     if Operation.MARK not in profile.recipe.by_operation:
         return Marking()
     # What seals a piece with stubs is several open paths: its outline encloses it.
-    taken = [path for path in bodies if path.operation is Operation.CUT]
+    taken = [path for path in bodies if path.operation is Operation.CUT or not path.of]
     taken += [replace(robot.paths[0], contour=robot.outline) for robot in robots]
     free = FreeRoom(taken, within, [body_area(robot) for robot in robots])
     layout = flat_layout(robots[0].design)

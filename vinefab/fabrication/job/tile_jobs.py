@@ -103,7 +103,7 @@ def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Conto
             continue
         others = [tile.after, *(other for other in range(row) if other != tile.after)]
         for other in others:
-            pair = _near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
+            pair = near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
             if pair:
                 tile.after, tile.found_mm = other, pair
                 tiles[other].made_mm += pair
@@ -122,7 +122,7 @@ def _shared(one: Point, two: Point, room_mm: Point) -> Box:
     return low[0], low[1], high[0], high[1]
 
 
-def _near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
+def near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
     """Return two free points of a box that are far enough apart, or else as far as possible.
 
     Points near the robot's own box are preferred: film that holds only a target is wasted.
@@ -138,16 +138,7 @@ def _near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
 
 def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:
     """Return the two free points of a box that are farthest apart, or nothing."""
-    if box[2] < box[0] or box[3] < box[1]:
-        return []
-    across, up = (
-        np.linspace(low, high, max(2, math.ceil((high - low) / _GRID_MM) + 1))
-        for low, high in ((box[0], box[2]), (box[1], box[3]))
-    )
-    grid: Floats = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
-    shapely.prepare(taken)
-    clear = CLEAR_MM + TARGET_MM * math.sqrt(0.5)
-    free = grid[~shapely.dwithin(taken, shapely.points(grid), clear)]
+    free = free_grid(box, taken)
     if len(free) < 2:
         return []
     corners = shapely.get_coordinates(shapely.MultiPoint(free).convex_hull)
@@ -158,23 +149,37 @@ def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:
     return [(float(x), float(y)) for x, y in (corners[one], corners[two])]
 
 
+def free_grid(box: Box, taken: shapely.Geometry) -> Floats:
+    """Return points of a grid over a box where a target is clear of all that is taken, (n, 2)."""
+    if box[2] < box[0] or box[3] < box[1]:
+        return np.empty((0, 2))
+    across, up = (
+        np.linspace(low, high, max(2, math.ceil((high - low) / _GRID_MM) + 1))
+        for low, high in ((box[0], box[2]), (box[1], box[3]))
+    )
+    grid: Floats = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
+    shapely.prepare(taken)
+    clear = CLEAR_MM + TARGET_MM * math.sqrt(0.5)
+    return grid[~shapely.dwithin(taken, shapely.points(grid), clear)]
+
+
 def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
     """Return a tile's registration targets: those that it makes, then those that it finds.
 
     Where the laser can mark, a diagonal cross on each target found comes before both: if the film
     lies right, its middle is that of the cross that an earlier tile marked.
     """
-    made = [mark(line, TARGET, "") for line in _crosses(tile.made_mm)]
+    made = [mark(line, TARGET, "") for line in cross_lines(tile.made_mm)]
     verifying: list[LaserPath] = []
     if Operation.MARK in profile.recipe.by_operation:
         settings = profile.settings(Operation.MARK)
         verifying = [
             replace(mark(line, VERIFICATION, ""), variant=VERIFY, settings=settings)
-            for line in _crosses(tile.found_mm, turn_rad=math.pi / 4)
+            for line in cross_lines(tile.found_mm, turn_rad=math.pi / 4)
         ]
     else:
-        made = [_reg(path.contour) for path in made]
-    return [*verifying, *made, *(_reg(line) for line in _crosses(tile.found_mm))]
+        made = [reg(path.contour) for path in made]
+    return [*verifying, *made, *(reg(line) for line in cross_lines(tile.found_mm))]
 
 
 def tile_jobs(
@@ -229,11 +234,13 @@ def _axes(design: Design, placement: BedPlacement) -> BranchAxes:
     )
 
 
-def _reg(contour: Contour) -> LaserPath:
+def reg(contour: Contour) -> LaserPath:
+    """Return a line of a registration target as a path that is never cut."""
     return LaserPath(operation=Operation.REG, contour=contour, label=TARGET)
 
 
-def _crosses(middles_mm: Sequence[Point], turn_rad: float = 0.0) -> list[Contour]:
+def cross_lines(middles_mm: Sequence[Point], turn_rad: float = 0.0) -> list[Contour]:
+    """Return the two lines of a cross on each of some points, turned."""
     lines = []
     dx0, dy0 = TARGET_MM / 2.0 * math.cos(turn_rad), TARGET_MM / 2.0 * math.sin(turn_rad)
     for x, y in middles_mm:

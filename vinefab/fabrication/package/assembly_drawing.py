@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
+from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.package.mounting import FACES_PT, draw_faces, face_words
 from vinefab.fabrication.package.piece_joining import (
@@ -56,6 +57,15 @@ _MOST_PT, _LEAST_PT = 620.0, 200.0
 _TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.25, 12.0, 8.5, 8.25
 _LEAD_PT = 34.0
 """Least distance on paper from a plug to its socket: room for the number of the joint."""
+
+SIZES = (
+    "Beside each branch: length x width as cut, in mm, lay-flat between the seams (computed). "
+    "Lengths go from joint to joint, at a tip to the middle of its round end"
+)
+MOST_SIZED = 60
+"""Branches whose sizes are written beside them; README.txt has the widths of all."""
+
+_SIZE_PT = 6.5
 
 _BESIDE_PT = (9.0, 12.0, 16.0, 21.0, 28.0)
 """Gaps tried between an end of a joint and its label."""
@@ -126,10 +136,24 @@ def assembly_drawing(
 
 
 def mounting_drawing(design: Design) -> Page:
-    """Return the page of a robot in one piece: which face ends outside."""
-    high_pt = FACES_PT + _HEAD_PT
+    """Return the page of a robot in one piece: its sizes, and which face ends outside."""
+    contour, layout = body_outline(design).contour, flat_layout(design)
+    x0, y0, x1, y1 = contour.box_mm
+    scale = min((_WIDE_PT - 2.0 * _EDGE_PT) / (x1 - x0), _MOST_PT / (y1 - y0), 2.0 * _PT_PER_MM)
+    plan_pt = (y1 - y0) * scale + 2.0 * _RIM_PT
+    high_pt = FACES_PT + plan_pt + _HEAD_PT + _TITLE_PT
     panel = paper(_WIDE_PT, high_pt)
-    _write_head(panel, high_pt, design, "mounting", "Not to scale.")
+    _write_head(panel, high_pt, design, "sizes and mounting", f"{SIZES}.")
+    low_pt, top_pt = FACES_PT + _TITLE_PT, high_pt - _HEAD_PT
+    right_pt = _WIDE_PT - _EDGE_PT
+    page = _View.into(contour.box_mm, (_EDGE_PT, low_pt + _RIM_PT, right_pt, top_pt - _RIM_PT))
+    points = page.points(contour.flattened_mm(_FLATTEN_PT / page.pt_per_mm))
+    colour = LEVEL_COLOURS[0]
+    ink = Ink(fill=colour, fill_alpha=0.3, line=colour, width_pt=0.8)
+    panel.add(Shape([points], ink, closed=True), 3.0)
+    labels = Labels(page_pt=(_EDGE_PT, low_pt, right_pt, top_pt), lines_pt=[_coarse(points)])
+    _write_sizes(panel, layout, np.zeros((len(layout.tree), 2)), page, labels)
+    panel.scale_bar((_EDGE_PT, FACES_PT + 4.0), page.pt_per_mm, 90.0)
     _draw_faces(panel, design)
     return page_of_paper(panel)
 
@@ -287,7 +311,8 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
         panel,
         (_EDGE_PT, top - 14.0),
         "Exploded view",
-        "each piece as it lies in the robot, lettered face up; lines lead from plug to socket",
+        "each piece as it lies in the robot, lettered face up; lines lead from plug to socket; "
+        "beside each branch length x width as cut",
     )
     box = (
         _EDGE_PT + _RIM_PT,
@@ -311,6 +336,10 @@ def _draw_exploded(panel: Panel, exploded: _Exploded, below_pt: float) -> None:
         _write_piece(panel, robot, piece.label, page, view.moves_mm[piece.label], labels)
     for step in robot.steps:
         _write_joint(panel, step, page, view, labels)
+    moves_mm = np.zeros((len(robot.layout.tree), 2))
+    for piece in robot.partition.pieces:
+        moves_mm[list(piece.branches)] = view.moves_mm[piece.label]
+    _write_sizes(panel, robot.layout, moves_mm, page, labels)
     _draw_key(panel, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
 
 
@@ -394,6 +423,45 @@ def _write_piece(  # noqa: PLR0913  where it is drawn
         (x, y), label, size_pt,
         Ink(fill="#ffffff", line=robot.colours[label], width_pt=0.9), bold=True,
     )  # fmt: skip
+
+
+def _write_sizes(
+    panel: Panel, layout: FlatLayout, moves_mm: Floats, page: _View, labels: Labels
+) -> None:
+    """Write length and width beside every branch, each moved with its piece."""
+    count = len(layout.tree)
+    if count > MOST_SIZED:
+        return
+    starts_mm, ends_mm = layout.start_mm + moves_mm, layout.end_mm + moves_mm
+    tail_mm = starts_mm[:1] - layout.tail_mm * np.array([1.0, 0.0])
+    words = [f"tail {layout.tail_mm:g}"]
+    words += [
+        f"{length:.1f} x {wide:.3g}" + (f" to {narrow:.3g}" if narrow < wide - 0.05 else "")
+        for length, wide, narrow in zip(
+            layout.tree.length_mm.tolist(),
+            layout.width_mm.tolist(),
+            layout.end_width_mm.tolist(),
+            strict=True,
+        )
+    ]
+    half_pt = np.append(layout.width_mm[:1], layout.width_mm) / 2.0 * page.pt_per_mm
+    shares = np.array([0.5, 0.6, 0.4, 0.7, 0.3])[:, None]
+    for text, half, start, end in zip(
+        words,
+        half_pt.tolist(),
+        np.concatenate([tail_mm, starts_mm]),
+        np.concatenate([starts_mm[:1], ends_mm]),
+        strict=True,
+    ):
+        size, (dx, dy) = _label_size(text, _SIZE_PT), end - start
+        normal = np.array([-dy, dx]) / math.hypot(dx, dy)
+        # Beside the branch: the label's own extent across it comes on top of half its width.
+        away = half + 2.0 + float(np.abs(normal) @ size) / 2.0
+        along = page.points(start + shares * (end - start))
+        spots = np.concatenate([along + side * away * normal for side in (1.0, -1.0)])
+        costs = np.tile(10.0 * np.abs(shares[:, 0] - 0.5), 2)
+        x, y = spots[labels.place(spots, costs, size)].tolist()
+        panel.words((x, y), text, _SIZE_PT, colour=INK, anchor="middle", halo=True)
 
 
 def _write_joint(

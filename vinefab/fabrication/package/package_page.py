@@ -78,7 +78,15 @@ def check_section(
     stale = tuple(f"Stale waiver {name}: it matches no finding." for name in report.stale_waivers)
     findings = Rows(
         caption="Findings",
-        headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
+        headings=(
+            "no.",
+            "rule",
+            "weight",
+            "branches",
+            "what is wrong",
+            "by how much",
+            "for a waiver",
+        ),
         rows=found,
     )
     tables = (
@@ -349,15 +357,10 @@ def _finding_row(finding: Finding) -> tuple[str, ...]:
         finding.rule,
         weight,
         ", ".join(finding.branches),
-        finding.message,
-        _number(finding.measured, finding.unit),
-        _number(finding.limit, finding.unit),
+        f"{finding.title}: {finding.message}" if finding.title else finding.message,
+        finding.measures,
         finding.fingerprint,
     )
-
-
-def _number(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.4g} {unit}".strip()
 
 
 def _value(value: object) -> str:

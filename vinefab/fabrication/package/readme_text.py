@@ -6,7 +6,7 @@ The words stand in ``templates/README.txt.j2`` and ``joining.txt.j2``, in a mark
 
 import math
 from functools import cache
-from itertools import groupby, pairwise
+from itertools import groupby
 from textwrap import fill
 from types import SimpleNamespace
 
@@ -17,13 +17,16 @@ from vinefab.core.plain_text import counted, one_line
 from vinefab.core.view import Rows, Value
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
+    StyledPath,
     metadata,
     operations_by_style,
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder
-from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder, tile_stem
+from vinefab.fabrication.job.passes import WEB_MM, cut_offset_mm, weld_offset_mm
+from vinefab.fabrication.job.registration import HOLES, PIN_HOLE
+from vinefab.fabrication.job.tile_jobs import TARGET, VERIFY
 from vinefab.fabrication.package import piece_joining
 from vinefab.fabrication.package.bom import film_piece_mm, robot_count
 from vinefab.fabrication.package.mounting import face_words
@@ -31,7 +34,7 @@ from vinefab.inflation.pattern import Pattern
 from vinefab.inflation.pattern_view import pattern_table
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, SealerSettings
 from vinefab.model.pieces import Partition
 from vinefab.physics.seam import lap_load_n_mm
 
@@ -56,20 +59,18 @@ def readme_text(
         How the robot deploys; None where that is left out.
     """
     written = [op for op in Operation if op in colours.styles and job.along(op)]
-    laid_out = [*_layers(job, profile, colours, written)]
     sealed = [op for op in written if op in (Operation.WELD, Operation.WELDCUT)]
-    marks = {path.label for path in job.along(Operation.MARK)}
-    by_laser = [layer for layer in laid_out if layer.settings and layer.settings.by_laser]
     film_mm = [math.ceil(side_mm - 1e-6) for side_mm in film_piece_mm(job, profile)]
-    first = job.sheets[0] if job.sheets else job
-    boxes = [styled.path.contour.box_mm for styled in styled_paths(first, colours)]
-    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
     foreign = LASER_FORMATS.packages.items()
     shown = ("generator", "name", "units", "sheet_mm", "kerf")
     facts = {key: str(one) for key, one in metadata(job, colours).items() if key not in shown}
     lists = [key for key, value in facts.items() if value.startswith(("[{", "{"))]
     lines = [f"{key}: {value}" for key, value in facts.items() if key not in lists]
+    weld = profile.recipe.by_operation.get(Operation.WELD)
+    by_hand = Operation.WELD in sealed and weld is not None and not weld.by_laser
+    runs = [_run(job, number, profile, colours) for number in range(len(job.runs))]
     filled = {
+        "Operation": Operation,
         "design": design,
         "build": design.build,
         "job": job,
@@ -78,16 +79,15 @@ def readme_text(
         "film": profile.material,
         "colours": colours,
         "film_mm": film_mm,
-        "sheets": len(job.sheets),
-        "sheet_mm": (first.sheet_width_mm, first.sheet_height_mm),
-        "box_mm": (min(low_x), min(low_y), max(high_x), max(high_y)),
-        "folders": [
-            (sheet_folder(number), labels)
-            for number, sheet in enumerate(job.sheets, start=1)
-            if isinstance(labels := sheet.facts["pieces"], list)
-        ],
+        "runs": runs,
         "written": written,
         "sealed": sealed,
+        "sealed_by_hand": by_hand,
+        "can_mark": Operation.MARK in written,
+        "pins": max(sum(path.label == PIN_HOLE for path in run.job.paths) for run in runs),
+        "pin_mm": weld.pin_mm if isinstance(weld, SealerSettings) else None,
+        "guide_mm": cut_offset_mm(profile) - weld_offset_mm(profile) if by_hand else math.nan,
+        "web_mm": WEB_MM,
         "recipe_tables": [
             f"[operations.{operation}]" if profile.settings(operation).by_laser else "[sealer]"
             for operation in written
@@ -99,20 +99,10 @@ def readme_text(
             if not LASER_FORMATS[name].on_request
         ],
         "tiles": job.tiles,
-        "target": TARGET,
-        "marks": marks,
+        "marks_targets": TARGET in {path.label for path in job.along(Operation.MARK)},
         "least_seam_mm": min(
             (profile.settings(op).seam_width_mm.value for op in sealed), default=math.nan
         ),
-        "verify_layer": f"{colours.styles[Operation.MARK].layer}_{VERIFY}"
-        if Operation.MARK in colours.styles and VERIFICATION in marks
-        else "",
-        "layers": laid_out,
-        "repeated": [layer for layer in by_laser if layer.settings.passes > 1],
-        "focused": by_laser,
-        "focus_changes": [
-            (one, two) for one, two in pairwise(by_laser) if one.focus_mm != two.focus_mm
-        ],
         "shared_styles": [group for group in operations_by_style(job, colours) if len(group) > 1],
         "left_out": operations_left_out(job, colours),
         "face_words": face_words(design.build),
@@ -120,6 +110,7 @@ def readme_text(
         "partition": partition if partition and partition.sleeves else None,
         "standing": "" if pattern is None else pattern.standing,
         "pattern": [] if pattern is None else _branches(pattern_table(pattern)),
+        "test_share": piece_joining.TEST_SHARE,
     }
     if partition and partition.sleeves:
         widest_mm = max(sleeve.width_mm for sleeve in partition.sleeves)
@@ -133,7 +124,6 @@ def readme_text(
             "lap_load_n_mm": lap_load_n_mm(design.build.pressure_kpa, widest_mm),
             "minutes_per_joint": piece_joining.MINUTES_PER_JOINT,
             "trim_mm": piece_joining.TRIM_MM,
-            "test_share": piece_joining.TEST_SHARE,
         }
     return filled_document("README.txt.j2", **filled)
 
@@ -143,26 +133,84 @@ def _branches(table: Rows) -> list[dict[str, Value]]:
     return [dict(zip(table.keys, row, strict=True)) for row in table.rows]
 
 
-def _layers(
-    job: Job, profile: LaserProfile, colours: Colours, written: list[Operation]
-) -> list[SimpleNamespace]:
-    """Return the layers of the files in the order in which they run."""
-    layers = []
-    for operation in written:
-        paths = [path for path in job.along(operation) if path.label != VERIFICATION]
-        settings = profile.settings(operation) if operation.is_machined else None
-        layers.append(
-            SimpleNamespace(
-                operation=operation,
-                style=colours.styles[operation],
-                paths=len(paths),
-                length_mm=sum(path.contour.length_mm for path in paths),
-                verifying=len(job.along(operation)) - len(paths),
-                settings=settings,
-                focus_mm=settings.focus_offset_mm.value if settings else math.nan,
+_COLOUR_NAMES = {"#000000": "black", "#0000FF": "blue", "#FF00FF": "magenta", "#FF0000": "red"}
+
+
+def _run(job: Job, number: int, profile: LaserProfile, colours: Colours) -> SimpleNamespace:
+    """Return one list of steps: a sheet or a tile with its files, its box and its layers."""
+    run, count = job.runs[number], len(job.runs)
+    title, stem = "The sheet", "outline"
+    if job.tiles:
+        title, stem = f"Tile {number + 1} of {count}", tile_stem(number + 1)
+    elif job.sheets:
+        folder, labels = sheet_folder(number + 1), run.facts["pieces"]
+        pieces = ", ".join(map(str, labels)) if isinstance(labels, list) else ""
+        title, stem = f"Sheet {number + 1} of {count}: pieces {pieces}", f"{folder}/outline"
+    styled = styled_paths(run, colours)
+    boxes = [one.path.contour.box_mm for one in styled]
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    machined = [one for one in styled if one.path.operation.is_machined]
+    return SimpleNamespace(
+        title=title,
+        stem=stem,
+        job=run,
+        box=(min(low_x), min(low_y), max(high_x), max(high_y)),
+        known=_known_length(run),
+        layers=[
+            _layer(list(group), profile)
+            for _, group in groupby(
+                sorted(machined, key=_rank), key=lambda one: (one.path.operation, one.style.layer)
             )
+        ],
+    )
+
+
+def _rank(one: StyledPath) -> tuple[int, int]:
+    """Return the place of a path's layer: a tile is verified first, holes come after marks."""
+    first = {VERIFY: 0, "": 1, HOLES: 2}
+    return list(Operation).index(one.path.operation), first.get(one.path.variant, 1)
+
+
+def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
+    """Return what runs at once, with its settings as words."""
+    path, style = styled[0].path, styled[0].style
+    settings = path.settings_in(profile)
+    words = ""
+    if settings.by_laser:
+        numbers = [settings.power_percent, settings.min_power_percent]
+        numbers += [settings.speed_mm_s, settings.frequency_hz]
+        power, least, speed, frequency = (number.words() for number in numbers)
+        standings = ", ".join(dict.fromkeys(number.standing for number in numbers))
+        words = (
+            f"power {power} %, in corners {least} %, {speed} mm/s, {frequency} Hz, "
+            f"{counted(settings.passes, 'pass')}, air {'on' if settings.air_assist else 'off'}: "
+            f"{standings}"
         )
-    return layers
+    return SimpleNamespace(
+        operation=path.operation,
+        variant=path.variant,
+        style=style,
+        colour=f"{_COLOUR_NAMES.get(style.rgb, '')} {style.rgb}".strip(),
+        paths=len(styled),
+        length_mm=sum(one.path.contour.length_mm for one in styled),
+        settings=settings,
+        words=words,
+        by_laser=settings.by_laser,
+        focus_mm=settings.focus_offset_mm.value,
+    )
+
+
+def _known_length(run: Job) -> tuple[str, float] | None:
+    """Return a length to measure after import: between pin holes, or of a straight cut."""
+    holes = [path.contour.box_mm for path in run.paths if path.label == PIN_HOLE]
+    if len(holes) > 1:
+        (x0, y0, *_), (x1, y1, *_) = holes[:2]
+        return "the two pin holes farthest apart, middle to middle", math.hypot(x1 - x0, y1 - y0)
+    straight = [path for path in run.along(Operation.CUT) if len(path.contour) == 1]
+    longest = max(straight, key=lambda path: path.contour.length_mm, default=None)
+    if longest is None:
+        return None
+    return f"the straight cut {longest.label!r}", longest.contour.length_mm
 
 
 def _corner(tile: Job) -> str:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.passes import bodies_of_paths, frees
+from vinefab.fabrication.job.passes import GUIDE, bodies_of_paths, frees
+from vinefab.fabrication.job.registration import LEAST_PINS, PIN_HOLE
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.as_built import flat_place_mm
@@ -39,7 +40,7 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     """VF-L01: marks stay off the pressurised body; those left out are reported."""
     if subject.job is None or subject.profile is None:
         return _NO_PATHS
-    marks = subject.job.along(Operation.MARK)
+    marks = [path for path in subject.job.along(Operation.MARK) if not _is_guide(path)]
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
     bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
     lines = [mark.contour.flattened_mm() for mark in marks]
@@ -64,7 +65,38 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         )
         for reason in (reasons if isinstance(reasons, list) else ())
     ]
-    return RuleApplied(checked=len(marks), violations=(*violations.values(), *left_out), note=note)
+    return RuleApplied(
+        checked=len(marks),
+        violations=(*violations.values(), *left_out, *_without_pins(subject.job, subject.profile)),
+        note=note,
+    )
+
+
+def _is_guide(path: LaserPath) -> bool:
+    """Whether a mark lies where the cut will run, and goes with it."""
+    return path.label.startswith(GUIDE)
+
+
+def _goes(path: LaserPath) -> bool:
+    """Whether a path may burn more than its recipe says: it frees a hole or goes with the cut."""
+    return path.label == PIN_HOLE or _is_guide(path)
+
+
+def _without_pins(job: Job, profile: LaserProfile) -> Iterator[Violation]:
+    """Yield a violation for every sheet that is sealed by hand and cannot be put back."""
+    for number, sheet in enumerate(() if job.tiles else job.runs, start=1):
+        pins = sum(path.label == PIN_HOLE for path in sheet.paths)
+        by_hand = sheet.along(Operation.WELD) and not profile.settings(Operation.WELD).by_laser
+        if by_hand and pins < LEAST_PINS:
+            yield Violation(
+                message=f"sheet {number} leaves the bed to be sealed, and no film is free for two "
+                "pin holes beside the robot: shorten it, or use a larger bed",
+                severity=Severity.WARNING,
+                measured=float(pins),
+                limit=float(LEAST_PINS),
+                aspect=f"pins {number}",
+                title="no pin holes to put the sheet back by",
+            )
 
 
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -124,7 +156,7 @@ def _marked_twice(paths: Sequence[LaserPath], limits: Limits) -> Iterator[Violat
     lines = np.array([_line(path) for path in paths], dtype=object)
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for one, two in zip(*(rows[first < second].tolist() for rows in (first, second)), strict=True):
-        if not (marks[one] or marks[two]):
+        if not (marks[one] or marks[two]) or any(_is_guide(paths[row]) for row in (one, two)):
             continue
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         if broken := limits.most(shared_mm, "shared"):
@@ -269,7 +301,7 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
         if speed > top:
             message = f"{operation} is faster than the machine runs: set its speed to {top:g} mm/s"
             violations.append(_warning(message, f"speed {operation}", (speed, top)))
-        paths = [] if subject.job is None else subject.job.along(Operation(operation))
+        paths = [path for path in subject.job.along(Operation(operation)) if not _goes(path)]
         radius_mm = min(
             (s.radius_mm for path in paths for s in path.contour.segments), default=math.inf
         )

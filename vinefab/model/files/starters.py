@@ -31,8 +31,12 @@ CALLED_AS_FILES = ("recipe", "machine", "material")
 """Kinds that other files refer to by the file's name."""
 
 
-def write_starter(kind: str, out: Path, *, original: str | None = None, force: bool = False) -> str:
-    """Write a file to begin with, and return the name that stands in it.
+def write_starter(
+    kind: str, out: Path, *, original: str | None = None, force: bool = False
+) -> tuple[str, bool]:
+    """Write a file to begin with; return the name that stands in it, and whether it is new.
+
+    One that began the same is left as it is: it may hold a day of work.
 
     Parameters
     ----------
@@ -48,19 +52,30 @@ def write_starter(kind: str, out: Path, *, original: str | None = None, force: b
     suffix = ".geojson" if kind == "map" else ".toml"
     if out.suffix.lower() != suffix:
         raise BadInputError("file", str(out), f"a file name ending in {suffix}")
-    if out.exists() and not force:  # it may hold a day of work, whoever wrote its first version
-        raise ForeignFileError(out, "exists")
     if kind in CALLED_AS_FILES and _plain(out.stem) != out.stem:
         allowed = f"for a {kind} a file name of letters, digits, '_', '-' and '.'"
         raise BadInputError("file", str(out), allowed)
-    ensure_writable(out, force=force)
     name = (one_line(out.stem) if kind == "map" else _plain(out.stem)) or kind
     if kind == "map":
         text = map_text(starter_map(name))
     else:
         text = _named_copy(kind, original or _STARTERS[kind][1], name)
+    if out.exists() and not force:
+        if _beginning(kind, text) != _beginning(kind, read_text(out, LARGEST_TOML_BYTES)):
+            raise ForeignFileError(out, "exists")
+        return name, False
+    ensure_writable(out, force=force)
     write_text(out, text, force=force)
-    return name
+    return name, True
+
+
+_DIGEST = re.compile(r" \[[0-9a-f]{16}\]")
+
+
+def _beginning(kind: str, text: str) -> str:
+    """Return the line that says what a file began as: of a map its second, without the digest."""
+    lines = text.splitlines()[:2]
+    return _DIGEST.sub("", lines[-1]) if kind == "map" and lines else "".join(lines[:1])
 
 
 def starter_map(name: str) -> Map:

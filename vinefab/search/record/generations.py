@@ -252,9 +252,11 @@ class RunIdentity:
             key, mine, before = difference
             name = key.removeprefix("search.")
             raised = f"; {limit_option(name)} raises it" if name in LIMIT_NAMES else ""
-            return BadInputError(key, mine, f"{before!r}, with which the run began{raised}")
+            allowed = f"{before!r}, with which the run began{raised}; another run, another folder"
+            return BadInputError(key, mine, allowed)
         if self.maps != recorded.maps:
-            return BadInputError("maps", "other maps", "the maps with which the run began")
+            allowed = "the maps with which the run began; another run, another folder"
+            return BadInputError("maps", "other maps", allowed)
         return None
 
 

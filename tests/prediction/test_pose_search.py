@@ -80,6 +80,18 @@ def test_scores_do_not_depend_on_threads():
     assert (alone == together).all()
 
 
+def test_all_poses_meet_the_same_children_that_stay_in():
+    """Where every child comes out by chance, a pose's score does not depend on those with it."""
+    trial = PoseTrial.of(TREE, PreparedMap.of(ROOM), OPTIONS.changed(emergence=0.5))
+    poses, draws = np.array([(30.0, 40.0, 0.7), (180.0, 150.0, -2.0)]), ERRORS.even(16)
+    both = trial.scores(Coverage(area="fast"), poses, draws)
+    assert (trial.scores(Coverage(area="fast"), poses[1:], draws)[0] == both[1]).all()
+    assert (trial.scores(Coverage(area="fast"), poses, draws.part(8, 16)) == both[:, 8:]).all()
+    sure = trial_on(ROOM).scores(Coverage(area="fast"), poses, draws)
+    assert (both < sure - 0.01).any()
+    assert not (both < sure - 0.01).all()
+
+
 def test_all_poses_meet_the_same_contacts_and_placing_errors():
     draws, trial = ERRORS.even(64), trial_on(ROOM)
     poses = np.array([(60.0, 160.0, 0.0), (180.0, 30.0, 1.0)])

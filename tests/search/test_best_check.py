@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from vinefab.model.design import Design
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.map import Map
@@ -97,3 +99,15 @@ def test_the_number_of_workers_changes_no_check(fabricable: RunSettings, maps: M
     assert not BestCheck(search.evaluator, ()).passes
     again = Search.of(fabricable, maps, Tabled(even, even)).run(workers=2).history
     assert [g.penalty.tolist() for g in history] == [g.penalty.tolist() for g in again]
+
+
+def test_a_resumed_run_asks_as_one_that_was_not_stopped(
+    fabricable: RunSettings, maps: Maps
+) -> None:
+    search = Search.of(fabricable, maps, Tabled(even, even))
+    history = search.run().history
+    for number, generation in enumerate(history):
+        check = BestCheck(search.evaluator, history[:number])
+        none = np.zeros(len(generation.x))
+        found = check.penalties(generation.x, generation.composite, none, none)
+        assert found.tolist() == generation.penalty.tolist()

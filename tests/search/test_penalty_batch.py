@@ -307,3 +307,27 @@ def test_huge_trees_count_as_one_outline() -> None:
     found, wanted = both(parts, x)
     assert found == pytest.approx(wanted, abs=1e-9)
     assert found[0] == PENALTY.within(whole)(whole.batch(x))[0]
+
+
+def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason() -> None:
+    """A seam 5 mm wide runs 2.5 mm outside the lumen: third levels of 24 mm trunks pass the check.
+
+    Their fillets of 2.5 mm are corners there; those of 2.8 mm are arcs too small to run.
+    """
+    sealed = ManufacturabilityPenalty(profile=read_profile("co2_60w__tpu_nylon_70d"))
+    settings = SpaceSettings(levels=Bounds(low=3, high=3), branches=Bounds(low=1, high=2))
+    shares = []
+    for width_mm in (24.0, 26.5):
+        build = BuildSettings(trunk_width_mm=width_mm, width_ratio=0.65)
+        space = Space(settings, build)
+        x = np.random.default_rng(2).random((300, len(space)))
+        found = sealed.within(space)(space.batch(x))
+        shares.append((found == 0.0).mean())
+        for row in np.flatnonzero(found == 0.0)[:6]:
+            design = space.design(x[row])
+            assert sealed(design) == 0.0
+            rules = {finding.rule for finding in sealed.broken(design) or ()}
+            assert rules <= {"VF-L02"}
+            assert "VF-C04" not in rules
+    assert shares[0] > 0.05
+    assert shares[1] == 0.0

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.search.loop import Search
@@ -29,25 +28,25 @@ def thick() -> LaserProfile:
 
 
 PENALTY = ManufacturabilityPenalty(profile=thick())
-PACKED = RunSettings(
+SMALL_ARCS = RunSettings(
     maps=MapSettings(count=1),
     space=SpaceSettings(
-        levels=Bounds(low=3, high=4),
+        levels=Bounds(low=3, high=3),
         length_mm=Bounds(low=40, high=205),
-        branches=Bounds(low=2, high=3),
+        branches=Bounds(low=1, high=2),
         angle_deg=Bounds(low=30, high=160),
     ),
-    build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=6)),
-    search=SearchSettings(population=20, generations=10),
+    build=BuildSettings(trunk_width_mm=26.5, width_ratio=0.65),
+    search=SearchSettings(population=12, generations=10),
 )
-"""Thick film, so that what grows out of a trunk of 24 mm fills it."""
+"""On the seam, 2.5 mm outside the lumen, fillets of 2.8 mm are arcs too small to be run."""
 
 
 @pytest.fixture(scope="module")
 def seen() -> list[Progress]:
     """What a run reports that finds nothing."""
     reports = list[Progress]()
-    Search.of(PACKED, training_maps(PACKED), PENALTY).run(progress=reports.append)
+    Search.of(SMALL_ARCS, training_maps(SMALL_ARCS), PENALTY).run(progress=reports.append)
     return reports
 
 
@@ -56,19 +55,19 @@ def test_a_run_without_a_manufacturable_design_names_rule_and_key_in_its_first_t
 ) -> None:
     first = next(one for one in seen if one.advice)
     assert first.share <= 0.2
-    assert "VF-W03" in first.advice
+    assert "VF-L02" in first.advice
     assert "build.trunk_width_mm = " in first.advice
     assert {one.advice for one in seen if one.generation > first.generation} == {first.advice}
     assert "manufacturable: not yet" in progress_line(first, checked=True)
 
 
 def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_not() -> None:
-    found = relaxations(PACKED, PENALTY)
+    found = relaxations(SMALL_ARCS, PENALTY)
     assert found
     assert len({change.key for change in found}) == len(found)
-    assert not has_design(PACKED, PENALTY)
+    assert not has_design(SMALL_ARCS, PENALTY)
     for change in found:
-        assert change.settings != PACKED
+        assert change.settings != SMALL_ARCS
         assert change.text.startswith(f"{change.key} = ")
         reports = list[Progress]()
         short = change.settings.changed(search=SearchSettings(population=12, generations=2))
@@ -78,7 +77,7 @@ def test_every_change_that_is_named_lets_a_design_pass_and_the_run_itself_does_n
 
 def test_a_run_that_finds_designs_needs_no_advice() -> None:
     search = SearchSettings(population=12, generations=3)
-    wide = PACKED.changed(build=PACKED.build.changed(trunk_width_mm=40.0), search=search)
+    wide = SMALL_ARCS.changed(build=SMALL_ARCS.build.changed(trunk_width_mm=40.0), search=search)
     reports = list[Progress]()
     result = Search.of(wide, training_maps(wide), PENALTY).run(progress=reports.append)
     assert result.fabricable

@@ -91,19 +91,6 @@ def design_text(branches):
     )
 
 
-def many_walls():
-    """A map of 1,040 walls: 260 boxes."""
-    boxes = [
-        shapely.box(25 * i, 25 * j, 25 * i + 9, 25 * j + 9) for i in range(20) for j in range(13)
-    ]
-    return vf.Map(
-        name="walls",
-        bounds=shapely.box(-30, -30, 520, 345),
-        obstacles=tuple(boxes),
-        starts=(vf.Start(pose=vf.Pose.of((17.0, -10.0, 80.0))),),
-    )
-
-
 @contextmanager
 def opened(browser, folder, *arguments, extra=()):
     """Give a page with the robot on it, and its server."""
@@ -242,7 +229,7 @@ def main(runs=5, drags=1000):
             )
             measure_starts(browser, folder, runs)
             measure_drags(browser, folder)
-            measure_walls(browser, folder)
+            measure_obstacles(browser, folder)
             measure_memory(browser, folder, drags)
             browser.close()
     finally:
@@ -275,15 +262,32 @@ def measure_drags(browser, folder):
             say(f"{count} branches: release to full rules", summary(rules_ms(page)))
 
 
-def measure_walls(browser, folder):
-    many_walls().write(folder / "walls.geojson", force=True)
-    (folder / "measured.toml").write_text(design_text(BRANCHES[10]))
-    with opened(browser, folder, "measured.toml", "--map", "walls.geojson") as (page, _):
-        page.evaluate(WATCH)
-        wait_until_compiled(page)
-        page.wait_for_timeout(3000)
-        say("1,040 walls: slider", summary(latencies_ms(page, SLIDER)))
-        say("1,040 walls: obstacle dragged", summary(latencies_ms(page, '[data-obstacle="133"]')))
+OBSTACLES = {36: (6, 6, 500.0), 506: (23, 22, 2000.0)}
+
+
+def measure_obstacles(browser, folder):
+    """Drag an obstacle next to the robot, with few and with many on the map."""
+    for count, (columns, rows, size_mm) in OBSTACLES.items():
+        world = vf.maps.grid(3, columns=columns, rows=rows, size_mm=size_mm)
+        world.write(folder / "obstacles.geojson", force=True)
+        start = world.starts[0].pose
+        near = min(
+            range(count),
+            key=lambda index: world.obstacles[index].distance(
+                shapely.Point(start.x_mm + 30.0, start.y_mm + 60.0)
+            ),
+        )
+        for branches in (10, 40):
+            (folder / "measured.toml").write_text(design_text(BRANCHES[branches]))
+            with opened(browser, folder, "measured.toml", "--map", "obstacles.geojson") as (
+                page,
+                _,
+            ):
+                page.evaluate(WATCH)
+                wait_until_compiled(page)
+                page.wait_for_timeout(3000)
+                found = latencies_ms(page, f'[data-obstacle="{near}"]')
+                say(f"{count} obstacles, {branches} branches: obstacle", summary(found))
 
 
 def measure_memory(browser, folder, drags):

@@ -3,6 +3,7 @@
 import re
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +17,10 @@ from vinefab.model.design import design_of
 from vinefab.model.files.run_context import ChosenRecipe
 from vinefab.pages.plan_svg import outline_svg, robot_svg
 from vinefab.studio.cut_answer import cut_notes
+from vinefab.studio.edited_map import Frame
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.targets import touched_targets
 
 DESIGN = """# Two arms, to be dragged.
 schema = "vinefab/design-1"
@@ -345,6 +348,102 @@ def test_obstacles_are_moved_added_and_deleted(tab, grid):
     assert tab.state()["map"]["edits"][2] == ["remove", 9]
     shows(tab, tab.design(), world)
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
+
+
+def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
+    """Its frame as the library has it, before and after."""
+    tab.page.select_option("#thing", "obstacle 4")
+    tab.until("() => studio.answers.live.obstacle?.index === 4")
+    frame = Frame.around(grid.obstacles[4])
+    shown = tab.page.evaluate("studio.answers.live.obstacle.frame")
+    assert shown == pytest.approx(frame.content)
+    for key, value in (("x_mm", 140.5), ("width_mm", 33.0), ("turn_deg", 20.0)):
+        field = tab.page.locator(f"#obstacle-{key}")
+        field.fill(str(value))
+        field.press("Enter")
+        tab.until(
+            "([key, value]) => studio.answers.live.obstacle.frame[key] === value", [key, value]
+        )
+    placed = frame.changed(x_mm=140.5, width_mm=33.0, turn_deg=20.0)
+    assert tab.page.evaluate("studio.answers.live.obstacle.frame") == pytest.approx(placed.content)
+    moved = list(grid.obstacles)
+    moved[4] = frame.taken_to(placed, moved[4])
+    assert Frame.around(moved[4]).content == pytest.approx(placed.content)
+    shows(tab, tab.design(), with_obstacles(grid, moved))
+    tab.drag(tab.middle(".edit-layer .turn"), (0, 40))
+    tab.until("() => studio.answers.live.obstacle.frame.turn_deg !== 20")
+    tab.drag(tab.middle(".edit-layer .size"), (15, -5))
+    tab.until("() => studio.answers.live.obstacle.frame.width_mm !== 33")
+    state = tab.page.evaluate("studio.answers.live.obstacle.frame")
+    moved[4] = frame.taken_to(Frame(**state), grid.obstacles[4])
+    shows(tab, tab.design(), with_obstacles(grid, moved))
+    for _ in range(5):
+        tab.page.locator("#undo").click()
+    shows(tab, tab.design(), grid)
+
+
+def test_targets_are_placed_dragged_renamed_removed_and_their_state_is_live(tab, grid):
+    tip = tab.middle('.robot-layer .mark[data-branch="0.1"]')
+    tab.page.get_by_role("button", name="Add a target").click()
+    tab.page.mouse.click(tip[0] + 40, tip[1] - 60)
+    tab.page.wait_for_selector("#targets:has-text('0 of 1 touched, A missed by')")
+
+    def agrees():
+        world = replace(grid, targets=tab.state()["map"]["targets"])
+        found = touched_targets([(tab.design().grow(world), world)])
+        tab.page.wait_for_selector(f"#targets b:text-is('Targets: {found.headline}')")
+        states = [f"{one.target.name} {one.state}" for one in found.outcomes]
+        assert tab.page.locator("#targets button").all_inner_texts() == states
+        assert tab.page.locator(".target-layer .touched").count() == len(states) - len(found.missed)
+        return found
+
+    assert not agrees().all_touched
+    tab.drag(tab.middle('.target-layer [data-target="A"] .hand'), (-40, 60))
+    tab.page.wait_for_selector("#targets:has-text('1 of 1 touched')")
+    assert agrees().all_touched
+    for key, value in (("tolerance_mm", "7.5"), ("name", "shelf")):
+        field = tab.page.locator(f"#target-{key}")
+        field.fill(value)
+        field.press("Enter")
+    tab.page.wait_for_selector('[data-target="shelf"]')
+    tab.page.get_by_role("button", name="Add a target").focus()
+    tab.page.keyboard.press("Enter")  # by key it stands in the middle
+    agrees()
+    names = [one["name"] for one in tab.state()["map"]["targets"]]
+    assert names == ["shelf", "A"]
+    assert tab.state()["map"]["targets"][0]["tolerance_mm"] == 7.5
+    tab.page.get_by_role("button", name="Delete it").click()
+    tab.until("() => studio.store.get().map.targets.length === 1")
+    agrees()
+    tab.page.locator("#undo").click()
+    assert [one["name"] for one in tab.state()["map"]["targets"]] == names
+
+
+def test_scale_bar_cursor_measure_snap_and_legend(tab):
+    tab.page.select_option("#snap", "10")
+    tab.drag(tab.middle(".pose-layer .base"), (23, -31))
+    x, y, _ = pose_of(tab.state())
+    assert (x % 10.0, y % 10.0) == (0.0, 0.0)
+    perpx = float(
+        tab.page.evaluate(
+            "document.querySelector('#map svg.plan').style.getPropertyValue('--mm-per-px')"
+        )
+    )
+    bar = tab.page.locator(".scale-bar")
+    assert tab.box(".scale-bar")["width"] * perpx == pytest.approx(
+        float(bar.inner_text().removesuffix(" mm")), rel=0.01
+    )
+    tab.page.get_by_role("button", name="Measure").click()
+    start = tab.middle("#map svg.plan")
+    tab.drag(start, (80, 0))
+    words = tab.page.locator(".tool-layer text").text_content()
+    assert float(words.split(" mm")[0]) == pytest.approx(80 * perpx, abs=10.0)
+    assert words.endswith("0°")
+    assert len(tab.state()["map"]["edits"]) == 0, "nothing is moved while a way is measured"
+    tab.page.mouse.move(*tab.middle(".pose-layer .base"))
+    assert tab.page.inner_text(".cursor").startswith(f"{x:.0f}")
+    tab.page.locator(".legend summary").click()
+    assert tab.page.locator(".legend li:visible").count() >= 10
 
 
 def with_obstacles(world, obstacles):

@@ -11,6 +11,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
 from vinefab.studio import warming
+from vinefab.studio.edited_map import world_of
 from vinefab.studio.panels import answer_of
 from vinefab.studio.snapshot import (
     SnapshotOptions,
@@ -19,7 +20,7 @@ from vinefab.studio.snapshot import (
     stored_state,
     write_snapshot,
 )
-from vinefab.studio.state import StudioState, world_of
+from vinefab.studio.state import StudioState
 
 HOSTILE = "</script><!-- \u2028 & \"quoted\" 'x' <script>"
 

@@ -13,8 +13,9 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.map_geojson import map_text
 from vinefab.studio.desk import Desk
+from vinefab.studio.edited_map import world_of
 from vinefab.studio.panels import PANELS, answer_of
-from vinefab.studio.state import StudioState, world_of
+from vinefab.studio.state import StudioState
 
 GRID = {"source": {"environment": "grid", "seed": 3}, "edits": []}
 

@@ -31,7 +31,7 @@ def state_of(robot, locks=()):
 
 
 def tip_of(state, branch):
-    terrain = prepared_map(state.world).terrain
+    terrain = prepared_map(state).terrain
     grown = grow_on(state.design, terrain, state.start, state.growth, engine="interpreted")
     return grown.chain_mm(grown.tree.ids.index(branch))[-1]
 

@@ -19,8 +19,9 @@ has the class ``plan``. Two things are the page's:
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from xml.sax.saxutils import escape
 
 import numpy as np
 import shapely
@@ -33,6 +34,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
+from vinefab.model.target import Target
 from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.map_view import (
     STOP_WORDS,
@@ -203,6 +205,64 @@ def _range_svg(mark: StartMark) -> str:
         parts += [f'<path class="places" d="{_line_path(line)}"/>' for line in lines]
         parts.append(f'<path class="whole" d="{_line_path(mark.whole)}"/>')
     return f'<g class="range">{"".join(parts)}</g>' if parts else ""
+
+
+def targets_svg(targets: Sequence[Target], states: Sequence[str] = ()) -> str:
+    """Return targets with their tolerance, each a group of its name, with its state if known."""
+    parts = []
+    for target, state in zip(targets, states or [""] * len(targets), strict=True):
+        touched = " touched" if state == "touched" else " missed" if state else ""
+        name = escape(target.name, {'"': "&quot;"})
+        within = target.shape.buffer(target.tolerance_mm)
+        area = f'<path class="within" d="{shape_path(within)}"/>' if within.area > 0.0 else ""
+        words = f"{name} {state}" if state else name
+        parts.append(
+            f'<g class="target{touched}" data-target="{name}">{area}'
+            f'<g transform="translate({_pair(*target.middle_mm)})"><g class="sized">'
+            f'<circle class="hand" r="12"/><path class="cross" d="M-6 0H6M0-6V6"/>'
+            f'<text x="9" y="-7">{words}</text></g></g></g>'
+        )
+    return "".join(parts)
+
+
+def frame_svg(place_mm: Callable[[float, float], tuple[float, float]]) -> str:
+    """Return the frame of what is chosen, with handles to resize and to turn it.
+
+    Parameters
+    ----------
+    place_mm
+        Gives a place of the frame, from -1 to 1 along its axes.
+    """
+    corners = [place_mm(*corner) for corner in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    ring = " ".join(_pair(*corner) for corner in corners)
+    turn = _pair(*place_mm(1.6, 0))
+    handles = (
+        f'<g transform="translate({place})"><g class="sized">'
+        f'<circle class="handle {name}" r="7"/></g></g>'
+        for name, place in (("size", _pair(*corners[2])), ("turn", turn))
+    )
+    arm = f"M{_pair(*place_mm(1, 0))}L{turn}"
+    return f'<path class="frame" d="M{ring}Z{arm}"/>{"".join(handles)}'
+
+
+def legend_rows() -> list[tuple[str, str]]:
+    """Return the signs of a plan, each as SVG around the origin, in pixels, and its meaning."""
+    rows = [
+        (f'<g class="mark {stop_class(stop)}">{sign}</g>', f"tip {STOP_WORDS[stop]}")
+        for stop, sign in STOP_SIGNS.items()
+    ]
+    contact = f'<g class="contacts">{CONTACT}</g>'
+    target = '<g class="target"><path class="cross" d="M-6 0H6M0-6V6"/></g>'
+    return [
+        *rows, (contact, "body around a wall"), (target, "target; its tolerance around it"),
+        ('<path class="rock" d="M-6-6H6V6H-6Z"/>', "obstacle"),
+        ('<path class="range-sign" d="M-6-6H6V6H-6Z"/>', "where poses are drawn from"),
+    ]  # fmt: skip
+
+
+def shape_path(shape: BaseGeometry) -> str:
+    """Return polygons as the ``d`` of a path."""
+    return "".join(_rings_paths(shapely.get_parts(shape).tolist()))
 
 
 def _line_path(shape: BaseGeometry) -> str:

@@ -50,6 +50,7 @@ class PoseDraws:
     offset_mm: Floats  # how far the base is off, shape (k, 2)
     turn_rad: Floats  # how far the heading is off, shape (k,)
     half_angle_rad: Floats  # head-on half-angle of the contacts, shape (k,)
+    seed: Ints  # of the children that come out, shape (k,)
 
     def __len__(self) -> int:
         return len(self.turn_rad)
@@ -60,11 +61,12 @@ class PoseDraws:
             offset_mm=self.offset_mm[first:last],
             turn_rad=self.turn_rad[first:last],
             half_angle_rad=self.half_angle_rad[first:last],
+            seed=self.seed[first:last],
         )
 
     def with_contacts_of(self, other: "PoseDraws") -> "PoseDraws":
         """Return the same placing errors with the contacts of other draws."""
-        return replace(self, half_angle_rad=other.half_angle_rad)
+        return replace(self, half_angle_rad=other.half_angle_rad, seed=other.seed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +99,7 @@ class PoseErrors:
             offset_mm=away_mm[:, None] * np.column_stack([np.cos(direction), np.sin(direction)]),
             turn_rad=rad(self.placing_deg) * (2.0 * shares[:, 2] - 1.0),
             half_angle_rad=low + (high - low) * shares[:, 3],
+            seed=(shares[:, 2:].sum(axis=1) * 2.0**52).astype(np.int64),
         )
 
 
@@ -181,7 +184,8 @@ class PoseTrial:
         """Return every pose at every draw as launches of a batch, pose by pose."""
         placed = [pose_of(row) for row in self.placed(poses, draws).tolist()]
         angles = np.tile(draws.half_angle_rad, len(poses))
-        return Launches.of(self.terrains, [placed], angles)  # type: ignore[arg-type]
+        seeds = np.tile(draws.seed, len(poses))
+        return Launches.of(self.terrains, [placed], angles, seeds)  # type: ignore[arg-type]
 
     def each(
         self,

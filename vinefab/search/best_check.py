@@ -63,20 +63,22 @@ class BestCheck:
         fitness = self._evaluator.fitness(composite, penalty, costs)
         if self._evaluator.penalty is None:
             return penalty
-        found = penalty.copy()
+        found, failures = penalty.copy(), self._failures
         for row in np.argsort(-fitness, kind="stable")[:MOST_OF_GENERATION].tolist():
             is_free = penalty[row] == 0.0 and np.isfinite(composite[row])
             if not is_free or fitness[row] <= self._best:
                 break
             broken: tuple[Finding, ...] | None = None
-            if self._failures < MOST_FAILURES:
+            if failures < MOST_FAILURES:
                 broken = self._evaluator.broken(self._evaluator.space.design(x[row]))
             if not broken:
                 self.passes = None if broken is None else True
-                self._best = float(fitness[row])
                 break
             found[row] = FAILED
-            self._failures += 1
+            failures += 1
+        # From what is recorded alone, so that a resumed run goes on alike.
+        self._failures += int((found == FAILED).sum())
+        self._best = max(self._best, float(self._evaluator.fitness(composite, found, costs).max()))
         return found
 
     def judged(self, progress: Progress) -> Progress:

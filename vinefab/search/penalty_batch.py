@@ -27,7 +27,7 @@ from vinefab.fabrication.rules.inflation_rules import BODIES
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
-    least_fillet_mm,
+    FilletSizes,
     width_violations,
 )
 from vinefab.fabrication.rules.piece_rules import LAP_PACKING, widest_cut_mm
@@ -97,7 +97,9 @@ class PenaltyLimits(NamedTuple):
 
     angle_deg: float  # least angle between neighbours
     crotch: float  # most of a branch that may lie in the crotch
-    fillet_mm: float  # least radius that rules and laser take
+    fillet_mm: float  # least radius, as `FilletSizes`
+    seal_mm: float
+    run_mm: float
     sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
@@ -211,11 +213,14 @@ class BatchPenalty:
             rule.limits_with(changed.get(rule.id, {})) for rule in (PACKING, LAP_PACKING)
         )
         material, settings = profile.material, space.build.pieces
+        sizes = FilletSizes.of(changed, profile)
         size = sleeve_size(builds[-1], profile)
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
-            fillet_mm=least_fillet_mm(changed, profile),
+            fillet_mm=sizes.error_mm,
+            seal_mm=sizes.seal_mm,
+            run_mm=sizes.run_mm,
             sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],

@@ -264,8 +264,19 @@ def _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits):
         else:
             shorter_mm = _shorter(run, branches, place)
         most = _largest_fillet(gap[place], one, narrow, max(0.5 * shorter_mm, disc))
-        found += _excess(limits.fillet_mm, max(0.0, min(fillet, most)), limits.most)
+        radius, least = max(0.0, min(fillet, most)), limits.fillet_mm
+        arc = (radius - limits.seal_mm) * _largest_turn(gap[place], one, narrow, radius, disc)
+        if radius < limits.run_mm and arc >= limits.segment_mm:
+            least = max(least, limits.run_mm)
+        found += _excess(least, radius, limits.most)
     return found
+
+
+@inlined
+def _largest_turn(angle, one, two, radius, disc):
+    """Return the largest angle that a fillet between two neighbours turns through."""
+    a, b = math.asin((one + radius) / (disc + radius)), math.asin((two + radius) / (disc + radius))
+    return math.pi / 2.0 - min(a, b) if a + b <= angle else math.pi - angle
 
 
 @inlined

@@ -46,8 +46,9 @@ from vinefab.model.files.shipped import (
 )
 from vinefab.model.files.toml import LARGEST_TOML_BYTES, toml_content
 from vinefab.model.map import Map
+from vinefab.studio.edited_map import PAGE
 from vinefab.studio.recovery import drop_unsaved, keep_unsaved, list_unsaved, read_unsaved
-from vinefab.studio.state import PAGE, files_named_in, is_name
+from vinefab.studio.state import files_named_in, is_name
 from vinefab.tasks.shipped_tasks import TASKS
 
 LARGEST_MAP_BYTES = 32 << 20

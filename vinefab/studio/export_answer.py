@@ -30,6 +30,7 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.laser import RecipeStatus
 from vinefab.model.map import Map, Start
+from vinefab.studio.edited_map import PAGE
 from vinefab.studio.exports import (
     DESIGN_FILE,
     EXPORTS,
@@ -42,7 +43,7 @@ from vinefab.studio.exports import (
 )
 from vinefab.studio.panels import Tell
 from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.state import StudioState
 
 SNAPSHOT = "snapshot"
 """The export that is no command: what the page shows."""

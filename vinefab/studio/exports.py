@@ -21,8 +21,8 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
+from vinefab.studio.edited_map import PAGE
 from vinefab.studio.panels import Tell
-from vinefab.studio.state import PAGE
 
 DESIGN_FILE, MAP_FILE = "design.toml", "map.geojson"
 """Names of what an export is made of, in the folder beside it."""

@@ -29,8 +29,9 @@ from vinefab.model.start_place import start_record
 from vinefab.pages.body_raster import body_cells
 from vinefab.pages.colours import HEAT_COLOURS
 from vinefab.pages.plan_svg import ground_svg, robot_svg, view_box
+from vinefab.studio.edited_map import PAGE, world_of
 from vinefab.studio.panels import Tell
-from vinefab.studio.state import PAGE, Family, StudioState, world_of
+from vinefab.studio.state import Family, StudioState
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.map_context import MapContext

@@ -12,9 +12,10 @@ from vinefab.model.files.design_toml import design_content
 from vinefab.model.map import Map, Start
 from vinefab.prediction.fix_proposal import FIX_TASKS, ProposedFix, propose_fix
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.studio.edited_map import PAGE
 from vinefab.studio.panels import Tell
 from vinefab.studio.rules_answer import report_content
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.state import StudioState
 
 _KEPT_BY = (
     (re.compile(r"level\.\d+\.branches"), "branches"),

@@ -6,7 +6,6 @@ from typing import Any
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.pages.plan_svg import robot_svg
 from vinefab.prediction.deploy import History
-from vinefab.studio.live_answer import prepared_map
 from vinefab.studio.panels import Tell
 from vinefab.studio.state import StudioState
 from vinefab.studio.tip_answer import deployed_robot
@@ -26,10 +25,10 @@ def front_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[st
     ask
         ``front_mm``: way along the body from the base to the growing tips.
     """
-    world, final = deployed_robot(state)
+    final, terrain = deployed_robot(state)
     history = History(
         design=state.grown_now,
-        terrain=prepared_map(world).terrain,
+        terrain=terrain,
         options=state.growth,
         final=final,
     )

@@ -2,29 +2,37 @@
 
 import math
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.core.hashing import sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.growth.options import GrowthChoice, growth_text
-from vinefab.growth.simulator import grow_on
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import ORIGIN_GROWTH, Design, UnevenLevel
-from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 from vinefab.model.score import IDEAL_CASE
 from vinefab.pages.map_view import STOP_WORDS
-from vinefab.pages.plan_svg import ground_svg, pose_svg, robot_svg, view_box
+from vinefab.pages.plan_svg import (
+    frame_svg,
+    ground_svg,
+    pose_svg,
+    robot_svg,
+    shape_path,
+    targets_svg,
+    view_box,
+)
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import places_text, stayed_text, wedged, without_room
 from vinefab.prediction.measures import worst_pressures_of
+from vinefab.studio.edited_map import Ground
 from vinefab.studio.panels import Tell
+from vinefab.studio.scene import grown, prepared_map
 from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
 from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.shipped_tasks import TASKS, make_task
+from vinefab.tasks.targets import touched_targets
 from vinefab.tasks.task import Task, check_on_map
 
 MOST_LIVE_INTERPRETED = 1500
@@ -44,20 +52,36 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
     ----------
     ask
         ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
-        dragged, whose element the page moves itself.
+        dragged; ``obstacle``: index of the one that is chosen, which is drawn for itself.
     """
     answer: dict[str, Any] = {"engine": engine_now(), "growth": _growth(state)}
-    if state.world is None:
+    if state.world is None or state.ground is None:
         return {**answer, "ground_key": "", "facts": _planned(state.design)}
-    key = _ground_key(state.world)
+    key = state.ground.key
     wanted = ask.get("ground", True) and ask.get("have") != key
     answer |= {
         "ground_key": key,
         "ground_svg": ground_svg(state.world) if wanted else None,
         "view_box": view_box(state.world.bounds.bounds, 0.03 * max(state.world.size_mm)),
         "map_size_mm": list(state.world.size_mm),
+        "targets": [target.content for target in state.world.targets],
+        "targets_svg": targets_svg(state.world.targets),
+        "obstacle": _obstacle(state.ground, ask.get("obstacle")),
     }
     return answer | _grown(state, state.world)
+
+
+def _obstacle(ground: Ground, index: object) -> dict[str, Any] | None:
+    """Return frame and drawing of the obstacle that is chosen."""
+    if type(index) is not int or not 0 <= index < len(ground.world.obstacles):
+        return None
+    frame = ground.frame(index)
+    return {
+        "index": index,
+        "frame": frame.content,
+        "path": shape_path(ground.world.obstacles[index]),
+        "svg": frame_svg(frame.place_mm),
+    }
 
 
 def _grown(state: StudioState, world: Map) -> dict[str, Any]:
@@ -70,22 +94,41 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     }
     if problem := not_followed(state.design):
         return place | _not_grown(state.design, problem)
-    prepared = prepared_map(world)
+    prepared = prepared_map(state)
     try:
-        deployment = grow_on(
-            state.grown_now, prepared.terrain, start, state.growth, engine=engine_now()
-        )
+        deployment, _ = grown(state, start)
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
     scores, titles, problems = _scores(deployment, prepared)
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
-    return place | {
-        "robot_svg": robot_svg(deployment, widths_mm),
-        "front_full_mm": deployment.full_mm,
-        "scores": scores,
-        "titles": titles,
-        "facts": _facts(state.design, deployment),
-        "problems": problems + _troubles(state, deployment),
+    return (
+        place
+        | _touched(deployment, world)
+        | {
+            "robot_svg": robot_svg(deployment, widths_mm),
+            "front_full_mm": deployment.full_mm,
+            "scores": scores,
+            "titles": titles,
+            "facts": _facts(state.design, deployment),
+            "problems": problems + _troubles(state, deployment),
+        }
+    )
+
+
+def _touched(deployment: Deployment, world: Map) -> dict[str, Any]:
+    """Return which targets of the map are touched, and the others with what is missing."""
+    found = touched_targets([(deployment, world)])
+    if found is None:
+        return {}
+    states = [outcome.state for outcome in found.outcomes]
+    return {
+        "targets": [
+            {**content, "state": state}
+            for content, state in zip(found.content, states, strict=True)
+        ],
+        "targets_svg": targets_svg(world.targets, states),
+        "targets_headline": found.headline,
+        "targets_tone": found.tone,
     }
 
 
@@ -203,14 +246,3 @@ def _troubles(state: StudioState, deployment: Deployment) -> list[str]:
 @cache
 def _task(name: str) -> Task:
     return make_task(name, {})
-
-
-@lru_cache(maxsize=64)
-def prepared_map(world: Map) -> PreparedMap:
-    """Return a map with all that growth and tasks need of it, kept while it is open."""
-    return PreparedMap.of(world)
-
-
-@lru_cache(maxsize=64)
-def _ground_key(world: Map) -> str:
-    return sha256_of(map_text(world).encode())[:16]

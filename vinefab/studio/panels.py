@@ -6,7 +6,8 @@ from importlib import import_module
 from typing import Any
 
 from vinefab.core.errors import BadInputError
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.edited_map import PAGE
+from vinefab.studio.state import StudioState
 
 Tell = Callable[[float, str], None]
 """Takes the share that is done, 0 to 1, and what is being done."""

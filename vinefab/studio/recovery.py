@@ -14,7 +14,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import check_plain
 from vinefab.model.files.shipped import read_text, user_root
-from vinefab.studio.state import PAGE
+from vinefab.studio.edited_map import PAGE
 
 RECOVERY_SCHEMA = "vinefab/recovery-1"
 MOST_RECOVERIES = 20

@@ -24,7 +24,8 @@ from vinefab.search.costs import COSTS
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.space import LIMITS, BuildSettings, SpaceSettings
 from vinefab.studio.design_form import label_of
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.edited_map import PAGE
+from vinefab.studio.state import StudioState
 from vinefab.tasks.shipped_tasks import TASKS
 
 RUN_FILE, START_FILE, SHOWN_MAP_FILE = "run.toml", "start.toml", "map.geojson"

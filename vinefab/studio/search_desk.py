@@ -37,6 +37,7 @@ from vinefab.model.files.named_file import path_inside
 from vinefab.search.record.generations import first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
+from vinefab.studio.edited_map import PAGE
 from vinefab.studio.followed_run import (
     FollowedRecord,
     best_of,
@@ -48,7 +49,7 @@ from vinefab.studio.followed_run import (
     winner_words,
 )
 from vinefab.studio.run_request import RUN_FILE, run_files, run_proposal
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.state import StudioState
 
 _PAUSE_S = 0.35
 """Between two looks at the record of a run that is going on."""

@@ -31,9 +31,11 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.map import Map
+from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.design_form import design_form, growth_form
+from vinefab.studio.edited_map import PAGE, world_of
 from vinefab.studio.panels import Tell, answer_of
-from vinefab.studio.state import PAGE, StudioState, is_name, world_of
+from vinefab.studio.state import StudioState, is_name
 from vinefab.studio.warming import load_kernel
 
 _SCHEMA = "vinefab/snapshot-1"
@@ -121,6 +123,7 @@ def snapshot_html(
         "state": portable,
         "form": design_form(),
         "growth_form": growth_form(),
+        "legend": legend_rows(),
         "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     source = _source(state)  # of the map that the state's edits are made to

@@ -1,41 +1,27 @@
 """What is open on the page: design, map with edits, start, recipe, task, family of maps."""
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
-import shapely
 from annotated_types import Interval, MinLen
 from pydantic import Field
-from shapely import Polygon
-from shapely.affinity import translate
 from typing_extensions import Doc
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.limits import MOST_FIRST_SEED
-from vinefab.core.registry import with_parameters
 from vinefab.core.table import Table, validated
-from vinefab.core.validation import LARGEST_MM, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design, design_of
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 from vinefab.prediction.deploy import as_grown
+from vinefab.studio.edited_map import PAGE, Ground, file_stamp, ground_of, world_of
 
-PAGE = "the page"
-"""What messages call the source of a value that was set on the page."""
-
-MOST_EDITS = 10_000
 MOST_FAMILY, MOST_POSES = 200, 5
-
-MapSource = Mapping[str, Any]
-"""``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
 
 
 class Family(Table):
@@ -74,7 +60,8 @@ class StudioState:
     """
 
     design: Design
-    world: Map | None  # with the page's edits; None where no map is open
+    world: Map | None  # with the page's edits and targets; None where no map is open
+    ground: Ground | None  # the same without the page's targets
     pose: Pose | None  # None: the map's first start
     profile: LaserProfile
     recipe: str  # what the profile was opened by
@@ -95,9 +82,11 @@ class StudioState:
         given = _mapping("state", content)
         design = design_of(_mapping("design", given.get("design")), PAGE)
         recipe = _text("recipe", given.get("recipe") or DEFAULT_RECIPE)
+        shown = None if given.get("map") is None else _mapping("map", given["map"])
         return cls(
             design=design,
-            world=None if given.get("map") is None else world_of(_mapping("map", given["map"])),
+            world=None if shown is None else world_of(shown),
+            ground=None if shown is None else ground_of(shown),
             pose=_pose(given.get("pose")),
             profile=current_profile(recipe),
             recipe=recipe,
@@ -144,95 +133,15 @@ def _member(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def world_of(content: Mapping[str, Any]) -> Map:
-    """Return the map that the page shows: its source with the page's edits.
-
-    Parameters
-    ----------
-    content
-        ``source`` (see `MapSource`) and ``edits``, a list that is applied in order:
-        ``["move", INDEX, DX_MM, DY_MM]``, ``["add", [[X, Y], ...]]``, ``["remove", INDEX]``.
-    """
-    source = _mapping("map.source", content.get("source"))
-    edits = content.get("edits") or []
-    if not isinstance(edits, list) or len(edits) > MOST_EDITS:
-        raise BadInputError("map.edits", "edits", f"a list of at most {MOST_EDITS}", PAGE)
-    stamp = _stamp(path_given("map.file", source["file"])) if "file" in source else ""
-    return _edited_world(json.dumps(source, sort_keys=True), json.dumps(edits), stamp)
-
-
-@lru_cache(maxsize=32)
-def _edited_world(source: str, edits: str, stamp: str) -> Map:
-    world, changes = _source_world(source, stamp), json.loads(edits)
-    if not changes:
-        return world
-    obstacles = list(world.obstacles)
-    for place, edit in enumerate(changes):
-        _apply(edit, obstacles, f"map.edits.{place}")
-    # Starts stay: one inside of an obstacle is told when a robot is to grow there.
-    return replace(world, obstacles=tuple(obstacles))
-
-
-@lru_cache(maxsize=256)
-def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed file is read anew
-    given = json.loads(source)
-    if "file" in given:
-        return Map.read(Path(_text("map.file", given["file"])))
-    environment = _text("map.environment", given.get("environment"))
-    options = _mapping("map.options", given.get("options") or {})
-    kind = ENVIRONMENTS[environment]
-    seed = whole("map.seed", given.get("seed", 0), 0, MOST_FIRST_SEED)
-    return kind.make(seed, with_parameters(kind.options, environment, options))
-
-
-def _apply(edit: Any, obstacles: list[Polygon], key: str) -> None:  # noqa: ANN401  JSON
-    allowed = "['move', INDEX, DX, DY], ['add', [[X, Y], ...]] or ['remove', INDEX]"
-    if not isinstance(edit, list) or len(edit) < 2:
-        raise BadInputError(key, edit, allowed, PAGE)
-    kind, rest = edit[0], edit[1:]
-    if kind == "add" and len(rest) == 1:
-        obstacles.append(_polygon(key, rest[0]))
-    elif kind == "remove" and len(rest) == 1:
-        obstacles.pop(whole(key, rest[0], 0, len(obstacles) - 1))
-    elif kind == "move" and len(rest) == 3:
-        index = whole(key, rest[0], 0, len(obstacles) - 1)
-        by_mm = [number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in rest[1:]]
-        obstacles[index] = translate(obstacles[index], *by_mm)
-    else:
-        raise BadInputError(key, edit, allowed, PAGE)
-
-
-def _polygon(key: str, points: Any) -> Polygon:  # noqa: ANN401  JSON
-    if not isinstance(points, list) or not 3 <= len(points) <= 10_000:
-        raise BadInputError(key, points, "at least three points [x, y], mm", PAGE)
-    pairs = [
-        [number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in _sequence(key, point)]
-        for point in points
-    ]
-    polygon = Polygon(pairs)
-    if not polygon.is_valid or polygon.is_empty:
-        raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid", PAGE)
-    return polygon
-
-
 def current_profile(recipe: str) -> LaserProfile:
     """Return the laser profile of a recipe, read anew when its file has changed."""
     path = locate("recipe", recipe)
-    return _profile(recipe, _stamp(path))
+    return _profile(recipe, file_stamp(path))
 
 
 @lru_cache(maxsize=16)
 def _profile(recipe: str, stamp: str) -> LaserProfile:  # noqa: ARG001  see profile_of
     return read_profile(recipe)
-
-
-def _stamp(path: Path) -> str:
-    """Return what changes when a file does; nothing for one that is not there."""
-    try:
-        found = path.stat()
-    except OSError:
-        return ""
-    return f"{found.st_mtime_ns}:{found.st_size}"
 
 
 def _pose(content: Any) -> Pose | None:  # noqa: ANN401  JSON
@@ -260,10 +169,4 @@ def _texts(key: str, value: object) -> list[str]:
 def _mapping(key: str, value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise BadInputError(key, value, "names with values", PAGE)
-    return value
-
-
-def _sequence(key: str, value: object) -> Sequence[Any]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise BadInputError(key, value, "a point [x, y], mm", PAGE)
     return value

@@ -9,14 +9,14 @@ import numpy as np
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, number
-from vinefab.growth.simulator import grow_on
+from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Level
-from vinefab.model.map import Map
 from vinefab.model.tree import child_lengths_mm
-from vinefab.studio.live_answer import not_followed, prepared_map
-from vinefab.studio.state import PAGE, StudioState
-from vinefab.studio.warming import engine_now
+from vinefab.studio.edited_map import PAGE
+from vinefab.studio.live_answer import not_followed
+from vinefab.studio.scene import grown
+from vinefab.studio.state import StudioState
 
 LEAST_MM = 1.0
 """Branches are dragged no shorter than this."""
@@ -43,7 +43,7 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
     if len(to_mm) != 2:
         raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
-    _, deployment = deployed_robot(state)
+    deployment, _ = deployed_robot(state)
     ids = deployment.tree.ids
     if ask.get("branch") not in ids:
         raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)
@@ -57,15 +57,13 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     return _values(state, deployment, branch, along_mm, turn_rad)
 
 
-def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
-    """Return what is open, grown from its start on its map (simulated), and the map."""
+def deployed_robot(state: StudioState) -> tuple[Deployment, Terrain]:
+    """Return what is open, grown from its start on its map (simulated), and its terrain."""
     if state.world is None or state.start is None:
         raise BadInputError("map", None, "a map with a start", PAGE)
     if problem := not_followed(state.design):
         raise VinefabError(problem)
-    terrain = prepared_map(state.world).terrain
-    grown = grow_on(state.grown_now, terrain, state.start, state.growth, engine=engine_now())
-    return state.world, grown
+    return grown(state, state.start)
 
 
 def _pull(chain_mm: Floats, to_mm: Floats, heading_rad: float) -> tuple[float, float]:

@@ -7,8 +7,9 @@ from vinefab.core.view import Rows, plain_blocks
 from vinefab.prediction.family_deployments import PreparedFamily
 from vinefab.prediction.measures import COVERAGE, REACH, SEEN, Measure
 from vinefab.prediction.prediction_width import ContactRange, contact_range
-from vinefab.studio.live_answer import not_followed, prepared_map
+from vinefab.studio.live_answer import not_followed
 from vinefab.studio.panels import Tell
+from vinefab.studio.scene import prepared_map
 from vinefab.studio.state import StudioState
 
 
@@ -24,7 +25,7 @@ def width_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[st
     if state.world is None or state.start is None or not_followed(state.design):
         return {"text": "", "blocks": []}
     family = PreparedFamily(
-        label="the open map", maps=(prepared_map(state.world),), poses=((state.start,),)
+        label="the open map", maps=(prepared_map(state),), poses=((state.start,),)
     )
     found = contact_range(state.grown, family, state.growth)
     low, high = (f"{angle:g}" for angle in (found.angles_deg[0], found.angles_deg[-1]))

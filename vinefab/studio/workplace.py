@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.pages.plan_svg import legend_rows
 from vinefab.studio.design_form import design_form, growth_form
 from vinefab.studio.desk import DESK, Desk
-from vinefab.studio.state import PAGE, StudioState
+from vinefab.studio.edited_map import PAGE
+from vinefab.studio.state import StudioState
 
 if TYPE_CHECKING:
     from vinefab.studio.lanes import ThreadLane
@@ -163,6 +165,7 @@ class Workplace:
             "environments": list(ENVIRONMENTS),
             "form": design_form(),
             "growth_form": growth_form(),
+            "legend": legend_rows(),
             "state": {**_EMPTY, **state},
             "file": file,
         }

@@ -37,7 +37,8 @@ def registration(
 
     Fewer than `LEAST_PINS` holes where there is no room; rule VF-L01 says so.
     """
-    if not sealed_by_hand(profile, separate=separate):
+    sealer = profile.recipe.sealer
+    if sealer is None or not sealed_by_hand(profile, separate=separate):
         return ()
     rim = TARGET_MM / 2.0 + 0.5
     room = within[0] + rim, within[1] + rim, within[2] - rim, within[3] - rim
@@ -55,8 +56,8 @@ def registration(
     crosses = near_pair(room, robots, shapely.union_all([taken, *map(_around, holes)]))
     can_mark = Operation.MARK in profile.recipe.by_operation
     lines = cross_lines(crosses) if holes else []
-    weld, cut = profile.settings(Operation.WELD), profile.settings(Operation.CUT)
-    radius_mm = weld.pin_mm.value / 2.0 - cut.kerf_mm.value / 2.0
+    cut = profile.settings(Operation.CUT)
+    radius_mm = sealer.pin_mm.value / 2.0 - cut.kerf_mm.value / 2.0
     return (
         *(mark(line, TARGET, "") for line in lines if can_mark),
         *(

@@ -168,6 +168,12 @@ def straight_begins_mm(
     return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
 
 
+def largest_turn_rad(angle_rad: float, halves_mm: Point, radius_mm: float, disc_mm: float) -> float:
+    """Return the largest angle that a fillet between two even neighbours turns through."""
+    hidden = [math.asin((half + radius_mm) / (disc_mm + radius_mm)) for half in halves_mm]
+    return math.pi / 2.0 - min(hidden) if sum(hidden) <= angle_rad else math.pi - angle_rad
+
+
 def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
     """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
 

@@ -177,8 +177,10 @@ def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
     settings = path.settings_in(profile)
     words = ""
     if settings.by_laser:
-        numbers = (settings.power_percent, settings.min_power_percent)
-        numbers += (settings.speed_mm_s, settings.frequency_hz)
+        numbers = (
+            settings.power_percent, settings.min_power_percent, settings.speed_mm_s,
+            settings.frequency_hz,
+        )  # fmt: skip
         power, least, speed, frequency = (number.words() for number in numbers)
         standings = ", ".join(dict.fromkeys(number.standing for number in numbers))
         words = (
@@ -208,7 +210,9 @@ def _known_length(run: Job) -> tuple[str, float] | None:
         return "the two pin holes farthest apart, middle to middle", math.hypot(x1 - x0, y1 - y0)
     straight = [path for path in run.along(Operation.CUT) if len(path.contour) == 1]
     longest = max(straight, key=lambda path: path.contour.length_mm, default=None)
-    return longest and (f"the straight cut {longest.label!r}", longest.contour.length_mm)
+    if longest is None:
+        return None
+    return f"the straight cut {longest.label!r}", longest.contour.length_mm
 
 
 def _corner(tile: Job) -> str:

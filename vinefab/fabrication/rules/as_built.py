@@ -91,7 +91,7 @@ def _back_to_flat(subject: Subject, runs: Sequence[Contour]) -> tuple[float, flo
 def flat_place_mm(subject: Subject, path: LaserPath, at_mm: Point) -> Point | None:
     """Return a place on the sheet in the flat layout; None on a path of another design."""
     own = subject.own(Operation.WELDCUT) or subject.own(Operation.WELD)
-    if path.of != own[0].of or not path.of:
+    if not own or path.of != own[0].of or not path.of:
         return None
     bodies = [[run.contour for run in runs] for runs in bodies_of_paths(own)]
     spot = shapely.Point(at_mm)

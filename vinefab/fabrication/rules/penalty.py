@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 from vinefab.fabrication.job.passes import seal_offset_mm, taken_mm
 from vinefab.fabrication.outline.ends import pouch_takes_mm
-from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
+from vinefab.fabrication.outline.gap import largest_fillet_mm, largest_turn_rad, straight_begins_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
@@ -153,8 +154,11 @@ def fabrication_penalty(
         beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
         if design.build.compensation != "none":
             # Runs of designs that are cut as they are never knew it.
-            least_mm = least_fillet_mm(changed, profile)
-            beyond += math.fsum(relative_excess(least_mm, r) for r in _fillets_mm(pattern.flat))
+            sizes_mm = FilletSizes.of(changed, profile)
+            beyond += math.fsum(
+                relative_excess(sizes_mm.least_mm(*drawn), drawn[0])
+                for drawn in _fillets_mm(pattern.flat)
+            )
         design, passages = pattern.flat, pattern.passages
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
@@ -197,12 +201,37 @@ def _contacts(design: Design) -> Iterator[float]:
 
 def least_fillet_mm(changed: LimitChanges, profile: LaserProfile) -> float:
     """Return the least fillet radius that VF-C04 allows and the laser can run (VF-L02)."""
-    run_mm = _limit(PATHS, changed, "radius_error") + seal_offset_mm(profile)
-    return max(_limit(FILLET, changed), 1.001 * run_mm)
+    sizes = FilletSizes.of(changed, profile)
+    return max(sizes.error_mm, sizes.run_mm)
 
 
-def _fillets_mm(design: Design) -> Iterator[float]:
-    """Yield the radius that is drawn in the gaps of each level's joint; no tapers.
+class FilletSizes(NamedTuple):
+    """Which fillets can be made."""
+
+    error_mm: float  # least radius that VF-C04 allows
+    seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
+    run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
+
+    @classmethod
+    def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
+        """Return the sizes for a recipe and limits that are changed."""
+        seal_mm = seal_offset_mm(profile)
+        run_mm = 1.001 * (_limit(PATHS, changed, "radius_error") + seal_mm)
+        return cls(_limit(FILLET, changed), seal_mm, run_mm)
+
+    def least_mm(self, radius_mm: float, turn_rad: float) -> float:
+        """Return the least radius in a gap where a fillet of some radius turns so far.
+
+        On the seam's path a fillet smaller than the seam's offset is a corner, as is one whose arc
+        would be too short to draw.
+        """
+        arc_mm = (radius_mm - self.seal_mm) * turn_rad
+        runs = radius_mm >= self.run_mm or arc_mm < LEAST_SEGMENT_MM
+        return self.error_mm if runs else max(self.error_mm, self.run_mm)
+
+
+def _fillets_mm(design: Design) -> Iterator[Pair]:
+    """Yield the radius that is drawn in the gaps of each level's joint, and its turn; no tapers.
 
     Fans are their own mirror images: of two gaps alike the smaller radius counts.
     """
@@ -212,14 +241,16 @@ def _fillets_mm(design: Design) -> Iterator[float]:
         lengths_mm = child_lengths_mm(level).tolist()
         headings = [-math.pi, *fan_offsets_rad(level).tolist(), math.pi]
         sides = [(wide, above_mm), *((narrow, mm) for mm in lengths_mm), (wide, above_mm)]
-        drawn_mm = []
+        drawn = list[Pair]()
         for (one, one_mm), (two, two_mm), (before, after) in zip(
             sides, sides[1:], pairwise(headings), strict=False
         ):
             reach_mm = max(0.5 * min(one_mm, two_mm), wide, narrow)
             most = largest_fillet_mm(after - before, (one, two), reach_mm)
-            drawn_mm.append(max(0.0, min(build.fillet_mm[number - 1], most)))
-        yield from map(min, drawn_mm[: (len(drawn_mm) + 1) // 2], reversed(drawn_mm))
+            radius_mm = max(0.0, min(build.fillet_mm[number - 1], most))
+            turn = largest_turn_rad(after - before, (one, two), radius_mm, max(wide, narrow))
+            drawn.append((radius_mm, turn))
+        yield from map(min, drawn[: (len(drawn) + 1) // 2], reversed(drawn))
         above_mm = min(lengths_mm)
 
 

@@ -42,7 +42,7 @@ function mountLive(root, app, name, mark) {
   }
 
   function isUnsaved() {
-    return app.file.dirty || (store.get().map?.edits?.length ?? 0) > 0;
+    return app.file.dirty || (store.get().map?.edits?.length ?? 0) > 0 || Boolean(store.get().map?.targets);
   }
 
   function show() {

@@ -1,13 +1,13 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
 import { el, fillSvg, number, paused, shownBlocks, svgEl } from "studio/dom.js";
+import { thingsRow } from "studio/map_things.js";
+import { mapTools } from "studio/map_tools.js";
 import { createView, ZOOM } from "studio/view.js";
 
 const PLAY_S = 4;
 const REST_MS = 700;
 
-/** What a hand sets needs no more digits than a laser has. */
-const hundredth = (value) => Math.round(100 * value) / 100;
 const LEAST_OBSTACLE_MM = 1;
 
 /** Show a robot at a front length: what lies beyond is not grown yet. */
@@ -27,47 +27,40 @@ export function showFront(layer, front) {
 
 export function mount(root, app) {
   const layers = Object.fromEntries(
-    ["ground-layer", "ghost-layer", "robot-layer", "edit-layer", "pose-layer"].map((name) => [name, svgEl("g", { class: name })]),
+    ["ground-layer", "ghost-layer", "target-layer", "robot-layer", "edit-layer", "pose-layer", "tool-layer"].map((name) => [name, svgEl("g", { class: name })]),
   );
   layers["ghost-layer"].classList.add("ghost");
   const svg = svgEl("svg", {
     class: "plan", role: "application", tabindex: 0,
     "aria-label": "Map with the robot. Arrow keys move what is selected; plus and minus zoom.",
   }, ...Object.values(layers));
-  const view = createView(svg);
+  const tools = mapTools(app, layers["tool-layer"]);
+  const view = createView(svg, tools.scale);
   const front = el("input", { type: "range", id: "front", min: 0, max: 1000, step: 1, value: 1000 });
   const frontOut = el("output", { for: "front", class: "value" });
   const play = el("button", { type: "button", id: "play" }, "Grow");
+  const headline = el("p", { class: "headline", id: "targets" });
   const scores = el("div", { class: "scores", id: "scores" });
   const facts = el("p", { class: "facts", id: "facts" });
   const growth = el("button", { type: "button", class: "link", onclick: () => document.getElementById("tab-growth").click() }, "By which rules?");
   const width = el("details", { class: "width", hidden: true }, el("summary"), el("div"));
   const problems = el("ul", { class: "problems", id: "problems" });
-  const pose = Object.fromEntries([
-    ["x_mm", "x", "mm"], ["y_mm", "y", "mm"], ["heading_deg", "heading", "°"],
-  ].map(([key, label, unit]) => {
-    const input = el("input", { type: "number", step: "any", id: `pose-${key}` });
-    input.addEventListener("change", () => {
-      if (input.value !== "" && input.validity.valid) changePose({ [key]: Number(input.value) }, "");
-    });
-    return [key, { input, label: el("label", {}, `${label} `, input, ` ${unit}`) }];
-  }));
   const place = el("select", { id: "environment" });
   const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
   const add = el("button", { type: "button" }, "Add an obstacle");
-  const remove = el("button", { type: "button", disabled: true }, "Delete it");
-  const home = el("button", { type: "button" }, "As in the map");
+  const aim = el("button", { type: "button", "aria-pressed": "false", title: "Then click where the robot is to come" }, "Add a target");
   const bigger = el("button", { type: "button", "aria-label": "Zoom in" }, "+");
   const smaller = el("button", { type: "button", "aria-label": "Zoom out" }, "−");
   const fit = el("button", { type: "button", "aria-label": "Whole map", title: "Whole map" }, "⤢");
 
+  const things = thingsRow(app, { choose, change: changeThing, remove: removeChosen, home: () => app.store.change("start of the map", (state) => { state.pose = null; }) });
   root.append(
-    el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit)),
-    el("div", { class: "told" }, scores, width, facts, problems),
-    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed),
-      add, remove, el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
-    el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label), home),
+    el("div", { class: "canvas" }, svg, el("div", { class: "zoom" }, bigger, smaller, fit), ...tools.overlay),
+    el("div", { class: "told" }, headline, scores, width, facts, problems),
+    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed), add, aim, ...tools.controls,
+      el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
+    things.row,
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
   );
 
@@ -75,7 +68,7 @@ export function mount(root, app) {
   let ground = "";
   let drags = 0;
   let dragging = null;
-  let selected = null;
+  let chosen = null; // { kind, id } of an obstacle or a target; null: the start
   let fullMm = 0;
   let share = 1;
 
@@ -89,7 +82,7 @@ export function mount(root, app) {
     const since = lastMoved;
     lastMoved = 0;
     try {
-      await app.ask("live", { have: ground, ground: dragging?.kind !== "obstacle" });
+      await app.ask("live", { have: ground, ground: !["obstacle", "size", "turn"].includes(dragging?.kind), obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
       if (since) requestAnimationFrame(() => setTimeout(() => keepTiming(performance.now() - since)));
     } catch (error) {
       if (error.stale) lastMoved ||= since;
@@ -151,10 +144,34 @@ export function mount(root, app) {
       handle.setAttribute("aria-valuenow", name === "base" ? x_mm : heading_deg);
       if (focused === name) handle.focus({ preventScroll: true });
     }
-    for (const [key, { input }] of Object.entries(pose)) {
-      if (document.activeElement !== input) input.value = Number(number(answer.pose?.[key], 2)) || 0;
-      input.disabled = !app.live;
-    }
+  }
+
+  /** Show targets, and of an obstacle that is chosen its shape with frame and handles. */
+  function showThings() {
+    fillSvg(layers["target-layer"], answer.targets_svg ?? "");
+    const { obstacle: found } = answer;
+    const isShown = found && chosen?.kind === "obstacle" && chosen.id === found.index;
+    fillSvg(layers["edit-layer"], isShown && app.live ? found.svg : "");
+    if (isShown) obstacle(found.index)?.setAttribute("d", found.path);
+    for (const part of svg.querySelectorAll(".chosen")) part.classList.remove("chosen");
+    const part = chosen?.kind === "obstacle" ? obstacle(chosen.id)
+      : [...layers["target-layer"].children].find((one) => one.dataset.target === chosen?.id);
+    part?.classList.add("chosen");
+    const targets = answer.targets ?? [];
+    const count = layers["ground-layer"].querySelectorAll("[data-obstacle]").length;
+    things.show(chosen, valuesOf(chosen), count, targets.map(({ name }) => name));
+    headline.hidden = !targets.length;
+    headline.dataset.tone = answer.targets_tone ?? "";
+    headline.replaceChildren(el("b", {}, `Targets: ${answer.targets_headline ?? "nothing grows"}`), ...targets.map(({ name, state, touched }) => el("button", {
+      type: "button", class: touched ? "touched" : "", onclick: () => choose({ kind: "target", id: name }),
+    }, `${name} ${state ?? ""}`)));
+  }
+
+  function valuesOf(thing) {
+    if (!thing) return answer?.pose;
+    if (thing.kind === "obstacle") return answer.obstacle?.index === thing.id ? answer.obstacle.frame : null;
+    const target = (answer.targets ?? []).find(({ name }) => name === thing.id);
+    return target && { ...target, x_mm: target.point_mm?.[0], y_mm: target.point_mm?.[1] };
   }
 
   function showFacts() {
@@ -189,13 +206,13 @@ export function mount(root, app) {
     if (found.ground_svg !== null && found.ground_svg !== undefined) {
       fillSvg(layers["ground-layer"], found.ground_svg);
       ground = found.ground_key;
-      showSelected();
     }
     if (found.view_box) view.whole(found.view_box);
     fullMm = found.front_full_mm ?? 0;
     showGhost();
     showRobot();
     showPose();
+    showThings();
     showFacts();
   }
 
@@ -236,25 +253,19 @@ export function mount(root, app) {
 
   function changePose(part, group) {
     const present = answer?.pose ?? { x_mm: 0, y_mm: 0, heading_deg: 90 };
-    app.store.change("start", (state) => {
-      const { x_mm, y_mm, heading_deg } = { ...present, ...state.pose, ...part };
-      state.pose = { x_mm: hundredth(x_mm), y_mm: hundredth(y_mm), heading_deg: hundredth(heading_deg) };
-    }, group ? { group } : {});
+    app.store.change("start", (state) => { state.pose = { ...present, ...state.pose, ...part }; }, group ? { group } : {});
   }
 
-  home.addEventListener("click", () => app.store.change("start of the map", (state) => { state.pose = null; }));
-
-  // ---- obstacles and tips
+  // ---- obstacles, targets and tips
 
   function obstacle(index) {
     return layers["ground-layer"].querySelector(`[data-obstacle="${index}"]`);
   }
 
-  function showSelected() {
-    for (const path of layers["ground-layer"].querySelectorAll(".selected")) path.classList.remove("selected");
-    if (selected !== null) obstacle(selected)?.classList.add("selected");
-    remove.disabled = selected === null || !app.live;
-    for (const button of [add, home]) button.disabled = !app.live;
+  function choose(thing) {
+    chosen = thing;
+    if (answer) showThings();
+    if (app.live) ask();
   }
 
   function edit(label, change, group) {
@@ -263,38 +274,87 @@ export function mount(root, app) {
       const { edits } = state.map;
       const last = edits.at(-1);
       // A drag of one obstacle is one edit, however many steps it takes.
-      if (group && change[0] === "move" && last?.[0] === "move" && last[1] === change[1] && group === dragging?.edited) {
-        last[2] = change[2];
-        last[3] = change[3];
-      } else edits.push(change);
+      if (group && group === dragging?.edited && last?.[0] === change[0] && last[1] === change[1]) edits[edits.length - 1] = change;
+      else edits.push(change);
       if (dragging && group) dragging.edited = group;
     }, group ? { group } : {});
   }
 
-  function moveObstacle(index, dx, dy, group) {
-    edit("obstacle moved", ["move", index, hundredth(dx), hundredth(dy)], group);
+  /** Change the targets of the page: a copy of what the map has, until one is changed. */
+  function changeTargets(label, change, group) {
+    app.store.change(label, (state) => {
+      if (!state.map) return;
+      const own = ({ name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
+      state.map.targets ??= (answer?.targets ?? []).map(own);
+      change(state.map.targets, state.map);
+    }, group ? { group } : {});
   }
 
-  function addObstacle() {
+  function moveTarget(name, [x, y], group) {
+    changeTargets(`target ${name}`, (targets) => {
+      const target = targets.find((one) => one.name === name);
+      if (target?.point_mm) target.point_mm = [tools.mm(x), tools.mm(y)];
+    }, group);
+  }
+
+  /** Take what was typed of a thing. */
+  function changeThing(kind, key, value) {
+    if (kind === "start") changePose({ [key]: value });
+    else if (kind === "obstacle") {
+      const frame = valuesOf(chosen);
+      if (frame) edit("obstacle placed", ["place", chosen.id, { ...frame, [key]: value }]);
+    } else {
+      const { id } = chosen;
+      if (key === "name") {
+        if (answer.targets.some(({ name }) => name === value)) return app.say(`There is a target ${value} already`, "error");
+        chosen = { kind, id: value };
+      }
+      changeTargets(`target ${id}`, (targets) => {
+        const target = targets.find((one) => one.name === id);
+        if (key === "x_mm" || key === "y_mm") target.point_mm[key === "x_mm" ? 0 : 1] = value;
+        else target[key] = value;
+      });
+    }
+  }
+
+  const middle = () => {
     const [x, y, width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
-    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * Math.min(width, height));
-    const [mx, my] = [x + width / 2, -(y + height / 2)];
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [hundredth(mx + i * half), hundredth(my + j * half)]);
-    const count = layers["ground-layer"].querySelectorAll("[data-obstacle]").length;
-    selected = count;
+    return [x + width / 2, -(y + height / 2), Math.min(width, height)];
+  };
+
+  function addObstacle() {
+    const [mx, my, size] = middle();
+    const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * size);
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [tools.mm(mx + i * half), tools.mm(my + j * half)]);
+    chosen = { kind: "obstacle", id: layers["ground-layer"].querySelectorAll("[data-obstacle]").length };
     edit("obstacle added", ["add", corners]);
     svg.focus();
   }
 
-  function removeSelected() {
-    if (selected === null) return;
-    const index = selected;
-    selected = null;
-    edit("obstacle deleted", ["remove", index]);
+  function addTarget([x, y]) {
+    aim.setAttribute("aria-pressed", "false");
+    const taken = new Set((answer?.targets ?? []).map(({ name }) => name));
+    const letters = [..."ABCDEFGHIJKLMNOPQRSTUVWXYZ"];
+    const name = letters.find((letter) => !taken.has(letter)) ?? `T${taken.size + 1}`;
+    chosen = { kind: "target", id: name };
+    changeTargets(`target ${name}`, (targets) => { targets.push({ name, point_mm: [tools.mm(x), tools.mm(y)] }); });
+  }
+
+  function removeChosen() {
+    if (!chosen) return;
+    const { kind, id } = chosen;
+    chosen = null;
+    if (kind === "obstacle") edit("obstacle deleted", ["remove", id]);
+    else changeTargets(`target ${id} deleted`, (targets, map) => { map.targets = targets.filter((one) => one.name !== id); });
   }
 
   add.addEventListener("click", addObstacle);
-  remove.addEventListener("click", removeSelected);
+  aim.addEventListener("click", (event) => {
+    tools.turn(false);
+    // By key there is no place to click: it stands in the middle, to be moved.
+    if (!event.detail) addTarget(middle());
+    else aim.setAttribute("aria-pressed", String(aim.getAttribute("aria-pressed") !== "true"));
+  });
 
   async function moveTip(branch, to, group) {
     try {
@@ -302,7 +362,7 @@ export function mount(root, app) {
       if (found.level === null) return;
       app.store.change(`tip of ${branch}`, (state) => {
         const key = found.level < 0 ? state.design.trunk : state.design.level[found.level];
-        for (const [name, value] of Object.entries(found.values)) key[name] = hundredth(value);
+        for (const [name, value] of Object.entries(found.values)) key[name] = Math.round(100 * value) / 100;
       }, { group });
     } catch (error) {
       if (error.message) app.say(error.message, "error");
@@ -328,7 +388,7 @@ export function mount(root, app) {
     const source = state.map?.source ?? {};
     const names = [...new Set([...(app.hello.environments ?? []), source.environment ?? []].flat())];
     const file = source.file ? source.file.split("/").at(-1) : "";
-    const edited = state.map?.edits.length ? `, ${state.map.edits.length} changes` : "";
+    const edited = state.map?.edits.length || state.map?.targets ? ", changed" : "";
     const options = names.map((name) => el("option", { value: name }, name));
     if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
     const chosen = options.find((option) => option.value === (source.environment ?? ""));
@@ -363,55 +423,91 @@ export function mount(root, app) {
     if (target.closest(".pose-layer .heading")) return { kind: "heading", at, pose: { ...answer.pose } };
     const tip = target.closest(".robot-layer .mark[data-branch]");
     if (tip) return { kind: "tip", at, branch: tip.dataset.branch, busy: false, to: null };
+    const goal = target.closest("[data-target]");
+    if (goal) {
+      const { point_mm } = answer.targets.find(({ name }) => name === goal.dataset.target);
+      return { kind: point_mm ? "target" : "view", at, id: goal.dataset.target, from: point_mm };
+    }
+    const handle = target.closest(".edit-layer .handle");
+    if (handle) return { kind: handle.classList.contains("turn") ? "turn" : "size", at, id: chosen.id, frame: answer.obstacle.frame };
     const rock = target.closest("[data-obstacle]");
-    if (rock) return { kind: "obstacle", at, index: Number(rock.dataset.obstacle) };
+    if (rock) return { kind: "obstacle", at, id: Number(rock.dataset.obstacle) };
     return { kind: "view", at };
   }
 
   svg.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !answer) return;
+    const at = view.place(event);
+    if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
+    dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
+    if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
     // Where the drawing stood when it was grabbed: what is told below may move it.
-    dragging = { ...grabbed(event), id: ++drags, moved: false, matrix: view.matrix() };
-    if (!app.live) dragging.kind = "view";
-    selected = dragging.kind === "obstacle" ? dragging.index : null;
-    focused = ["base", "heading"].includes(dragging.kind) ? dragging.kind : "";
-    showSelected();
+    Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
+    const { kind, id } = dragging;
+    focused = ["base", "heading"].includes(kind) ? kind : "";
+    if (kind === "obstacle" || kind === "target") choose({ kind, id });
+    else if (!["size", "turn", "measure"].includes(kind)) choose(null);
     svg.setPointerCapture(event.pointerId);
     if (!focused) svg.focus({ preventScroll: true });
   });
 
   svg.addEventListener("pointermove", (event) => {
-    if (!dragging) return;
+    if (!dragging) return tools.at(view.place(event));
     dragging.moved = true;
     const [x, y] = view.place(event, dragging.matrix);
     const [dx, dy] = [x - dragging.at[0], y - dragging.at[1]];
-    const group = `${dragging.kind} ${dragging.id}`;
+    const group = `${dragging.kind} ${dragging.drag}`;
+    if (dragging.kind === "measure") return tools.draw(dragging.at, [tools.mm(x), tools.mm(y)]);
+    tools.at([x, y]);
     if (dragging.kind === "view") {
       view.move(dx, dy);
       dragging.matrix = view.matrix();
       return;
     }
     dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp }));
-    if (dragging.kind === "base") {
-      changePose({ x_mm: dragging.pose.x_mm + dx, y_mm: dragging.pose.y_mm - dy }, group);
-    } else if (dragging.kind === "heading") {
-      const { x_mm, y_mm } = dragging.pose;
-      changePose({ heading_deg: (Math.atan2(-y - y_mm, x - x_mm) * 180) / Math.PI }, group);
-    } else if (dragging.kind === "obstacle") {
-      obstacle(dragging.index)?.setAttribute("transform", `translate(${dx} ${dy})`);
-      moveObstacle(dragging.index, dx, -dy, group);
-    } else if (dragging.kind === "tip") {
-      dragging.to = [x, -y];
-      pullTip(dragging, group);
-    }
+    MOVES[dragging.kind]({ x, y: -y, dx, dy: -dy, group });
   });
+
+  /** What a drag changes, by what was grabbed; places are the map's, in mm. */
+  const MOVES = {
+    base({ dx, dy, group }) {
+      changePose({ x_mm: tools.mm(dragging.pose.x_mm + dx), y_mm: tools.mm(dragging.pose.y_mm + dy) }, group);
+    },
+    heading({ x, y, group }) {
+      changePose({ heading_deg: tools.deg((Math.atan2(y - dragging.pose.y_mm, x - dragging.pose.x_mm) * 180) / Math.PI) }, group);
+    },
+    tip({ x, y, group }) {
+      dragging.to = [x, y];
+      pullTip(dragging, group);
+    },
+    target({ dx, dy, group }) {
+      moveTarget(dragging.id, [dragging.from[0] + dx, dragging.from[1] + dy], group);
+    },
+    obstacle({ dx, dy, group }) {
+      edit("obstacle moved", ["move", dragging.id, tools.mm(dx), tools.mm(dy)], group);
+    },
+    turn({ x, y, group }) {
+      const { frame } = dragging;
+      const turn_deg = tools.deg((Math.atan2(y - frame.y_mm, x - frame.x_mm) * 180) / Math.PI);
+      edit("obstacle turned", ["place", dragging.id, { ...frame, turn_deg }], group);
+    },
+    size({ x, y, group }) {
+      const { frame } = dragging;
+      const turn = (frame.turn_deg * Math.PI) / 180;
+      const [ax, ay] = [x - frame.x_mm, y - frame.y_mm];
+      const along = ax * Math.cos(turn) + ay * Math.sin(turn);
+      const across = ay * Math.cos(turn) - ax * Math.sin(turn);
+      const [width_mm, height_mm] = [along, across].map((half) => Math.max(LEAST_OBSTACLE_MM, tools.mm(2 * half)));
+      edit("obstacle resized", ["place", dragging.id, { ...frame, width_mm, height_mm }], group);
+    },
+  };
 
   function release() {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
     if (!was.busy) app.store.endGroup();
-    if (was.kind === "obstacle" && was.moved) ask();
+    if (["obstacle", "size", "turn"].includes(was.kind) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
   }
   svg.addEventListener("pointerup", release);
@@ -425,7 +521,11 @@ export function mount(root, app) {
     if (event.key === "+" || event.key === "=") view.zoom(1 / ZOOM);
     else if (event.key === "-") view.zoom(ZOOM);
     else if (event.key === "0") view.fit();
-    else if (event.key === "Delete" && app.live) removeSelected();
+    else if (event.key === "Delete" && app.live) removeChosen();
+    else if (event.key === "Escape") {
+      aim.setAttribute("aria-pressed", "false");
+      tools.turn(false);
+    }
     else if (way && app.live) moveByKey(event, way, far);
     else return;
     event.preventDefault();
@@ -439,7 +539,11 @@ export function mount(root, app) {
     } else if (handle) {
       focused = "base";
       changePose({ x_mm: answer.pose.x_mm + far * dx, y_mm: answer.pose.y_mm + far * dy }, "start by key");
-    } else if (selected !== null) moveObstacle(selected, far * dx, far * dy, "");
+    } else if (chosen?.kind === "obstacle") edit("obstacle moved", ["move", chosen.id, far * dx, far * dy]);
+    else if (chosen) {
+      const { x_mm, y_mm } = valuesOf(chosen);
+      moveTarget(chosen.id, [x_mm + far * dx, y_mm + far * dy]);
+    }
   }
 
   bigger.addEventListener("click", () => view.zoom(1 / ZOOM));
@@ -466,12 +570,13 @@ export function mount(root, app) {
   });
   app.store.subscribe((state, before) => {
     if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
-    if ((state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) selected = null;
+    // What undo takes away is chosen no more.
+    if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;
     if (app.live) ask();
   });
   app.on("engine", ask);
   app.on("again", ask);
-  showSelected();
+  for (const button of [add, aim]) button.disabled = !app.live;
   showSource(app.store.get());
   if (app.live) ask();
 }

@@ -7,7 +7,7 @@ const OUT = 4;
 const IN = 500;
 
 /** A view of an SVG: what part of it is seen; zooms about a point, moves, and keeps marks in size. */
-export function createView(svg) {
+export function createView(svg, changed = () => {}) {
   let whole = [0, 0, 100, 100];
   let seen = null;
 
@@ -17,6 +17,7 @@ export function createView(svg) {
     const box = svg.getBoundingClientRect();
     const perPx = Math.max(width / Math.max(1, box.width), height / Math.max(1, box.height));
     svg.style.setProperty("--mm-per-px", perPx.toFixed(5));
+    changed(perPx);
   }
 
   const matrix = () => svg.getScreenCTM().inverse();

@@ -192,7 +192,6 @@ class DesignComparison(Result):
         yield Picture(
             image=lambda: page_svg(paired_difference_chart(measure, self.in_measure(measure))),
             caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
-            wide=True,
         )
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")

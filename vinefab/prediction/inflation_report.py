@@ -261,7 +261,6 @@ class InflatedDesign(Result):
             image=lambda: page_svg(inflation_sheet(self)),
             caption="Seen from above: the flat pattern, its deployed shape, and the design. Lines "
             "lead from designed to deployed tips (simulated).",
-            wide=True,
         )
         yield Notes(self.notes, "notes")
         against = () if other is None else other.facts("other")

@@ -17,6 +17,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import counted
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.model.files.run_context import RunContext
 from vinefab.model.files.shipped import path_given
 from vinefab.model.inputs import MapLike, PoseLike, as_growth, as_map
 from vinefab.model.map import Map, Pose
@@ -39,7 +40,7 @@ def grow_design(
     from vinefab.prediction.deploy import as_grown, deploy
 
     given = as_growth(growth, **shortcuts)
-    place = as_map(world, "world")
+    (place,) = RunContext.of(design).with_places([as_map(world, "world")])
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)

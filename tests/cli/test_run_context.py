@@ -195,6 +195,7 @@ def test_the_targets_of_a_run_are_on_the_maps_that_it_trained_on(vinefab, reache
     assert "of run tiny" in said.splitlines()[0]
     assert "touched" in said
     assert " of 2 touched" not in said
+    assert len(vf.Design.read(reacher).grow(grid).world.targets) == 2
     found = scored(vinefab, reacher, "--map", grid, "--target", "150,20")[0]
     assert found["task"] == "reach"
     assert len(found["targets"]) == 1

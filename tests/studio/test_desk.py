@@ -545,5 +545,10 @@ def test_a_design_opens_with_the_recipe_of_its_run(tmp_path):
         path.write_text(design_text(Design.read("plain_vine").changed(origin=origin)))
         answer = Desk(tmp_path).open_design({"design": "best.toml"})
         assert answer["recipe"] == opened
-        assert note in answer["recipe_note"]
+        assert note in answer["run_note"]
     assert "recipe" not in Desk(tmp_path).open_design({"design": "plain_vine"})
+    origin = {"run": "ab", "run_name": "night", "task": "reach", "growth": {"storage_kpa": 2.0}}
+    path.write_text(design_text(Design.read("plain_vine").changed(origin=origin)))
+    answer = Desk(tmp_path).open_design({"design": "best.toml"})
+    assert answer["task"] == "reach"
+    assert answer["run_note"] == "task reach, growth options of run night (ab)"

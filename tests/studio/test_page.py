@@ -446,6 +446,37 @@ def test_scale_bar_cursor_measure_snap_and_legend(tab):
     assert tab.page.locator(".legend li:visible").count() >= 10
 
 
+SHOWN = """(kind) => [...document.querySelectorAll(`.sheet-drawing .job path${kind}`)]
+  .filter((part) => part.checkVisibility()).length"""
+AT_REST = """(least) => document.querySelector("#sheet").ariaBusy === "false"
+  && document.querySelectorAll(".sheet-drawing .job path[data-piece]").length > 0
+  && document.querySelectorAll("#sheet-piece option").length > least"""
+
+
+def test_layers_and_pieces_of_the_sheet_are_switched(tmp_path, start_studio, open_tab):
+    with start_studio(tmp_path, "grid_explorer_pieces") as studio:
+        tab = open_tab(studio.address)
+        tab.until(AT_REST, 2, seconds=120)
+        tab.page.locator("#layers summary").click()
+        piece = tab.page.locator("#sheet-piece option").nth(1).get_attribute("value")
+        others = f'[data-piece]:not([data-piece="{piece}"], [data-piece=""])'
+        assert tab.page.evaluate(SHOWN, others) > 0
+        tab.page.select_option("#sheet-piece", piece)
+        assert tab.page.evaluate(SHOWN, others) == 0
+        assert tab.page.evaluate(SHOWN, f'[data-piece="{piece}"]') > 0
+        tab.page.select_option("#sheet-piece", "")
+        assert tab.page.evaluate(SHOWN, ".weldcut") > 0
+        tab.page.locator("[data-layer=weldcut]").uncheck()
+        assert tab.page.evaluate(SHOWN, ".weldcut") == 0
+        assert tab.page.evaluate(SHOWN, "[data-piece]") > 0
+        length = tab.page.locator('input[type=number][data-key="trunk.length"]')
+        length.fill(str(float(length.input_value()) + 1))  # the next drawing keeps to it
+        length.press("Enter")
+        tab.page.wait_for_selector("#sheet[aria-busy=true]")
+        tab.until(AT_REST, 0, seconds=120)
+        assert tab.page.evaluate(SHOWN, ".weldcut") == 0
+
+
 def with_obstacles(world, obstacles):
     return vf.Map(
         name=world.name, bounds=world.bounds, obstacles=tuple(obstacles), starts=world.starts

@@ -188,7 +188,6 @@ class Picture:
 
     image: bytes | Callable[[], bytes]  # a complete SVG document or PNG file, or what draws it
     caption: str  # what is to be seen, with the standing of the numbers in it
-    wide: bool = False  # whether it takes the whole width of the page
     file: str = ""  # its name where it is saved, without ending; a run has it beside its page
 
     @property

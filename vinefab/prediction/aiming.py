@@ -332,8 +332,6 @@ class AimResult(Result):
             f"Best found: put the base of {first.name} at {best.pose.text}: expected "
             f"{self.task.name} score {score}."
         )
-        if self.targets is not None:
-            yield from self.targets.below
         yield Picture(
             image=partial(_svg, landscape_panel, self, first),
             caption=f"Expected score of {counted(len(first.search.landscape.places_mm), 'place')}, "
@@ -379,6 +377,8 @@ class AimResult(Result):
             ),
             lead=True,
         )
+        if self.targets is not None:
+            yield from self.targets.below
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")
         yield Rows(

@@ -187,12 +187,11 @@ class DesignComparison(Result):
         yield Answer(
             f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}, "
             f"{'' if clear else 'not '}clearly ahead of every other (simulated).",
-            "good" if clear else "caution",
+            "plain" if clear else "caution",
         )
         yield Picture(
             image=lambda: page_svg(paired_difference_chart(measure, self.in_measure(measure))),
             caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
-            wide=True,
         )
         yield Notes(self.growth_notes)
         yield Notes(self.notes, "notes")

@@ -177,7 +177,6 @@ def heat_blocks(heat: HeatMap) -> Iterator[Data | Section]:
                 image=lambda: page_svg(heat_plan(heat)),
                 caption=f"{heat.world.name}: share of the deployments whose body passes each "
                 "place, and rings where branches get stuck, numbered as in the table (simulated).",
-                wide=True,
             ),
         ),
         tables=(

@@ -255,13 +255,12 @@ class InflatedDesign(Result):
         yield Answer(
             f"{self.design.name} at {self.pressure_kpa:g} kPa, {found.how}: tips end "
             f"{_off_words(found)} from where they are designed{held} (simulated).",
-            tone="good" if other is None or found.mean_mm <= other.mean_mm else "caution",
+            tone="plain" if other is None or found.mean_mm <= other.mean_mm else "caution",
         )
         yield Picture(
             image=lambda: page_svg(inflation_sheet(self)),
             caption="Seen from above: the flat pattern, its deployed shape, and the design. Lines "
             "lead from designed to deployed tips (simulated).",
-            wide=True,
         )
         yield Notes(self.notes, "notes")
         against = () if other is None else other.facts("other")

@@ -221,7 +221,6 @@ def window_blocks(window: PressureWindow, basis: str) -> Iterator[Data | Section
         caption="Bars of growth: 5 to 95 % of the deployments, line at the median (simulated). "
         "Bars of widths: what they may take; line at what their seams stand "
         f"({window.standing.value}).",
-        wide=True,
     )
     note = (
         f"'Enough for' is the share of the deployments that grow in full with the "

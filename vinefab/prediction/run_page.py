@@ -305,7 +305,7 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
         )
     image = page_svg(findings_picture(run.design, run.profile(), checked))
     caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
-    picture = Picture(image=image, caption=caption, wide=True, file="sheet")
+    picture = Picture(image=image, caption=caption, file="sheet")
     return Section(title=title, paragraphs=words, pictures=(picture,))
 
 

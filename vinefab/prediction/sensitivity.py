@@ -389,7 +389,6 @@ def sensitivity_blocks(effects: Sequence[Effect], measures: Sequence[Measure]) -
     picture = Picture(
         image=lambda: page_svg(effect_panels(effects, drawn)),
         caption="Mean change with its 95 % interval (simulated).",
-        wide=True,
     )
     yield Section(
         title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,), folded=True

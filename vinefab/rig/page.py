@@ -339,7 +339,6 @@ class RigFiles(RigRecord, Result):
                 caption="Where each part goes; the arrow points to the map's north."
                 if name == "assembly.svg"
                 else f"{name}: a sheet for the laser.",
-                wide=True,
             )
             for name in names[:MOST_SHEETS]
         )

@@ -133,7 +133,6 @@ class LivePage:
                     caption="Best fitness so far, and the scores of each generation (simulated). "
                     "A best value can be luck: at the end finalists are evaluated again on fresh "
                     "poses.",
-                    wide=True,
                 ),
                 Facts(run_facts(settings)),
                 Text(
@@ -210,7 +209,6 @@ class _BestSoFar:
             image=self._picture(design),
             caption=f"The best so far, from the start of {self._world.name} (simulated): {size}, "
             f"found in generation {self._at}.",
-            wide=True,
         )
 
     def _pieces_words(self, design: Design) -> str:

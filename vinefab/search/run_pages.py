@@ -252,7 +252,6 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         image=page_svg(history_figure(result.history)),
         caption="Fitness per generation (simulated). New poses are drawn for every generation, so "
         "a best value can be luck: finalists are evaluated again on fresh poses.",
-        wide=True,
     )
     maps = tuple(
         Picture(

@@ -252,5 +252,4 @@ def _picture(results: Mapping[str, Mapping[str, ConfidenceInterval]]) -> Picture
         image=svg_bytes(figure),
         caption="Four conclusions under every variant (simulated), with 95 % intervals over seeds "
         "and maps.",
-        wide=True,
     )

@@ -210,5 +210,4 @@ def _picture(found: Exchange) -> Picture:
     return Picture(
         image=page_svg(reach_plan(panels)),
         caption="The kept anchors on the first unseen map of each environment (simulated).",
-        wide=True,
     )

@@ -105,7 +105,6 @@ def optimizer_study(store: JobStore) -> StudyResult:
                     )
                 ),
                 caption=f"Mean of {size.repeats} runs and one standard error (simulated).",
-                wide=True,
             ),
         ),
         data={

@@ -202,5 +202,4 @@ def _picture(found: dict[str, ThreeWays], label: str) -> Picture:
         image=svg_bytes(grouped_bars(groups, {}, f"{label} (simulated)")),
         caption="Winners on unseen maps (simulated), with 95 % intervals over seeds and maps. "
         f"Pieces: at most {_MOST_PIECES}.",
-        wide=True,
     )

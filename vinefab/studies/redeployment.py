@@ -502,5 +502,4 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
         caption="What lies within the buffer of the body, on the first unseen map of each "
         "environment (simulated). Left: the kept branching design, once. Right: all redeployments "
         "of a plain vine together.",
-        wide=True,
     )

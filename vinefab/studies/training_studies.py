@@ -77,7 +77,6 @@ def convergence(store: JobStore) -> StudyResult:
             Picture(
                 image=svg_bytes(curves(lines, "generation", "fitness on the training maps")),
                 caption=f"Mean of {size.repeats} runs and one standard error (simulated).",
-                wide=True,
             ),
         ),
         data={"best": best.tolist(), "mean": mean.tolist(), "winners": final.tolist()},
@@ -212,7 +211,6 @@ def _variety_picture(best: dict[str, Floats]) -> Picture:
     return Picture(
         image=svg_bytes(grouped_bars(groups, {}, "fitness (simulated)")),
         caption="Kept designs on unseen Grid maps (simulated), with 95 % intervals over maps.",
-        wide=True,
     )
 
 
@@ -297,7 +295,6 @@ def weighting(store: JobStore) -> StudyResult:
                     densities({name: np.ravel(values) for name, values in best.items()}, "fitness")
                 ),
                 caption="Scores of the kept designs on unseen Grid maps (simulated).",
-                wide=True,
             ),
         ),
         data={name: values.tolist() for name, values in scores.items()},

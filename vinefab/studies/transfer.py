@@ -175,5 +175,4 @@ def _picture(found: Exchange) -> Picture:
         image=svg_bytes(grouped_bars(groups, lines, "fitness (simulated)")),
         caption="Kept designs on unseen maps of both environments (simulated), with 95 % "
         "intervals over maps; dashed: the same design on its own training maps, fresh poses.",
-        wide=True,
     )

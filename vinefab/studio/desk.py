@@ -156,21 +156,24 @@ class Desk:
         }
 
     def _of_run(self, design: Design) -> dict[str, Any]:
-        """Return the task and the recipe of a design's run; nothing without one."""
+        """Return task and recipe of a design's run, and a line on what is used of it."""
         found: dict[str, Any] = {}
         try:
             run = RunContext.of(design)
+            used = ["growth options"] if run.growth else []
             if run.task in TASKS:
                 found["task"] = run.task
-            if run.recipe is None:
-                return found
-            chosen = ChosenRecipe.of(design)
-            file = Path(chosen.recipe)
-            name = file.stem if _is_library(file) else self.open_recipe({"recipe": str(file)})
+                used.insert(0, f"task {run.task}")
+            line = f"{', '.join(used)} of {run.title}" if used else ""
+            if run.recipe is not None:
+                chosen = ChosenRecipe.of(design)
+                file = Path(chosen.recipe)
+                opened = {} if _is_library(file) else self.open_recipe({"recipe": str(file)})
+                found["recipe"] = opened.get("recipe", file.stem)
+                line = "; ".join(filter(None, (chosen.note, line)))
         except VinefabError as error:
-            return {**found, "recipe_note": str(error)}
-        recipe = name if isinstance(name, str) else name["recipe"]
-        return {**found, "recipe": recipe, "recipe_note": chosen.note}
+            line = str(error)
+        return {**found, **({"run_note": line} if line else {})}
 
     def open_map(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Return the source of a map file that can be read; ``path`` is its path."""

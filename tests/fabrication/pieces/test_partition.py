@@ -9,11 +9,13 @@ import pytest
 import shapely
 
 from vinefab.fabrication.checking import check_design
+from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import reach_mm
 from vinefab.fabrication.job.sleeve import BESIDE_MM, piece_ends
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.pieces.partition import _Cutter, in_pieces, partition_of
+from vinefab.fabrication.rules.as_built import flat_place_mm
 from vinefab.fabrication.rules.catalog import ROOM_RULES
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -223,3 +225,11 @@ def test_cuts_of_sockets_that_share_a_joint_keep_apart(separate, angle_deg):
     ]
     apart = min(one.distance(two) for one, two in combinations(sockets, 2))
     assert apart > 2.0 * BESIDE_MM * math.cos(math.radians(angle_deg) / 2.0) - 0.5
+
+
+def test_places_on_a_sheet_with_several_pieces_are_not_in_the_layout_of_the_whole_robot():
+    partition = partition_of(CROSSED, PROFILE)
+    job = laser_job(CROSSED, PROFILE, partition=partition)
+    whole = in_pieces(replace(Subject.of(CROSSED), profile=PROFILE, job=job), partition)
+    assert len(whole.pieces) == 2
+    assert all(flat_place_mm(whole, path, (0.0, 0.0)) is None for path in job.paths)

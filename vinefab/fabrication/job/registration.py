@@ -18,7 +18,7 @@ from vinefab.fabrication.job.tile_jobs import TARGET, cross_lines, free_grid, ne
 from vinefab.fabrication.job.tiling import TARGET_MM, union_box
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.job import LaserPath, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, SealerSettings
 from vinefab.model.outline import Contour, Part
 
 PIN_HOLE = "pin hole"
@@ -37,8 +37,8 @@ def registration(
 
     Fewer than `LEAST_PINS` holes where there is no room; rule VF-L01 says so.
     """
-    sealer = profile.recipe.sealer
-    if sealer is None or not sealed_by_hand(profile, separate=separate):
+    weld = profile.recipe.by_operation.get(Operation.WELD)
+    if not isinstance(weld, SealerSettings) or not sealed_by_hand(profile, separate=separate):
         return ()
     rim = TARGET_MM / 2.0 + 0.5
     room = within[0] + rim, within[1] + rim, within[2] - rim, within[3] - rim
@@ -57,7 +57,7 @@ def registration(
     can_mark = Operation.MARK in profile.recipe.by_operation
     lines = cross_lines(crosses) if holes else []
     cut = profile.settings(Operation.CUT)
-    radius_mm = sealer.pin_mm.value / 2.0 - cut.kerf_mm.value / 2.0
+    radius_mm = weld.pin_mm.value / 2.0 - cut.kerf_mm.value / 2.0
     return (
         *(mark(line, TARGET, "") for line in lines if can_mark),
         *(

@@ -49,7 +49,6 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     picture = Picture(
         image=lambda: page_svg(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
-        wide=True,
     )
     return Section(
         title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
@@ -120,7 +119,6 @@ def _marked(report: CheckReport, outline_mm: Callable[[], Floats] | None) -> tup
             image=lambda: page_svg(findings_plan(outline_mm(), report.findings)),
             caption="Findings at their places in the flat outline; numbers as in the table. "
             "Findings about the whole robot have no place.",
-            wide=True,
         ),
     )
 
@@ -142,7 +140,6 @@ def pattern_section(pattern: Pattern) -> Section:
         caption="The flat outline that is cut, and the shape that it deploys as: joints are "
         f"simulated one by one, tubes straight ({pattern.standing}); vinefab inflate simulates "
         "the whole robot.",
-        wide=True,
     )
     return Section(
         title="Flat and deployed",
@@ -208,7 +205,6 @@ def pieces_section(
         caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
         "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
         "together and one lap.",
-        wide=True,
     )
     least = "No fewer are possible" if partition.proven_least else "Fewer may be possible"
     minutes = MINUTES_PER_JOINT * len(partition.sleeves)

@@ -10,7 +10,7 @@ from vinefab.core.file_mark import ROOMY_GENERATOR
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
 from vinefab.core.plain_text import counted
 from vinefab.core.validation import Floats
-from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Tone
+from vinefab.core.view import Answer, Block, Fact, Facts, Notes, Section, Text, Tone
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
@@ -313,15 +313,12 @@ def page_blocks(prepared: Prepared) -> Iterator[Block]:
     sheet, *sections = making_sections(prepared)
     yield from sheet.pictures
     yield Facts((*making_facts(prepared), *design_facts(prepared)))
-    yield replace(sheet, pictures=())
+    yield Text("This page does not predict where the robot will grow: vinefab report does.")
     yield from sections
+    tables = tuple(replace(one, folded=False) for one in sheet.tables)
+    yield replace(sheet, pictures=(), tables=tables, folded=True)
     yield pressure_section(design, profile)
     yield assumption_section(profile)
-    note = (
-        "No maps were given, so this page does not predict where the robot will grow: "
-        "vinefab report does."
-    )
-    yield Section(title="Predictions", paragraphs=(note,))
 
 
 def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:

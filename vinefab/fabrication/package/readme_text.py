@@ -177,10 +177,8 @@ def _layer(styled: list[StyledPath], profile: LaserProfile) -> SimpleNamespace:
     settings = path.settings_in(profile)
     words = ""
     if settings.by_laser:
-        numbers = (
-            settings.power_percent, settings.min_power_percent, settings.speed_mm_s,
-            settings.frequency_hz,
-        )  # fmt: skip
+        numbers = [settings.power_percent, settings.min_power_percent]
+        numbers += [settings.speed_mm_s, settings.frequency_hz]
         power, least, speed, frequency = (number.words() for number in numbers)
         standings = ", ".join(dict.fromkeys(number.standing for number in numbers))
         words = (

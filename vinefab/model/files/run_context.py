@@ -116,10 +116,12 @@ class RunContext(Table):
 
     def with_places(self, worlds: Sequence[Map]) -> list[Map]:
         """Return maps, those that the run trained on with its targets where they have none."""
-        places, is_known = self.places, self.trained_on(worlds)
+        places = self.places
         return [
-            world.with_targets(*places) if known and not world.targets else world
-            for world, known in zip(worlds, is_known or [False] * len(worlds), strict=True)
+            world.with_targets(*places)
+            if places and not world.targets and any(self.trained_on([world]))
+            else world
+            for world in worlds
         ]
 
     def seen_words(self, worlds: Iterable[Map]) -> str:

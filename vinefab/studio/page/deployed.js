@@ -13,7 +13,7 @@ export function deployedView(app, redraw) {
     type: "button", id: "deployed-toggle", "aria-pressed": "false",
     title: "Flat: the sheet as it is cut. Deployed: its shape under pressure (simulated, some seconds)",
     onclick: () => turn(!isOn),
-  }, "Deployed");
+  }, "Inflated");
   const bar = el("progress", { max: 1, value: 0, "aria-label": "Simulating the shape under pressure" });
   const step = el("span", { class: "step" });
   const box = el("section", { class: "deployed", id: "deployed", "aria-label": "Deployed shape", hidden: true });

@@ -116,7 +116,7 @@ function mountLive(root, app, name, mark) {
       if (file.task) state.task = file.task;
     });
     setFile(fileOf(file, file.design));
-    const note = file.recipe_note ? `; ${file.recipe_note}` : "";
+    const note = file.run_note ? `; ${file.run_note}` : "";
     app.say(`Opened ${file.path}; Undo goes back to the design before${note}`);
     return true;
   }
@@ -368,7 +368,7 @@ function mountLive(root, app, name, mark) {
   });
   show();
   if (app.hello.problem) notes.show("disk", `${app.hello.problem}. Shown is what was read before.`, []);
-  else if (app.file.recipe_note) app.say(app.file.recipe_note);
+  else if (app.file.run_note) app.say(app.file.run_note);
   if (restored) lookAgain();
   findUnsaved().catch((error) => { if (error.message) app.say(error.message, "error"); });
 }

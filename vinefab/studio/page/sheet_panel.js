@@ -31,6 +31,49 @@ function percent(share) {
 
 // ---- the drawing
 
+const LAYERS = { weld: "weld", weldcut: "weld and cut", cut: "cut", mark: "mark", reg: "registration", doc: "labels", finding: "findings" };
+
+/** Return what is to be seen of the job: a box for each layer that it has, and a choice of a piece. */
+function layersView(job) {
+  const off = new Set();
+  const piece = el("select", { id: "sheet-piece", "aria-label": "Pieces shown" });
+  const boxes = el("div", { class: "toolbar" });
+  const box = el("details", { class: "layers", id: "layers" }, el("summary", {}, "Layers"), boxes, piece);
+  let built = "";
+  piece.addEventListener("change", apply);
+
+  const parts = () => [...job.querySelectorAll("path[data-piece], .finding")];
+  const layerOf = (part) => part.classList[0];
+
+  function apply() {
+    for (const part of parts()) {
+      const isOther = piece.value !== "" && "piece" in part.dataset && ![piece.value, ""].includes(part.dataset.piece);
+      part.toggleAttribute("hidden", off.has(layerOf(part)) || isOther);
+    }
+  }
+
+  /** Offer what the drawing has now, and hide again what was hidden. */
+  function follow() {
+    const kinds = Object.keys(LAYERS).filter((kind) => parts().some((part) => layerOf(part) === kind));
+    const names = [...new Set(parts().map((part) => part.dataset.piece).filter(Boolean))];
+    if (built !== JSON.stringify([kinds, names])) {
+      built = JSON.stringify([kinds, names]);
+      boxes.replaceChildren(...kinds.map((kind) => {
+        const input = el("input", { type: "checkbox", checked: !off.has(kind), "data-layer": kind });
+        input.addEventListener("change", () => {
+          off[input.checked ? "delete" : "add"](kind);
+          apply();
+        });
+        return el("label", {}, input, ` ${LAYERS[kind]}`);
+      }));
+      piece.replaceChildren(...[["", "all pieces"], ...names.map((name) => [name, `piece ${name}`])].map(([value, text]) => el("option", { value }, text)));
+      piece.hidden = names.length < 2;
+    }
+    apply();
+  }
+  return { box, follow };
+}
+
 function sheetView(app, onMarker) {
   const layers = Object.fromEntries(
     ["beds", "ghost", "outline", "job"].map((name) => [name, svgEl("g", { class: name })]),
@@ -40,6 +83,7 @@ function sheetView(app, onMarker) {
     "aria-label": "Sheet with findings. Plus and minus zoom, arrow keys move, 0 shows all of it.",
   }, ...Object.values(layers));
   const view = createView(svg);
+  const shown = layersView(layers.job);
   let dragged = null;
   let moved = false;
 
@@ -111,11 +155,13 @@ function sheetView(app, onMarker) {
   return {
     svg,
     view,
+    layers: shown.box,
     /** Draw the job that the rules were applied to, with its findings. */
     job(rules, ghost) {
       layers.beds.replaceChildren();
       layers.outline.replaceChildren();
       fillSvg(layers.job, rules.sheet_svg);
+      shown.follow();
       const transform = onSheet(rules);
       flat(layers.ghost, transform ? ghost : "", transform);
       view.whole(rules.sheet_box.join(" "));
@@ -196,7 +242,7 @@ export function gaugeView(gauge) {
 function gaugeVerdict(gauge) {
   if (!gauge.is_open) return ["bad", "✕ growth needs more than the film may take"];
   if (gauge.working_kpa > gauge.allowed_kpa) return ["bad", "✕ the working pressure is more than allowed"];
-  if (gauge.working_kpa < gauge.needed_loose.kpa) return ["poor", "▲ the working pressure is too low to grow"];
+  if (gauge.working_kpa < gauge.needed_loose.kpa) return ["poor", `▲ the working pressure is too low for tip ${gauge.needed_loose.branch}`];
   return gauge.is_open_tight ? ["good", "✓ enough"] : ["poor", "▲ enough if film is stored loosely"];
 }
 
@@ -257,7 +303,7 @@ export function mount(root, app) {
         button("Whole sheet", () => drawing.view.fit()),
         deployed.toggle,
         el("span", { class: "gap" }), fix.start),
-      drawing.svg),
+      drawing.svg, drawing.layers),
     deployed.box, fix.box, gauge, bill, list, more,
   );
 

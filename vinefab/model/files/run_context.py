@@ -129,7 +129,7 @@ class RunContext(Table):
         seen = self.trained_on(worlds)
         if not seen:
             return ""
-        maps = "this map" if len(seen) == 1 else f"these {len(seen)} maps"
+        maps = "this map" if len(seen) == 1 else f"these {counted(len(seen), 'map')}"
         if any(seen):
             return f"{self.title} trained on {maps if all(seen) else f'{sum(seen)} of {maps}'}"
         return f"{self.title} trained on {'other maps' if len(seen) == 1 else f'none of {maps}'}"

@@ -16,6 +16,7 @@ from typing_extensions import Doc
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
+from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
 from vinefab.model.files.named_file import path_inside

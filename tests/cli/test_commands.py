@@ -210,7 +210,7 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     assert (out / "best.toml").read_bytes() == first
     code, _, complaint = vinefab("optimize", run_file, "--out", out, "--seed", 5)
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "search.seed is 5; allowed: 1, with which the run began; another run" in complaint
+    assert "optimizer.seed is 5; allowed: 1, with which the run began; another run" in complaint
     assert (out / "best.toml").read_bytes() == first
 
 

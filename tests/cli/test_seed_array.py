@@ -134,7 +134,7 @@ def test_the_seed_of_the_command_line_is_that_of_the_record(vinefab, run_file, t
     assert "seed = 7" in (out / "best.toml").read_text()
     code, _, complaint = vinefab("optimize", run_file, "--out", out, "--resume")
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "search.seed is 1; allowed: 7, with which the run began" in complaint
+    assert "optimizer.seed is 1; allowed: 7, with which the run began" in complaint
     code, _, complaint = vinefab("optimize", run_file, "--seed", 2**63, "--out", out)
     assert (code, complaint.count("\n")) == (2, 1)
     assert "seed is 9223372036854775808" in complaint

@@ -20,6 +20,8 @@ from vinefab.search.record.result import RunResult
 from vinefab.search.run import progress_line, run_search
 from vinefab.search.settings import RunSettings
 
+SQUARE = [[400, 50], [450, 50], [450, 100], [400, 100], [400, 50]]
+HOLE = [[410, 60], [420, 60], [420, 70], [410, 60]]
 ROOM = Map(
     name="room",
     bounds=shapely.box(0, 0, 600, 400),
@@ -53,7 +55,7 @@ def test_over_several_deployments_a_target_is_touched_in_at_least_half_of_them()
     assert found.tone == "caution"
     assert [one.share for one in found.outcomes] == [0.5, 0.5]
     rarely = result(outcome("A", 60.0, 10.0, 70.0))
-    assert rarely.headline == "0 of 1 touched, A missed by 40 mm; it in 33 % of 3 deployments"
+    assert rarely.headline == "0 of 1 touched, A missed by 40 mm; touched in 33 % of 3 deployments"
     assert rarely.tone == "bad"
 
 
@@ -89,6 +91,9 @@ def test_targets_of_a_map_are_written_and_read_again(tmp_path):
         ((700, 200), "outside the bounds of map 'room'"),
         ("box=250,200", "box at (250, 200) mm"),
         ("A=here", "[NAME=]X,Y"),
+        ("nan,5", "target is 'nan,5'; allowed: point_mm[1] a finite number"),
+        ("5,5+-", "target is '5,5+-'; allowed: [NAME=]X,Y"),
+        ("5,5+--1", "target is '5,5+--1'; allowed: tolerance_mm greater than or equal to 0"),
     ],
 )
 def test_a_target_that_no_robot_can_touch_is_one_clear_line(target, words):
@@ -105,17 +110,27 @@ def test_two_targets_of_one_name_are_refused():
     assert [one.name for one in named] == ["B", "A"]
 
 
-def test_a_map_file_names_the_feature_of_a_wrong_target(tmp_path):
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"geometry": {"type": "Point", "coordinates": [250, 200]}}, ""),
+        ({"geometry": {"type": "Polygon", "coordinates": [SQUARE, HOLE]}}, ".geometry"),
+        ({"properties": {"role": "target", "radius": 3}}, ".properties.radius"),
+    ],
+)
+def test_a_map_file_names_the_feature_of_a_wrong_target(tmp_path, change, key):
     path = ROOM.with_targets((100, 50)).write(tmp_path / "room.geojson")
     document = json.loads(path.read_text())
-    for change in (
-        {"geometry": {"type": "Point", "coordinates": [250, 200]}},
-        {"properties": {"role": "target", "radius": 3}},
-    ):
-        wrong = {**document["features"][-1], **change}
-        path.write_text(json.dumps({**document, "features": [*document["features"][:-1], wrong]}))
-        with pytest.raises(BadInputError, match=r"features\[3\]"):
-            Map.read(path)
+    wrong = {**document["features"][-1], **change}
+    path.write_text(json.dumps({**document, "features": [*document["features"][:-1], wrong]}))
+    with pytest.raises(BadInputError) as caught:
+        Map.read(path)
+    assert caught.value.key == f"features[3]{key}"
+
+
+def test_too_many_targets_are_counted():
+    with pytest.raises(BadInputError, match=r"targets is '1001 targets'; allowed: .* at most 1000"):
+        targets_given([(1, 2)] * 1001, "targets")
 
 
 def test_a_target_beyond_the_longest_robot_is_one_clear_line(tmp_path):

@@ -223,6 +223,7 @@ def context_of(
         file = file_of("design", name)
         with located(fspath(file)) if isinstance(file, PathLike) else nullcontext():
             runs.append(RunContext.of(robot))
+            _ = runs[-1].places  # refused here, where the file is known
             if growth is not ...:
                 from vinefab.growth.options import trained_growth  # a check needs no growth
 
@@ -236,12 +237,14 @@ def context_of(
     if as_several(targets) or any(name in typed for name in PLACES):
         run = run.without_places
     elif worlds and run.places:
-        placed = run.with_places(worlds)
-        if not run.maps or any(run.trained_on(worlds)):
-            used.append("targets")
-        else:
+        if run.maps and not any(run.trained_on(worlds)):
             run = run.without_places
             others.append("without its targets, which are places on other maps")
+        else:
+            placed = run.with_places(worlds)
+            of_task = task is not ... and run.has_places
+            if of_task or any(one is not world for one, world in zip(placed, worlds, strict=True)):
+                used.append("targets")
     if task is not ...:
         scored = _task_of(run, task, usual_task, typed, used, others)
     choice, given = None, as_growth(None if growth is ... else growth, **shortcuts)

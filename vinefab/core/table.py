@@ -245,6 +245,9 @@ def bad_input_of(
         inner = cause.key if cause.key.startswith("[") or not key else f".{cause.key}"
         return BadInputError(f"{key}{inner}", cause.value, cause.allowed, source)
     text = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    if detail["type"] == "model_type":
+        kind, keys = detail["ctx"]["class_name"], ", ".join(_known_keys(model, location))
+        text = f"a table of {keys}; in Python also an instance of {kind}"
     inside, given = _beyond(detail)
     return BadInputError(f"{key}{inside}", given, text[:1].lower() + text[1:], source)
 

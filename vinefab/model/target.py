@@ -113,9 +113,10 @@ def targets_given(given: object, key: str = "") -> tuple[Target, ...]:
     >>> [one.name for one in targets_given([(130, 330), {"name": "A", "point_mm": [5, 5]}])]
     ['B', 'A']
     """
+    allowed = f'[[x, y], {{ name = "B", point_mm = [x, y] }}, ...], at most {MOST_TARGETS}'
     if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
-        allowed = f'[[x, y], {{ name = "B", point_mm = [x, y] }}, ...], at most {MOST_TARGETS}'
-        raise BadInputError(key, given, allowed) if key else ValueError(allowed)
+        value = f"{len(given)} targets" if isinstance(given, list | tuple) else given
+        raise BadInputError(key, value, allowed) if key else ValueError(allowed)
     found = [_target(one, f"{key}[{place}]") for place, one in enumerate(given, start=1)]
     taken = Counter(one.name for one in found if one.name)
     for place, one in enumerate(found, start=1):
@@ -151,14 +152,16 @@ def target_from(text: str, key: str = "target") -> Target:
     15.0
     """
     named, _, place = text.rpartition("=")
-    spot, _, tolerance = place.partition("+-")
+    spot, sign, tolerance = place.partition("+-")
     try:
         x_mm, y_mm = map(float, spot.split(","))
-        within = {"tolerance_mm": float(tolerance)} if tolerance else {}
+        within = {"tolerance_mm": float(tolerance)} if sign else {}
+        return Target(name=named.strip(), point_mm=(x_mm, y_mm), **within)
+    except BadInputError as error:
+        raise BadInputError(key, text, f"{error.key} {error.allowed}") from error
     except ValueError as error:
         allowed = "[NAME=]X,Y or [NAME=]X,Y+-TOLERANCE, in mm"
         raise BadInputError(key, text, allowed) from error
-    return Target(name=named.strip(), point_mm=(x_mm, y_mm), **within)
 
 
 def target_text(target: Target) -> str:
@@ -173,8 +176,14 @@ def target_text(target: Target) -> str:
     return f"{named}{x_mm:g},{y_mm:g}{within}"
 
 
-def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets") -> None:
-    """Raise `BadInputError` where a target has nothing in the free space of a map."""
+def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets[{}]") -> None:
+    """Raise `BadInputError` where a target has nothing in the free space of a map.
+
+    Parameters
+    ----------
+    key
+        What messages call one: ``{}`` stands for its number, from 1.
+    """
     for place, target in enumerate(targets, start=1):
         shape = target.shape
         solid = "outside the bounds"
@@ -190,7 +199,7 @@ def check_targets(world: "Map", targets: Sequence[Target], key: str = "targets")
                 continue
         named = f"{target.name} at {target.place_text}" if target.name else target.place_text
         allowed = f"a place in free space; it is {solid} of map {world.name!r}"
-        raise BadInputError(f"{key}[{place}]", named, allowed)
+        raise BadInputError(key.format(place), named, allowed)
 
 
 def out_of_reach(
@@ -437,7 +446,7 @@ class TargetsResult(Result):
         text = ", ".join(words)
         if self.deployments == 1:
             return text
-        every, many = "all" if total > 1 else "it", counted(self.deployments, "deployment")
+        every, many = "all" if total > 1 else "touched", counted(self.deployments, "deployment")
         return f"{text}; {every} in {100 * self.together:.0f} % of {many}"
 
     def view(self) -> Iterator[Block]:

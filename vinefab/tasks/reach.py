@@ -138,7 +138,7 @@ class Reach(Table):
 
     def check_map(self, world: Map, context: MapContext) -> None:
         """Raise `BadInputError` where a target is not in the free space of a map."""
-        key = "target_mm" if self.target_mm else "targets"
+        key = "target_mm[{}]" if self.target_mm else "targets[{}]"
         check_targets(world, self.goals(context.targets), f"task.{key}" if self.own else key)
         if not self.target_mm and self.tolerance_mm != TOLERANCE_MM and context.targets:
             allowed = "each target its own: tolerance_mm in the map or in task.targets"

@@ -271,7 +271,11 @@ def _target(key: str, feature: dict[str, Any]) -> Target:
         (position,) = _positions(f"{key}.geometry", [coordinates]).tolist()
         place: dict[str, Any] = {"point_mm": tuple(position)}
     elif kind == "Polygon":
-        ring = shapely.get_coordinates(_polygon(key, coordinates).exterior)[:-1].tolist()
+        area = _polygon(key, coordinates)
+        if area.interiors:
+            holes = counted(len(area.interiors), "hole")
+            raise BadInputError(f"{key}.geometry", f"an area with {holes}", "an area without holes")
+        ring = shapely.get_coordinates(area.exterior)[:-1].tolist()
         place = {"area_mm": tuple(map(tuple, ring))}
     else:
         raise BadInputError(f"{key}.geometry.type", kind, "Point, Polygon")

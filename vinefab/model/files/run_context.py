@@ -35,6 +35,7 @@ PLACES = ("targets", "target_mm")
 """Parameters of tasks that are places on the maps of a run."""
 
 _Text = Annotated[str, Field(pattern=r"^[^\x00]+$")]
+_Title = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]*$")]
 
 
 class RecipeOfRun(Table):
@@ -48,9 +49,9 @@ class RecipeOfRun(Table):
 class RunContext(Table):
     """Keys of ``[origin]`` of a design that commands use unless they are told otherwise."""
 
-    run: Annotated[str, Doc("id of the run")] = ""
-    run_name: Annotated[str, Doc("its name")] = ""
-    task: Annotated[str, Doc("of the run")] = ""
+    run: Annotated[_Title, Doc("id of the run")] = ""
+    run_name: Annotated[_Title, Doc("its name")] = ""
+    task: Annotated[_Title, Doc("of the run")] = ""
     task_parameters: Annotated[
         Mapping[str, Any], Doc("of the task, targets among them; defaults for all others")
     ] = {}
@@ -96,13 +97,20 @@ class RunContext(Table):
     @property
     def places(self) -> tuple[Target, ...]:
         """The targets of the run: its task's, else those of its maps."""
-        named = self.task_parameters
-        with located("origin"):
-            if "target_mm" in named:  # the earlier form, with one tolerance
-                tolerance_mm = named.get("tolerance_mm", TOLERANCE_MM)
-                points = [{"point_mm": p, "tolerance_mm": tolerance_mm} for p in named["target_mm"]]
-                return targets_given(points, "task_parameters.target_mm")
-            return targets_given(list(named.get("targets", self.targets)), "targets")
+        named, key = self.task_parameters, "origin.task_parameters"
+        if "target_mm" in named:  # the earlier form, with one tolerance
+            tolerance_mm = named.get("tolerance_mm", TOLERANCE_MM)
+            points = targets_given(named["target_mm"], f"{key}.target_mm")
+            placed = [{"point_mm": one.point_mm, "tolerance_mm": tolerance_mm} for one in points]
+            return targets_given(placed, f"{key}.target_mm")
+        if self.has_places:
+            return targets_given(named["targets"], f"{key}.targets")
+        return targets_given(self.targets, "origin.targets")
+
+    @property
+    def has_places(self) -> bool:
+        """Whether its task has targets, which took the place of those of its maps."""
+        return any(self.task_parameters.get(name) for name in PLACES)
 
     @property
     def without_places(self) -> Self:
@@ -116,11 +124,14 @@ class RunContext(Table):
         return [shape_fingerprint(world) in self.maps for world in worlds] if self.maps else []
 
     def with_places(self, worlds: Sequence[Map]) -> list[Map]:
-        """Return maps, those that the run trained on with its targets where they have none."""
-        places = self.places
+        """Return maps, those that the run trained on with its targets.
+
+        The targets of its maps give way to what the files have since.
+        """
+        places, holds = self.places, self.has_places
         return [
             world.with_targets(*places)
-            if places and not world.targets and any(self.trained_on([world]))
+            if places and (holds or not world.targets) and any(self.trained_on([world]))
             else world
             for world in worlds
         ]
@@ -213,7 +224,9 @@ class ChosenRecipe:
             copy = path_inside("origin.recipe.file", wanted.file, [design.folder], "the design")
         found = [*([copy] if copy is not None and copy.is_file() else []), *_named(wanted.name)]
         for path in found:
-            if recipe_digest(path) == wanted.digest:
+            with located(path):
+                digest = recipe_digest(path)
+            if digest == wanted.digest:
                 note = f"recipe {wanted.name} of the design's run ({path})"
                 return cls(recipe=str(path), profile=read_profile(path), note=note)
         missing = f"recipe {wanted.name} of the design's run"

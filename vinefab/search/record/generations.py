@@ -253,7 +253,8 @@ class RunIdentity:
             name = key.removeprefix("search.")
             raised = f"; {limit_option(name)} raises it" if name in LIMIT_NAMES else ""
             allowed = f"{before!r}, with which the run began{raised}; another run, another folder"
-            return BadInputError(key, mine, allowed)
+            as_in_file = f"optimizer.{name}" if name != key else key
+            return BadInputError(as_in_file, mine, allowed)
         if self.maps != recorded.maps:
             allowed = "the maps with which the run began; another run, another folder"
             return BadInputError("maps", "other maps", allowed)

@@ -542,8 +542,10 @@ def test_coupons_and_a_calibration_are_those_of_the_command(tmp_path):
     place = next(i for i, row in enumerate(rows) if row.startswith("seam,weldcut,,"))
     rows[place] = "seam,weldcut,0.5,mm,0.05,read under a lens"
     table.write_text("\n".join(rows))
+    assert any("filled in, is kept" in line for line in vf.coupon(out=tmp_path / "coupons").summary)
+    assert "read under a lens" in table.read_text()
     with pytest.raises(vf.VinefabError, match="was filled in"):
-        vf.coupon(out=tmp_path / "coupons")
+        vf.coupon("co2_60w__tpu_nylon_70d", out=tmp_path / "coupons")
     mine = vf.calibrate(table, out=tmp_path / "mine.toml")
     (tmp_path / "command").mkdir()
     command(f"calibrate {table} --out {tmp_path / 'command' / 'mine.toml'}")

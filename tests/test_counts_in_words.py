@@ -65,6 +65,7 @@ PLURALS = frozenset(
 
 SOUND = {
     ("many", "pieces"),  # a text: at least 7
+    ("than", "paths"),  # shorter or longer
     ("count", "pegs"),  # a key of rig.json
     ("operation", "paths"),  # a name
     ("operation", "runs"),

@@ -186,7 +186,7 @@ def test_report_is_one_page_with_predictions(vinefab, grid, tmp_path):
     code, words, _ = vinefab("report", "three_level_tree", "--maps", grid, "--out", page)
     text = page.read_text()
     assert code == 0
-    assert "anchoring amplification, ideal case: " in words
+    assert "fails completely: " in words
     for heading in ("Predictions", "Deployments", "Design rules", "Bill of materials"):
         assert f"<h2>{heading}</h2>" in text
     assert 'src="http' not in text

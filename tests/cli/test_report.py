@@ -17,7 +17,7 @@ def test_report_over_an_environment_repeats_itself(vinefab, tmp_path):
             "--out", out, "--json", numbers,
         )  # fmt: skip
         assert (code, complaint) == (0, "")
-        assert "3 unseen grid maps" in words
+        assert "; 3 maps]" in words
         document = json.loads(numbers.read_text())
         assert len(document["fields"][0]["deployments"]) == 6
         # the digest in its mark is that of the page with its path

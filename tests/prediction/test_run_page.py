@@ -12,10 +12,12 @@ import pytest
 from vinefab.core.atomic import is_ours
 from vinefab.fabrication.pieces.partition import pieces_of
 from vinefab.inflation.pattern import pattern_of
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport
+from vinefab.model.target import Target, TargetsResult
 from vinefab.prediction import run_page
 from vinefab.prediction.run_page import EndedRun, write_run_page
 from vinefab.prediction.run_winner import run_in_folder
@@ -121,6 +123,25 @@ def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> 
     one, two = ((place / "index.html").read_text() for place in (folder, tmp_path))
     assert session.sub("", one) == session.sub("", two)
     assert RunArchive.read(folder / RECORD_FILE).prediction == run.result.prediction
+
+
+@pytest.mark.parametrize(
+    ("tolerance_mm", "checked", "tone"),
+    [(1e6, True, "good"), (0.0, True, "bad"), (1e6, False, "caution")],
+)
+def test_the_answer_has_the_worse_tone_of_targets_and_rules(
+    folder: Path, tolerance_mm: float, *, checked: bool, tone: str
+) -> None:
+    target = Target(name="A", point_mm=(-1e3, -1e3), tolerance_mm=tolerance_mm)
+    deployment = SimpleNamespace(
+        points_mm=np.zeros((2, 2)), first_point=np.array([0, 2]), tree=SimpleNamespace(ids=["0"])
+    )
+    targets = TargetsResult.touched([(cast("Deployment", deployment), [target])])
+    result = EndedRun.read(folder).result
+    first, *others = result.finalists
+    winner = replace(first, score=replace(first.score, targets=targets))
+    aimed = replace(result, finalists=(winner, *others), checked=checked)
+    assert aimed.answer.tone == tone
 
 
 def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:

@@ -145,7 +145,7 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_pat
     desk.start(ask(), StudioState.of(given))
     event = followed(desk, is_over)[-1]
     assert event["state"] == "failed"
-    assert "build.widths_mm is [400.0, 20.0]; allowed: " in event["line"]
+    assert "a trunk of 400 mm needs 127.3 mm, or build.widths_mm of at most 4" in event["line"]
     assert not (tmp_path / "search_1").exists()
 
 

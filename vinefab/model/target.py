@@ -71,7 +71,7 @@ class Target(Table):
             corners = len(set(self.area_mm))
             if corners < 3 or not shapely.Polygon(self.area_mm).is_valid:
                 allowed = "3 corners or more, whose sides do not cross"
-                raise BadInputError("area_mm", f"{corners} corners", allowed)
+                raise BadInputError("area_mm", counted(corners, "corner"), allowed)
         return self
 
     @property
@@ -437,8 +437,8 @@ class TargetsResult(Result):
         text = ", ".join(words)
         if self.deployments == 1:
             return text
-        every = "all" if total > 1 else "it"
-        return f"{text}; {every} in {100 * self.together:.0f} % of {self.deployments} deployments"
+        every, many = "all" if total > 1 else "it", counted(self.deployments, "deployment")
+        return f"{text}; {every} in {100 * self.together:.0f} % of {many}"
 
     def view(self) -> Iterator[Block]:
         """Yield the headline, and each target with its state, branch and share."""

@@ -334,7 +334,10 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
-COST_CAPTION = "What assumed contacts cost; line: predicted, grey: its 95 % interval."
+COST_CAPTION = (
+    "What contacts cost, assumed where nothing else is said; line: predicted, grey: its 95 % "
+    "interval."
+)
 
 
 def contact_costs(
@@ -344,15 +347,18 @@ def contact_costs(
     spread = measured.spread(measure)
     predicted = (math.nan,) if spread is None else (spread.mean, spread.low, spread.high)
 
-    def row(words: str, values: Sequence[ContactValue]) -> tuple[str, tuple[float, ...]]:
+    def row(
+        words: str, values: Sequence[ContactValue], standing: str
+    ) -> tuple[str, tuple[float, ...]]:
+        words += ", measured" * (standing != "assumed")
         means = tuple(value.mean for value in values)
         ends = " to ".join(measure.number(means[place]) for place in (0, -1))
         return f"{words}: {ends}", means
 
     low, high = found.angles_deg[0], found.angles_deg[-1]
     return f"{measure.label}, simulated", predicted, (
-        row(f"tips stop within {low:g} to {high:g} deg", found.values[measure.key]),
-        *(row(rule.short, rule.values[measure.key]) for rule in found.rules),
+        row(f"tips stop within {low:g} to {high:g} deg", found.values[measure.key], found.standing),
+        *(row(rule.short, rule.values[measure.key], rule.standing) for rule in found.rules),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     """Raise `BadInputError` where no robot of a run can leave the starts of its maps.
 
     The run's own start needs room for the trunk on every map; of the maps' own starts one must have
-    it. From one of all poses the shortest trunk must grow to its end.
+    it. From one of all poses the shortest trunk must grow by its own width.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def refuse_starts_without_room(evaluator: Evaluator, conditions: Conditions) -> 
     poses = [
         (prepared, pose)
         for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
-        for pose in places
+        for pose in (*(start.pose for start in prepared.world.starts), *places)
     ]
     roomy = [pair for pair in poses if radius_mm == 0.0 or _has_room(*pair, radius_mm)]
     if poses and not roomy:
@@ -81,11 +81,12 @@ def _grown_mm(
 ) -> Iterator[tuple[tuple[PreparedMap, Pose], float | None]]:
     """Yield how far the shortest trunk grows from each pose; None where it is not stopped."""
     growth, space = evaluator.growth.at_one_angle, evaluator.space
-    length_mm = space.design(np.zeros(len(space))).trunk_length_mm
-    trunk = Design(name="trunk", trunk_length_mm=length_mm, build=space.build_of(1))
+    length_mm, build = space.design(np.zeros(len(space))).trunk_length_mm, space.build_of(1)
+    trunk = Design(name="trunk", trunk_length_mm=length_mm, build=build)
     for prepared, pose in poses:
         grown = float(grow_on(trunk, prepared.terrain, pose, growth).grown_mm.sum())
-        free = growth.children_of_stuck == "deploy" or grown >= length_mm - 1.0
+        leaves = grown >= min(length_mm - 1.0, build.widths_mm[0])
+        free = growth.children_of_stuck == "deploy" or leaves
         yield (prepared, pose), None if free else grown
 
 
@@ -97,8 +98,8 @@ def _blocked(
     key = "maps.start" if given else f"start of map {prepared.world.name!r}"
     heading_deg = np.degrees(pose.heading_rad)
     allowed = (
-        f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), and "
-        "the shortest of the space is longer: turn or move the start, or lower space.length_mm"
+        f"a pose that a robot can leave: the trunk stops after {grown_mm:.0f} mm (simulated), less "
+        "than its own width: turn or move the start"
     )
     where = f"({pose.x_mm:g}, {pose.y_mm:g}), heading {heading_deg:.0f} deg"
     return BadInputError(key, where, allowed)

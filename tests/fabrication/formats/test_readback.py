@@ -127,7 +127,7 @@ SVG_DAMAGE = [
     (swapped("10.000 60.000 L", "10.000 60.004 L"), "point"),
     (swapped("L 145.000 5.000 L 5.000 5.000", "L 5.000 5.000 L 145.000 5.000"), "area"),
     (swapped('<g id="layer_VF_40_CUT"', '<g transform="scale(2)" id="x"'), "transform"),
-    (swapped("<defs />", "<defs /><text>x</text>"), "text outside"),
+    (swapped("</defs>", "</defs><text>x</text>"), "text outside"),
 ]
 
 

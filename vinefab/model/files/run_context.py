@@ -16,6 +16,7 @@ from typing_extensions import Doc
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError, located, values_hidden
 from vinefab.core.hashing import fingerprint
+from vinefab.core.plain_text import counted
 from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
 from vinefab.model.files.named_file import path_inside
@@ -129,7 +130,7 @@ class RunContext(Table):
         seen = self.trained_on(worlds)
         if not seen:
             return ""
-        maps = "this map" if len(seen) == 1 else f"these {len(seen)} maps"
+        maps = "this map" if len(seen) == 1 else f"these {counted(len(seen), 'map')}"
         if any(seen):
             return f"{self.title} trained on {maps if all(seen) else f'{sum(seen)} of {maps}'}"
         return f"{self.title} trained on {'other maps' if len(seen) == 1 else f'none of {maps}'}"

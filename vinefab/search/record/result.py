@@ -285,7 +285,7 @@ class RunResult(Result):
         if self.targets is None:
             return self._found
         tones: list[Tone] = [self.targets.tone, self._found.tone]
-        worst = max(tones, key=("good", "caution", "bad").index)
+        worst = max(tones, key=("plain", "good", "caution", "bad").index)
         return Answer(f"{self.targets.headline}: {self._found.text}", worst)
 
     @property

@@ -442,7 +442,7 @@ export function mount(root, app) {
     dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
     if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
     // The plan keeps its size while it is dragged: the answers below it have more or fewer lines.
-    svg.parentElement.style.flex = `0 0 ${svg.parentElement.clientHeight}px`;
+    svg.parentElement.style.flex = `0 0 ${svg.parentElement.getBoundingClientRect().height}px`;
     Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
     const { kind, id } = dragging;
     focused = ["base", "heading"].includes(kind) ? kind : "";

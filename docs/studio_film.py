@@ -125,8 +125,10 @@ def play(film: Film, page: Page) -> None:
     film.drag_on_map((256, 60), (246, 32), steps=5)
     film.settle(500)
     film.click(page.get_by_role("button", name="Add a target"))
-    film.to_map(290, 250)
-    film.drag_on_map((290, 250), steps=1)
+    film.to_map(333, 300)
+    film.drag_on_map((333, 300), steps=1)
+    film.settle(700)
+    film.drag_on_map((333, 252), (290, 250), steps=2)  # between obstacles
     film.settle(700)
     film.to_map(300, 205)
     film.drag_on_map((322, 228), (285, 220), steps=5)

@@ -275,6 +275,19 @@ def test_the_start_and_its_heading_are_dragged(tab, grid):
     )
 
 
+def test_the_plan_keeps_its_size_while_it_is_dragged(tab):
+    height = "document.querySelector('#map .canvas').clientHeight"
+    x, y = tab.middle(".pose-layer .base")
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    before = tab.page.evaluate(height)
+    tab.page.mouse.move(x, y + 60, steps=4)
+    tab.page.get_by_text("outside the bounds").first.wait_for()  # a line more below the map
+    assert tab.page.evaluate(height) == before
+    tab.page.mouse.up()
+    tab.page.wait_for_function(f"before => {height} !== before", arg=before, timeout=5000)
+
+
 def test_a_tip_is_dragged(tab, grid):
     tip = '.robot-layer .mark[data-branch="0.1"]'  # the other arm leans on a wall
     tab.page.wait_for_selector(tip)

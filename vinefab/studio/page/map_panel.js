@@ -441,7 +441,8 @@ export function mount(root, app) {
     if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
     dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
     if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
-    // Where the drawing stood when it was grabbed: what is told below may move it.
+    // The plan keeps its size while it is dragged: the answers below it have more or fewer lines.
+    svg.parentElement.style.flex = `0 0 ${svg.parentElement.getBoundingClientRect().height}px`;
     Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
     const { kind, id } = dragging;
     focused = ["base", "heading"].includes(kind) ? kind : "";
@@ -506,6 +507,7 @@ export function mount(root, app) {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
+    svg.parentElement.style.flex = "";
     if (!was.busy) app.store.endGroup();
     if (["obstacle", "size", "turn"].includes(was.kind) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));

@@ -127,7 +127,7 @@ def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
 def test_another_run_cannot_resume_a_record(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
     recorded(tmp_path, small, maps)
     other = small.changed(search=small.search.changed(seed=9))
-    with pytest.raises(BadInputError, match=r"search\.seed is 9; allowed: 3, with which"):
+    with pytest.raises(BadInputError, match=r"optimizer\.seed is 9; allowed: 3, with which"):
         recorded(tmp_path, other, maps, resume=True)
     with pytest.raises(BadInputError, match="maps with which the run began"):
         recorded(tmp_path, small, maps[:1], resume=True)

@@ -73,7 +73,7 @@ def mean_interval(
     return mean - half, mean + half
 
 
-def share_interval(share: float, count: int, level: float = LEVEL) -> tuple[float, float]:
+def clopper_pearson(share: float, count: int, level: float = LEVEL) -> tuple[float, float]:
     """Return the interval of Clopper and Pearson of a share of independent samples.
 
     It holds the truth at least that often, also where none or all of few samples have it. Of
@@ -81,7 +81,7 @@ def share_interval(share: float, count: int, level: float = LEVEL) -> tuple[floa
 
     Examples
     --------
-    >>> [round(end, 3) for end in share_interval(0.0, 100)]
+    >>> [round(end, 3) for end in clopper_pearson(0.0, 100)]
     [0.0, 0.036]
     """
     tail, have = 0.5 * (1.0 - level), share * count

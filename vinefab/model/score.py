@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vinefab.core.plain_text import counted
-from vinefab.core.statistics import group_means, share_interval
+from vinefab.core.statistics import clopper_pearson, group_means
 from vinefab.core.validation import Floats
 from vinefab.core.view import Block, Data, Fact, Facts, Notes, Number, Result, Rows
 from vinefab.model.map import Pose
@@ -88,7 +88,7 @@ class Failures:
     @property
     def fact(self) -> Fact:
         """The count, and the share with its interval over maps."""
-        low, high = share_interval(self.share, self.samples)
+        low, high = clopper_pearson(self.share, self.samples)
         number = Number(self.share, "%", ".1f", (low, high), per=0.01, over=self.over)
         return Fact(
             "fails completely",

@@ -341,8 +341,8 @@ class DeployedDesign(Result):
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}: "
             f"{counted(len(tree), 'branch')}, {stops} (simulated)"
         )
-        if self.targets is not None:
-            yield from self.targets.view()
+        if (targets := self.targets) is not None:
+            yield from targets.view()
         yield Picture(image=lambda: self.picture(".svg"), caption="Where it ended (simulated).")
         grown = Number(float(self.deployment.grown_mm.sum()), "mm", ".1f")
         planned = f"of {tree.total_length_mm:.1f} mm planned"
@@ -386,8 +386,9 @@ class DeployedDesign(Result):
         names = (self.design.name, self.world.name)
         fronts = self.fronts
         shapes = None if fronts is None else history_content(frames_of(self.history, fronts))
-        targets = {} if self.targets is None else document(self.targets.view())
-        return deployment_text(self.deployment, *names, self.metrics, shapes, targets)
+        targets = self.targets
+        more = {} if targets is None else document(targets.view())
+        return deployment_text(self.deployment, *names, self.metrics, shapes, more)
 
     @property
     def _widths_mm(self) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.table import validated
 from vinefab.model.files.named_file import is_inside
-from vinefab.model.files.shipped import locate, names, registered, user_names
+from vinefab.model.files.shipped import file_named, locate, names, user_names
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile, Machine, Material, Recipe
 
@@ -65,7 +65,7 @@ def _beside(recipe: Path, kind: str, name: str) -> Path:
     near = (folder.parent / f"{kind}s" / file_name, folder / file_name)
     others = (path for path in near if path != recipe.resolve() and path.is_file())
     own = next((path for path in others if is_inside(path, (path.parent,))), None)
-    own = own or registered(kind, name)
+    own = own or file_named(kind, name)
     if own is None:
         raise UnknownNameError(kind, name, {*names(kind), *user_names(kind)})
     return own

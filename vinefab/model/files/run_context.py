@@ -21,7 +21,7 @@ from vinefab.core.table import Table, validated
 from vinefab.model.design import Design
 from vinefab.model.files.named_file import path_inside
 from vinefab.model.files.profile_toml import profile_files, read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, read_text, registered
+from vinefab.model.files.shipped import DEFAULT_RECIPE, file_named, locate, read_text
 from vinefab.model.files.toml import read_toml
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
@@ -241,5 +241,5 @@ def _named(name: str) -> list[Path]:
     """Return the files that a recipe of a name may be: here, the user's own or the shipped one."""
     if Path(name).name != name:
         return []
-    places = (Path(f"{name}.toml"), registered("recipe", name))
+    places = (Path(f"{name}.toml"), file_named("recipe", name))
     return [place for place in places if place is not None and place.is_file()]

@@ -87,7 +87,7 @@ def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:
         return path
     is_bare = path.parent == Path() and not path.suffix
     if is_bare:
-        found = registered(kind, str(name_or_path))
+        found = file_named(kind, str(name_or_path))
         if found is not None:
             return found
     with_suffix = path.with_name(f"{path.name}.toml") if path.name else path
@@ -99,7 +99,7 @@ def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:
     return existing_file(path, near=".toml")
 
 
-def registered(kind: str, name: str) -> Path | None:
+def file_named(kind: str, name: str) -> Path | None:
     """Return the user's own or the shipped file of a name; None where there is none.
 
     Files name each other so: the current folder makes no difference.

@@ -108,7 +108,7 @@ def _handled(handler: Handler) -> Iterator[None]:
 @contextmanager
 def _hidden_from_children() -> Iterator[None]:
     """Block the terminal's requests in this thread, and so in the processes that it begins."""
-    if os.name != "posix":
+    if sys.platform == "win32":
         yield
         return
     from multiprocessing import resource_tracker  # noqa: PLC0415  not on all systems
@@ -152,10 +152,10 @@ def _repeat_soon(number: int) -> None:
 def _repeat(number: int) -> None:
     """Send a request to the main thread, which may have to be woken."""
     main_thread = threading.main_thread().ident
-    if os.name == "posix" and main_thread is not None:
-        signal.pthread_kill(main_thread, number)
-    else:
+    if sys.platform == "win32" or main_thread is None:
         signal.raise_signal(number)
+    else:
+        signal.pthread_kill(main_thread, number)
 
 
 STOP_WITH_INPUT = "VINEFAB_STOP_WITH_INPUT"

@@ -1,6 +1,7 @@
 """Folder locks: one process at a time."""
 
 import os
+import sys
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError
@@ -9,10 +10,10 @@ from vinefab.core.errors import CannotWriteError
 def lock_folder(folder: Path, problem: str) -> int | None:
     """Lock a folder for this process until the handle is closed or the process ends.
 
-    Nothing is written. Where the system has no such locks (as on some network file systems), the
-    folder stays unlocked.
+    Nothing is written. Where the system has no such locks (Windows, some network file systems),
+    the folder stays unlocked.
     """
-    if os.name != "posix":
+    if sys.platform == "win32":
         return None
     import fcntl  # noqa: PLC0415  exists on POSIX systems only
 

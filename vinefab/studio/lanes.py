@@ -11,11 +11,21 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.connection import Connection
 from multiprocessing.pool import ThreadPool
-from typing import Any
+from typing import Any, Protocol
 
 from vinefab.core.errors import VinefabError
+
+
+class Pipe(Protocol):
+    """One end of a pipe between processes; its class differs between systems."""
+
+    def send(self, message: object, /) -> None:
+        """Send one message."""
+
+    def recv(self) -> Any:  # noqa: ANN401  whatever was sent
+        """Wait for a message."""
+
 
 Send = Callable[[float, str], None]
 """Takes progress of an answer, from any thread."""
@@ -47,7 +57,7 @@ class ProcessLane:
     def __init__(self, name: str) -> None:
         self._name = name
         self._turn = asyncio.Lock()
-        self._pipe: Connection | None = None
+        self._pipe: Pipe | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
 
     async def answer(self, question: Question, send: Send) -> Any:  # noqa: ANN401  plain values
@@ -74,7 +84,7 @@ class ProcessLane:
             process.kill()
             process.join()
 
-    def _ready(self) -> Connection:
+    def _ready(self) -> Pipe:
         if self._pipe is not None and self._process is not None and self._process.is_alive():
             return self._pipe
         self.close()
@@ -89,7 +99,7 @@ class ProcessLane:
         return self._pipe
 
 
-def _exchange(pipe: Connection, question: Question, send: Send) -> Any:  # noqa: ANN401
+def _exchange(pipe: Pipe, question: Question, send: Send) -> Any:  # noqa: ANN401
     try:
         pipe.send(question)
         while True:
@@ -104,7 +114,7 @@ def _exchange(pipe: Connection, question: Question, send: Send) -> Any:  # noqa:
     return content
 
 
-def answer_questions(pipe: Connection) -> None:
+def answer_questions(pipe: Pipe) -> None:
     """Answer what comes through a pipe until the server is gone: what a lane's process does."""
     from vinefab.studio.panels import answer_of  # noqa: PLC0415  only this process needs it all
 

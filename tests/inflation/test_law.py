@@ -72,10 +72,14 @@ def test_it_is_near_the_simulated_pattern(design):
     assert (quick.flat.build, quick.beyond) == (exact.build, 0.0)
 
 
-def test_designs_without_compensation_are_as_they_are():
-    design = tree((3, 120.0, 120.0))
+def test_designs_without_compensation_are_as_they_are_with_the_passages_of_their_joints():
+    design = tree((3, 120.0, 120.0), (2, 80.0, 90.0))
     design = design.changed(build=design.build.changed(compensation="none"))
-    assert quick_pattern(design, PROFILE.material).flat is design
+    quick = quick_pattern(design, PROFILE.material)
+    assert quick.flat is design
+    exact = [joint.found.passage for joint in pattern_of(design, PROFILE).joints]
+    assert quick.passages == pytest.approx(exact, abs=0.05)
+    assert max(quick.passages) < 1.0
 
 
 def test_fans_narrower_than_any_simulated_are_told_and_short_children_keep_a_length():

@@ -331,3 +331,23 @@ def test_a_fillet_that_the_seam_turns_into_a_corner_is_no_reason() -> None:
             assert "VF-C04" not in rules
     assert shares[0] > 0.05
     assert shares[1] == 0.0
+
+
+def test_no_design_without_a_penalty_has_an_end_between_fillets_too_short_to_be_run() -> None:
+    """Of a fork that opens from 78 to 86 degrees, the trunk's round end comes into view."""
+    settings = SpaceSettings(
+        levels=Bounds(low=2, high=2),
+        branches=Bounds(low=2, high=2),
+        length_mm=Bounds(low=100, high=100),
+        growth_percent=Bounds(low=100, high=100),
+        angle_deg=Bounds(low=78, high=86),
+    )
+    space = Space(settings, BuildSettings(trunk_width_mm=24.0, width_ratio=0.65))
+    found, wanted = both(space, np.linspace(0.0, 1.0, 41)[:, None])
+    assert found == pytest.approx(wanted, abs=1e-6)
+    broken = [PENALTY.broken(space.design(np.array([share]))) for share in np.linspace(0, 1, 41)]
+    short = np.array([{one.rule for one in rules or ()} == {"VF-L02"} for rules in broken])
+    assert short.any()
+    assert (found[short] > 0.0).all()
+    assert (found[[0, -1]] == 0.0).all()
+    assert 0 < (found > 0.0).sum() - short.sum() <= 3

@@ -55,6 +55,15 @@ class FanLaw:
         rows[:, -2], rows[:, -1] = self.side_offsets, self.passages
         return rows
 
+    @property
+    def passages_as_drawn(self) -> Floats:
+        """Passages of joints that are cut as designed, by their flat fans, shape (FANS, 1)."""
+        if self.angles_rad.shape[1] == 1:
+            return np.full((FANS, 1), self.passages[0])
+        # Nothing says that the flat fans of a law rise where they are narrow.
+        drawn_rad = np.maximum.accumulate(self.angles_rad[:, -1] - self.angles_rad[:, 0])
+        return np.interp(np.radians(np.arange(FANS)), drawn_rad, self.passages)[:, None]
+
 
 @lru_cache(maxsize=512)
 def fan_law(children: int, ratio: float, fillet: float, strain: float, gain: float) -> FanLaw:
@@ -141,8 +150,6 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
     fans of at most `MOST_CHILDREN` children are compensated.
     """
     build = design.build
-    if build.compensation == "none":
-        return QuickPattern(flat=design, passages=(1.0,) * len(design.levels), beyond=0.0)
     levels, passages, beyond = list(design.levels), list[float](), 0.0
     means_mm = [float(child_lengths_mm(level).mean()) for level in design.levels]
     for place, level in enumerate(design.levels):
@@ -150,8 +157,11 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
             passages.append(1.0)
             continue
         law = level_law(build, material, place, level.branches)
-        width_mm = build.end_widths_mm[place]
         fan_rad = level.fan_rad if level.branches > 1 else 0.0
+        if build.compensation == "none":
+            passages.append(float(_at(law.passages_as_drawn, fan_rad)[0]))
+            continue
+        width_mm = build.end_widths_mm[place]
         if fan_rad < law.least_rad:
             beyond += (law.least_rad - fan_rad) / law.least_rad
         # Children stand beside their designed axes: turned a little, their tips come nearer.
@@ -166,6 +176,8 @@ def quick_pattern(design: Design, material: Material) -> QuickPattern:
         angles_deg = np.degrees(_at(law.angles_rad, fan_rad))
         levels[place] = UnevenLevel.of_children(angles_deg.tolist(), lengths_mm.tolist())
         passages.append(float(_at(law.passages, fan_rad)))
+    if build.compensation == "none":
+        return QuickPattern(flat=design, passages=tuple(passages), beyond=0.0)
     trunk_mm = design.trunk_length_mm / stretch_at(build, material, build.widths_mm[0])
     flat = design.changed(
         trunk=Trunk(length_mm=trunk_mm),

@@ -87,6 +87,7 @@ class LevelTables(NamedTuple):
     # of each level below the trunk and number of children, by deployed fan: `FanLaw.rows`
     law: Floats
     least: Floats  # smallest deployed fan among the simulated ones, rad
+    drawn: Floats  # passages of fans cut as designed, by fan; no rows where fans are compensated
     stretch: Floats  # by which each level's tubes grow longer under pressure
     most_turn: float  # by which children are turned so that their tips come near, rad
     least_length: float  # share of a planned length that is always cut
@@ -100,6 +101,7 @@ class PenaltyLimits(NamedTuple):
     fillet_mm: float  # least radius, as `FilletSizes`
     seal_mm: float
     run_mm: float
+    end_mm: float
     sibling_share: float  # of the shorter, that inflated siblings may lie on each other
     packing_percent: float  # most of a lumen that folded film may fill
     film_mm: float  # thickness of all plies over the share of solid film when crumpled
@@ -221,6 +223,7 @@ class BatchPenalty:
             fillet_mm=sizes.error_mm,
             seal_mm=sizes.seal_mm,
             run_mm=sizes.run_mm,
+            end_mm=sizes.end_mm,
             sibling_share=BODIES.limits_with(changed.get(BODIES.id, {}))["sibling_share"],
             packing_percent=packing["error"],
             film_mm=material.plies * material.ply_mm.value / packing["packing"],
@@ -376,6 +379,7 @@ class _Laws(NamedTuple):
 
     law: Floats
     least: Floats
+    drawn: Floats
     stretch: Floats
 
 
@@ -388,16 +392,18 @@ def _most_children(space: Space) -> int:
 def _laws(build: Build, material: Material, most: int) -> _Laws:
     """Return how fans of a build are cut, of at most so many children; the build is the deepest."""
     levels, children = len(build.widths_mm), min(most, MOST_CHILDREN)
-    if build.compensation == "none":
-        return _Laws(np.zeros((0, 1, 2, 2)), np.zeros((0, 1)), np.ones(levels))
     law = np.zeros((levels - 1, children + 1, FANS, 2 * MOST_CHILDREN + 2))
+    drawn = np.ones((levels - 1, children + 1, FANS, 1))
     least = np.zeros((levels - 1, children + 1))
     for place in range(levels - 1):
         for count in range(1, children + 1):
             found = level_law(build, material, place, count)
             law[place, count], least[place, count] = found.rows, found.least_rad
+            drawn[place, count] = found.passages_as_drawn
+    if build.compensation == "none":
+        return _Laws(law[:0], least, drawn, np.ones(levels))
     stretch = [stretch_at(build, material, width_mm) for width_mm in build.widths_mm]
-    return _Laws(law, least, np.array(stretch))
+    return _Laws(law, least, drawn[:0], np.array(stretch))
 
 
 def _tables(
@@ -429,6 +435,7 @@ def _tables(
         pouch=np.array(rows).reshape(-1, 5),
         law=laws.law,
         least=laws.least,
+        drawn=laws.drawn,
         stretch=laws.stretch,
         most_turn=MOST_TURN_RAD,
         least_length=LEAST_LENGTH,

@@ -106,7 +106,7 @@ def _cut_fans(designs, d, tables, limits, scratch):
         if compensated:
             beyond += _compensate(designs, d, row, below, children, fan, tables, scratch)
         else:
-            _keep(designs, d, row, below, children, fan, scratch)
+            _keep(designs, d, row, below, children, fan, tables, scratch)
         count *= children
         row += count
     return beyond
@@ -125,7 +125,7 @@ def _touching(designs, d, below, gap, tables, limits):
 
 
 @inlined
-def _keep(designs, d, row, below, children, fan, scratch):
+def _keep(designs, d, row, below, children, fan, tables, scratch):
     """Write the children of a level as they are designed."""
     level = below + 1
     for child in range(children):
@@ -134,7 +134,10 @@ def _keep(designs, d, row, below, children, fan, scratch):
         scratch.gap[level, child] = fan / max(children - 1, 1)
     scratch.gap[level, 0] = scratch.gap[level, children] = math.pi - fan / 2.0
     scratch.passage[level] = 1.0
-    scratch.short[level] = designs.size[d, below] * min(1.0, designs.growth[d, below])
+    if below < tables.drawn.shape[0] and children < tables.drawn.shape[1]:
+        scratch.passage[level] = _at(tables.drawn[below, children], fan, 0)
+    last = designs.growth[d, below] if children > 1 else 1.0
+    scratch.short[level] = designs.size[d, below] * min(1.0, last)
 
 
 @inlined
@@ -241,8 +244,7 @@ def _joints(designs, d, tables, limits, scratch):
             sibling_mm, _ = _straight_begins(between, narrow, narrow, fillet, wide)
             child_mm = max(child_mm, sibling_mm)
         found += _crowded(length_mm - base_mm - parent_mm, length_mm, limits)
-        if tables.law.shape[0] > 0:
-            found += _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits)
+        found += _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits)
         above_mm, base_mm = shortest_mm, child_mm
         length_mm = shortest_mm if branches > 1 else run[0]
     tip_mm = tables.tip[designs.depth[d] - 1]
@@ -250,8 +252,8 @@ def _joints(designs, d, tables, limits, scratch):
 
 
 @inlined
-def _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits):
-    """Return by how much fillets of a joint fall short of what rules and laser take.
+def _small_arcs(gap, run, branches, wide, narrow, above_mm, fillet, limits):
+    """Return by how much fillets, and the arcs between them, fall short of rules and laser.
 
     Fans are their own mirror images: of two gaps alike the one beside the shorter branch counts.
     """
@@ -269,7 +271,17 @@ def _small_fillets(gap, run, branches, wide, narrow, above_mm, fillet, limits):
         if radius < limits.run_mm and arc >= limits.segment_mm:
             least = max(least, limits.run_mm)
         found += _excess(least, radius, limits.most)
+        end = (disc + limits.seal_mm) * _end_shown(gap[place], one, narrow, radius, disc)
+        if end >= limits.segment_mm:
+            found += max(0.0, (limits.end_mm - end) / limits.end_mm)
     return found
+
+
+@inlined
+def _end_shown(angle, one, two, radius, disc):
+    """Return the angle over which a parent's round end shows between two fillets."""
+    a, b = math.asin((one + radius) / (disc + radius)), math.asin((two + radius) / (disc + radius))
+    return angle - a - b
 
 
 @inlined

@@ -132,8 +132,7 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     for number, level in enumerate(design.levels, start=1):
         wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
         lengths_mm = child_lengths_mm(level).tolist()
-        # A single child counts with its level's growth too, as in the compiled penalty.
-        shortest_mm = min(*lengths_mm, level.length_mm * level.growth)
+        shortest_mm = min(lengths_mm)
         disc = max(wide, narrow)
         beside, *between = _gaps_rad(design, number)
         reach = _bare_reach_mm(beside, (wide, narrow), disc)

@@ -130,8 +130,9 @@ def fabrication_penalty(
     profile
         The recipe. A compensated design counts as its pattern by `quick_pattern`; fans narrower
         than any that was simulated, siblings that lie on each other when inflated (VF-I04, of which
-        the check only warns: nothing that grows knows it) and fillets that its flat crotches have
-        no room for (VF-C04, VF-L02) add to the penalty. Without a recipe every design counts as it
+        the check only warns: nothing that grows knows it), fillets that its flat crotches have no
+        room for (VF-C04, VF-L02) and ends of parents too short to be run between two fillets
+        (VF-L02) add to the penalty. Without a recipe every design counts as it
         is, cut of film of `DEFAULT_FILM_MM` by beams that take `DEFAULT_TAKEN_MM`.
     sheet_mm
         Width and height that the flat robot must fit after a rotation, or None for any size.
@@ -152,13 +153,12 @@ def fabrication_penalty(
         film_mm, beside_mm = profile.material.film_mm, taken_mm(profile)
         pattern = quick_pattern(design, profile.material)
         beyond = pattern.beyond + _over(_contacts(design), _limit(BODIES, changed, "sibling_share"))
-        if design.build.compensation != "none":
-            # Runs of designs that are cut as they are never knew it.
-            sizes_mm = FilletSizes.of(changed, profile)
-            beyond += math.fsum(
-                relative_excess(sizes_mm.least_mm(*drawn), drawn[0])
-                for drawn in _fillets_mm(pattern.flat)
-            )
+        sizes_mm = FilletSizes.of(changed, profile)
+        beyond += math.fsum(
+            relative_excess(sizes_mm.least_mm(radius_mm, turn), radius_mm)
+            + sizes_mm.short_end(end_rad, core_mm)
+            for radius_mm, turn, end_rad, core_mm in _fillets(pattern.flat)
+        )
         design, passages = pattern.flat, pattern.passages
     gaps = bare_gaps(design)
     angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
@@ -206,18 +206,21 @@ def least_fillet_mm(changed: LimitChanges, profile: LaserProfile) -> float:
 
 
 class FilletSizes(NamedTuple):
-    """Which fillets can be made."""
+    """Which fillets can be made, and which ends of parents between them."""
 
     error_mm: float  # least radius that VF-C04 allows
     seal_mm: float  # how far outside the lumen's edge the seam runs: smaller fillets are corners
     run_mm: float  # least radius whose arc on the seam's path is large enough to be run (VF-L02)
+    end_mm: float  # least length of a parent's end on that path, with a tenth for the law's error
 
     @classmethod
     def of(cls, changed: LimitChanges, profile: LaserProfile) -> "FilletSizes":
         """Return the sizes for a recipe and limits that are changed."""
         seal_mm = seal_offset_mm(profile)
         run_mm = 1.001 * (_limit(PATHS, changed, "radius_error") + seal_mm)
-        return cls(_limit(FILLET, changed), seal_mm, run_mm)
+        return cls(
+            _limit(FILLET, changed), seal_mm, run_mm, 1.1 * _limit(PATHS, changed, "segment_error")
+        )
 
     def least_mm(self, radius_mm: float, turn_rad: float) -> float:
         """Return the least radius in a gap where a fillet of some radius turns so far.
@@ -229,9 +232,19 @@ class FilletSizes(NamedTuple):
         runs = radius_mm >= self.run_mm or arc_mm < LEAST_SEGMENT_MM
         return self.error_mm if runs else max(self.error_mm, self.run_mm)
 
+    def short_end(self, shown_rad: float, core_mm: float) -> float:
+        """Return how much is missing where a parent's end shows too little to be run, 0 to 1.
 
-def _fillets_mm(design: Design) -> Iterator[Pair]:
-    """Yield the radius that is drawn in the gaps of each level's joint, and its turn; no tapers.
+        What would be shorter than the shortest segment is not drawn.
+        """
+        end_mm = (core_mm + self.seal_mm) * shown_rad
+        return max(0.0, 1.0 - end_mm / self.end_mm) if end_mm >= LEAST_SEGMENT_MM else 0.0
+
+
+def _fillets(design: Design) -> Iterator[tuple[float, float, float, float]]:
+    """Yield the gaps of each level's joint: of the fillet, its radius and turn; no tapers.
+
+    Then the angle over which the parent's round end shows beside it, and that end's radius.
 
     Fans are their own mirror images: of two gaps alike the smaller radius counts.
     """
@@ -241,16 +254,18 @@ def _fillets_mm(design: Design) -> Iterator[Pair]:
         lengths_mm = child_lengths_mm(level).tolist()
         headings = [-math.pi, *fan_offsets_rad(level).tolist(), math.pi]
         sides = [(wide, above_mm), *((narrow, mm) for mm in lengths_mm), (wide, above_mm)]
-        drawn = list[Pair]()
+        core_mm, drawn = max(wide, narrow), list[tuple[float, float, float]]()
         for (one, one_mm), (two, two_mm), (before, after) in zip(
             sides, sides[1:], pairwise(headings), strict=False
         ):
             reach_mm = max(0.5 * min(one_mm, two_mm), wide, narrow)
             most = largest_fillet_mm(after - before, (one, two), reach_mm)
             radius_mm = max(0.0, min(build.fillet_mm[number - 1], most))
-            turn = largest_turn_rad(after - before, (one, two), radius_mm, max(wide, narrow))
-            drawn.append((radius_mm, turn))
-        yield from map(min, drawn[: (len(drawn) + 1) // 2], reversed(drawn))
+            turn = largest_turn_rad(after - before, (one, two), radius_mm, core_mm)
+            hidden = sum(math.asin((mm + radius_mm) / (core_mm + radius_mm)) for mm in (one, two))
+            drawn.append((radius_mm, turn, after - before - hidden))
+        for found in map(min, drawn[: (len(drawn) + 1) // 2], reversed(drawn)):
+            yield (*found, core_mm)
         above_mm = min(lengths_mm)
 
 

@@ -1,8 +1,8 @@
 """Even fans from a table: what simulated joints tell about those between them.
 
-The table ships as simulated rows (``joints.npz``, made by ``make_table``). Gaussian processes run
-through them: they smooth what differs from mesh to mesh, use the simulated slopes, and tell where
-rows are too few to be trusted.
+The table ships as simulated rows (``joints.npz``, made by ``tests/inflation/make_table.py``).
+Gaussian processes run through them: they smooth what differs from mesh to mesh, use the simulated
+slopes, and tell where rows are too few to be trusted.
 """
 
 from dataclasses import dataclass
@@ -168,16 +168,16 @@ class Process:
         self._coefficients = np.linalg.lstsq(_trend(x), y, rcond=None)[0]
         rest = y - _trend(x) @ self._coefficients
         self.amplitude: Floats = np.sqrt((rest**2).mean(axis=0)) + 1e-9
-        self._factor = cholesky(
+        self.factor = cholesky(
             self._near(x) + scales.noise**2 * np.eye(len(x)), lower=True, check_finite=False
         )
-        self._weights = cho_solve((self._factor, True), rest)
+        self.weights = cho_solve((self.factor, True), rest)
 
     def __call__(self, x: Floats) -> Floats:
         """Return the quantities at some places, shape (m, quantities)."""
         found = _trend(x) @ self._coefficients
         for k in range(0, len(x), _BLOCK):
-            found[k : k + _BLOCK] += self._near(x[k : k + _BLOCK]) @ self._weights
+            found[k : k + _BLOCK] += self._near(x[k : k + _BLOCK]) @ self.weights
         return np.asarray(found, dtype=np.float64)
 
     def _near(self, x: Floats) -> Floats:
@@ -190,24 +190,10 @@ class Process:
 
     def deviation(self, x: Floats) -> Floats:
         """Return the standard deviation of the quantities from the rows alone, noise left out."""
-        known = solve_triangular(self._factor, self._near(x).T, lower=True)
+        known = solve_triangular(self.factor, self._near(x).T, lower=True)
         share = np.sqrt(np.maximum(0.0, 1.0 - (known**2).sum(axis=0)))
         spread: Floats = share[:, None] * self.amplitude
         return spread
-
-    def left_out(self) -> Floats:
-        """Return by how much each row differs from what the others say, shape (n, quantities)."""
-        inverse = cho_solve((self._factor, True), np.eye(len(self._factor)))
-        off: Floats = self._weights / np.diag(inverse)[:, None]
-        return off
-
-    def log_likelihood(self) -> float:
-        """Return how likely the rows are, each quantity's amplitude being what fits best."""
-        count = len(self._factor)
-        rest = self._factor @ (self._factor.T @ self._weights)
-        variance = (rest * self._weights).sum(axis=0) / count + 1e-12
-        logs = np.log(np.diag(self._factor)).sum()
-        return float(-0.5 * count * np.log(variance).sum() - logs * len(variance))
 
 
 def _trend(x: Floats) -> Floats:

@@ -199,7 +199,7 @@ SCENES = {
         draw=drawn.draw_lap,
     ),
     "VF-J04": RuleScene(
-        wrong=pieced(*CROSSING, widths_mm=(15.0, 13.0, 12.0)),
+        wrong=pieced(*CROSSING, widths_mm=(12.0, 12.0, 8.0)),
         right=pieced(*CROSSING, widths_mm=(60.0, 24.0, 14.0)),
         draw=drawn.draw_lap_packing,
     ),

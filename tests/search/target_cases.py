@@ -19,6 +19,7 @@ from shapely import Polygon, affinity
 
 from vinefab.core.errors import VinefabError
 from vinefab.model.map import Map, Pose, Start
+from vinefab.search.outset import with_trunk_for_film
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import run_search, violations_of
 from vinefab.search.settings import RunSettings
@@ -85,15 +86,23 @@ def thick_film(folder: Path) -> Path:
     return folder / f"recipes/{SEALED}.toml"
 
 
-def cases(folder: Path, generations: int) -> Iterator[tuple[str, int, RunSettings]]:
+def cases(
+    folder: Path, generations: int, thick_trunk_mm: float | None = None
+) -> Iterator[tuple[str, int, RunSettings]]:
     """Yield each search by its film and pieces, and its number."""
-    # Thick film needs wide bodies: too much of it is folded in those of 24 mm (VF-W03).
-    films = {"shipped film": ("", 24.0), "0.1 mm, 300 mm roll": (str(thick_film(folder)), 40.0)}
-    for film, (recipe, width_mm) in films.items():
+    # Too much thick film is folded in bodies of 24 mm (VF-W03): it has the width by default.
+    films = {
+        "shipped film": ("", {"trunk_width_mm": 24.0}),
+        "0.1 mm, 300 mm roll": (
+            str(thick_film(folder)),
+            {"trunk_width_mm": thick_trunk_mm} if thick_trunk_mm else {},
+        ),
+    }
+    for film, (recipe, trunk) in films.items():
         for pieces in (None, {"most": 6}):
             for number in range(1, 11):
                 path = arena(number).write(folder / f"arena_{number}.geojson", force=True)
-                build = {"trunk_width_mm": width_mm, "width_ratio": 0.65}
+                build = {**trunk, "width_ratio": 0.65}
                 settings = RunSettings(
                     name=f"case_{number}",
                     maps={"files": [path]},
@@ -103,7 +112,8 @@ def cases(folder: Path, generations: int) -> Iterator[tuple[str, int, RunSetting
                     search={"population": 60, "generations": generations},
                     evaluation={"recipe": recipe},
                 )
-                yield f"{film}, {'flat' if pieces is None else 'pieces'}", number, settings
+                kind = f"{film}, {'flat' if pieces is None else 'pieces'}"
+                yield kind, number, with_trunk_for_film(settings)
 
 
 def solved(settings: RunSettings, folder: Path) -> tuple[bool, str, RunResult | None]:
@@ -124,11 +134,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("generations", nargs="?", type=int, default=40)
     parser.add_argument("--only", default="", help="kinds of cases with these words")
+    parser.add_argument("--thick-trunk-mm", type=float, help="default: as the film asks for")
     given = parser.parse_args()
     found: dict[str, list[bool]] = {}
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        for kind, number, settings in cases(folder, given.generations):
+        for kind, number, settings in cases(folder, given.generations, given.thick_trunk_mm):
             if given.only not in kind:
                 continue
             began = time.process_time()

@@ -1,24 +1,9 @@
 """Two of the cases of `target_cases.py`: one is solved, of the other a run says what stops it."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
-import pytest
+from tests.search import target_cases
 
 
-@pytest.fixture(scope="module")
-def target_cases() -> ModuleType:
-    path = Path(__file__).with_name("target_cases.py")
-    spec = importlib.util.spec_from_file_location("target_cases", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["target_cases"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_a_search_touches_three_of_three_points(target_cases, tmp_path):
+def test_a_search_touches_three_of_three_points(tmp_path):
     asked = {(kind, number): one for kind, number, one in target_cases.cases(tmp_path, 12)}
     is_solved, words, result = target_cases.solved(
         asked["shipped film, pieces", 8], tmp_path / "run"
@@ -29,7 +14,7 @@ def test_a_search_touches_three_of_three_points(target_cases, tmp_path):
 
 
 def test_a_run_that_misses_targets_says_which_rules_stop_robots_that_touch_them(
-    target_cases, tmp_path
+    tmp_path,
 ):
     asked = {(kind, number): one for kind, number, one in target_cases.cases(tmp_path, 3)}
     thick = asked["0.1 mm, 300 mm roll, pieces", 4]

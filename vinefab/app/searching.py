@@ -175,6 +175,7 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
+    from vinefab.search.outset import with_trunk_for_film
     from vinefab.search.record.result import RECORD_FILE
     from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
@@ -185,6 +186,7 @@ def optimize(
         settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
         settings = settings.changed(search=settings.search.changed(seed=seed))
+    settings = with_trunk_for_film(settings)
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     for name, value in limits.given.items():
         if not resume:
@@ -462,6 +464,7 @@ def contest(
 
     >>> contest("grid_coverage", optimizers=("cmaes", "random"), out="x")  # doctest: +SKIP
     """
+    from vinefab.search.outset import with_trunk_for_film
     from vinefab.search.settings import read_run
     from vinefab.studies.optimizer_contest import (
         Contest,
@@ -474,7 +477,7 @@ def contest(
     files = [Path(name_or_path("run_files", one, "run files", "run file"))
              for one in as_several(run_files)]  # fmt: skip
     plan = Contest(
-        problems=tuple(read_run(path) for path in files),
+        problems=tuple(with_trunk_for_film(read_run(path)) for path in files),
         contenders=tuple(_contender(text) for text in as_several(optimizers)),
         seeds=seeds,
         unseen=unseen,

@@ -10,6 +10,7 @@ import math
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from textwrap import wrap
 from typing import Literal
 
 import numpy as np
@@ -518,7 +519,7 @@ def _margins(panel: Panel) -> tuple[float, float, float, float]:
     right = max(4.0, last - 4.0)
     if panel.bar:
         ends = round_ticks(panel.bar[1], panel.bar[2], 6)
-        right = _BAR_GAP_PT + _BAR_PT + 6.0 + NAME_PT * _LINE
+        right = _BAR_GAP_PT + _BAR_PT + 6.0 + NAME_PT * _LINE * len(_bar_name(panel))
         right += max((text_width(words, size) for _, words in ends), default=0.0)
     titles = max((text_width(line, TITLE_PT) for line in _lines_of(panel.title)), default=0.0)
     return left, above, max(right, titles - panel.width_pt), below
@@ -582,11 +583,18 @@ def _moved(primitive: Primitive, panel: Panel, at: Floats) -> Primitive:
     return replace(primitive, box=(float(x0), float(y1), float(x1), float(y0)))
 
 
+def _bar_name(panel: Panel) -> list[str]:
+    """Return the name of the scale of colours, in lines no longer than the panel is high."""
+    name = "" if panel.bar is None else panel.bar[0]
+    fits = panel.height_pt / max(text_width(name, NAME_PT), panel.height_pt)
+    return wrap(name, max(1, int(fits * len(name)))) if name else []
+
+
 def _colour_bar(panel: Panel, x: float, top: float) -> list[Primitive]:
     """Return the scale of colours at the right of a panel."""
     if panel.bar is None:
         return []
-    name, low, high, colours = panel.bar
+    _, low, high, colours = panel.bar
     tall, steps = 0.8 * panel.height_pt, 64
     pixels = blended(np.linspace(1.0, 0.0, steps), colours)[:, None, :]
     ticks = round_ticks(low, high, 6)
@@ -601,8 +609,12 @@ def _colour_bar(panel: Panel, x: float, top: float) -> list[Primitive]:
             Words((x + _BAR_PT + 5.0, t), text, panel.tick_pt, SOFT)
             for t, (_, text) in zip(at, ticks, strict=True)
         ),
-        Words((side, top + tall / 2.0), name, NAME_PT, INK, "middle", turned=True),
-    ]
+        *(
+            Words((side + number * _LINE * NAME_PT, top + tall / 2.0), line, NAME_PT, INK,
+                  "middle", turned=True)
+            for number, line in enumerate(_bar_name(panel))
+        ),
+    ]  # fmt: skip
 
 
 def blended(shares: ArrayLike, colours: Sequence[str]) -> NDArray[np.uint8]:

@@ -62,7 +62,7 @@ def score_ends(found: AimResult) -> tuple[float, float]:
 
 
 def landscape_panel(
-    found: AimResult, robot: AimedRobot, *, bar: bool = True, longest_pt: float = COLUMN_PT
+    found: AimResult, robot: AimedRobot, *, bar: bool = True, longest_pt: float = COLUMN_PT - 15.0
 ) -> Panel:
     """Return expected scores over places, each at its best heading, with arrows along some."""
     landscape, world = robot.search.landscape, found.world

@@ -326,11 +326,11 @@ class AimResult(Result):
         score = Number(
             best.mean, form=".3f", interval=best.interval, standing="simulated", over=best.over
         )
-        if self.targets is not None:
-            yield self.targets.answer(f"{self.task.name} {best.mean:.3f}")
+        touched = f"{self.targets.headline}; " if self.targets else ""
         yield Answer(
-            f"Best found: put the base of {first.name} at {best.pose.text}: expected "
-            f"{self.task.name} score {score}."
+            f"Best found: put the base of {first.name} at {best.pose.text}: {touched}expected "
+            f"{self.task.name} score {score}.",
+            self.targets.tone if self.targets else "plain",
         )
         yield Picture(
             image=partial(_svg, landscape_panel, self, first),
@@ -346,8 +346,8 @@ class AimResult(Result):
         )
         yield Picture(
             image=partial(_svg, turned_panel, self.robots),
-            caption=f"Score over the heading at the best place: mean of {PROFILE_DRAWS} "
-            "deployments, worst to best tenth; dotted: the best heading (simulated).",
+            caption=f"Score over the heading there: mean of {PROFILE_DRAWS} deployments, worst to "
+            "best tenth; dotted: the best (simulated).",
             file="heading",
         )
         yield Facts(

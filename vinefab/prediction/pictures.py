@@ -175,7 +175,7 @@ def cost_chart(
     _, right = ends_of([0.0, *every], predicted)
     rows = len(changed)
     panel = Panel(
-        box=(min(0.0, *every, *predicted), rows, right, 0.0), width_pt=232.0, height_pt=30.0 * rows,
+        box=(min(0.0, *every, *predicted), rows, right, 0.0), width_pt=232.0, height_pt=27.0 * rows,
         x_name=name, y_ticks=[], frame=True, y_grid=False,
     )  # fmt: skip
     mean, *ends = predicted

@@ -253,7 +253,10 @@ class Predicted(WrittenResult):
         """Yield the worst, the median and the best deployment by what was asked."""
         found, main = self.asked, self.main
         indices = typical(main.outcomes, [share for share, _ in _SHARES], found.key, SEEN.key)
-        for index, (_, words) in zip(indices, _SHARES, strict=True):
+        shown = dict(zip(indices[::-1], [words for _, words in _SHARES[::-1]], strict=True))
+        if len(shown) == 1:  # one deployment is its own worst, median and best
+            shown = dict.fromkeys(shown, "Deployment")
+        for index, words in sorted(shown.items(), key=lambda pair: indices.index(pair[0])):
             yield Picture(
                 image=partial(
                     deployment_picture, self.prepared.design, main.prepared_map(index).world,

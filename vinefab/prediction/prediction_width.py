@@ -334,10 +334,7 @@ def _pressed(
 # --- As they are shown --------------------------------------------------------------------------
 
 
-COST_CAPTION = (
-    "What contacts cost, assumed where nothing else is said; line: predicted, grey: its 95 % "
-    "interval."
-)
+COST_CAPTION = "What contacts cost, assumed unless said; line: predicted (grey: 95 % interval)."
 
 
 def contact_costs(

@@ -15,6 +15,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.finding import Finding
 from vinefab.search.evaluator import Evaluator
 from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.outset import said_before
 from vinefab.search.record.generations import Finalist, Generation, Progress
 from vinefab.search.relaxing import relaxations
 
@@ -50,7 +51,7 @@ class BestCheck:
         self.passes: bool | None = None
         if evaluator.penalty is not None:
             self.passes = self._best >= evaluator.lowest
-        self._advice = ""
+        self._advice, self._outset = "", said_before(evaluator)
 
     def penalties(self, x: Floats, composite: Floats, penalty: Floats, costs: Floats) -> Floats:
         """Return penalties in which designs count that would be the best and fail the check.
@@ -86,12 +87,15 @@ class BestCheck:
         if self.passes is False and progress.share >= ADVICE_AT:
             self._advice = self._advice or advice(self._evaluator, progress.history)
         shown = self._advice if self.passes is False else ""
-        return replace(progress, passes=self.passes, advice=shown)
+        return replace(progress, passes=self.passes, advice=shown or self._outset)
 
     def notes(self, finalists: Sequence[Finalist]) -> tuple[str, ...]:
-        """Return the advice, where it was asked for and none of the finalists may win."""
+        """Return what was advised, where no finalist may win or the winner misses targets."""
         beaten = all(finalist.penalty > 0.0 for finalist in finalists)
-        return (self._advice,) if self._advice and beaten else ()
+        targets = finalists[0].score.targets
+        misses = targets is not None and not targets.all_touched
+        asked = [(self._outset, beaten or misses), (self._advice, beaten)]
+        return tuple(text for text, holds in asked if text and holds)
 
 
 def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:

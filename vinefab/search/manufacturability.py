@@ -281,6 +281,16 @@ def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
         yield _no(BED, key, _ends(length), allowed)
 
 
+def film_in_trunk(query: SpaceQuery, design: Design) -> tuple[float, float]:
+    """Return how much of a lumen folded film fills, percent, and the trunk that holds it, mm.
+
+    Wider by a factor, every level holds so many times as much.
+    """
+    shares = occupancies(design, query.film_mm, query.limit(PACKING, "packing"))
+    full = 100.0 * max(shares[: len(design.levels)], default=0.0)
+    return full, design.build.widths_mm[0] * full / query.limit(PACKING)
+
+
 def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     """Yield violations by the smallest design: film packing and pressure for growth."""
     settings = query.settings
@@ -289,12 +299,9 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     if int(space.batch(corner[None]).sizes[0]) > MOST_BRANCHES:
         return  # refused elsewhere, with a message of its own
     design = space.design(corner)
-    most = query.limit(PACKING)
-    shares = occupancies(design, query.film_mm, query.limit(PACKING, "packing"))
-    full = 100.0 * max(shares[: len(design.levels)], default=0.0)
-    if full > most * (1.0 + ROUNDING):
+    full, _ = film_in_trunk(query, design)
+    if full > (most := query.limit(PACKING)) * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
-        # Wider by a factor, every level holds so many times as much.
         wide_mm = [math.ceil(10.0 * mm * full / most) / 10.0 for mm in design.build.widths_mm]
         values = wide_mm[: len(settings.build.widths_mm)] or wide_mm[0]
         allowed = (

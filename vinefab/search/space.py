@@ -213,9 +213,13 @@ class SpaceSettings(Table):
 class BuildSettings(Table):
     """Table ``[build]``: how every design of a run is built."""
 
-    trunk_width_mm: Annotated[float, Ge(SMALLEST), Le(LARGEST_MM), Unit("mm"), Doc("lay-flat")] = (
-        DEFAULT_TRUNK_WIDTH_MM
-    )
+    trunk_width_mm: Annotated[
+        float,
+        Ge(SMALLEST),
+        Le(LARGEST_MM),
+        Unit("mm"),
+        Doc("lay-flat; a run file without it gets a wider one where thick film needs the room"),
+    ] = DEFAULT_TRUNK_WIDTH_MM
     width_ratio: Annotated[
         float, Ge(SMALLEST), Le(1), Doc("width of a level over that of the level before")
     ] = DEFAULT_WIDTH_RATIO

@@ -34,6 +34,7 @@ from vinefab.core.plain_text import visible
 from vinefab.core.validation import check_plain
 from vinefab.model.files.design_toml import design_content
 from vinefab.model.files.named_file import path_inside
+from vinefab.search.outset import with_trunk_for_film
 from vinefab.search.record.generations import first_difference
 from vinefab.search.record.result import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.settings import LIMIT_NAMES, RunSettings, plain_settings, read_run
@@ -543,7 +544,7 @@ def _toml_files(folder: Path, roots: tuple[Path, ...]) -> Iterator[Path]:
 
 
 def _compared(settings: RunSettings) -> dict[str, Any]:
-    plain: Any = plain_settings(settings)
+    plain: Any = plain_settings(with_trunk_for_film(settings))
     search = {k: v for k, v in plain["search"].items() if k not in (*LIMIT_NAMES, "seed")}
     maps = {**plain["maps"], "files": len(plain["maps"]["files"])}
     return {**plain, "search": search, "maps": maps}

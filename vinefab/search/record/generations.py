@@ -88,7 +88,8 @@ class Progress:
     # Whether the best so far passes the full check, joints by the table; None where that is not
     # asked, or only a simulation tells.
     passes: bool | None = None
-    advice: str = ""  # which rules stop all designs so far, and what to relax
+    # What rules say of trunk and sheet, or which of them stop all designs so far and what to relax.
+    advice: str = ""
     stage: str = ""  # what is done after the last generation
 
     @property

@@ -1,0 +1,130 @@
+"""What rules say of a run's trunk and targets before its search begins.
+
+Nothing is refused: a robot with fewer branches, or one that misses a target, may serve.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from vinefab.core.errors import values_hidden
+from vinefab.core.plain_text import counted
+from vinefab.fabrication.rules.laser_rules import BED
+from vinefab.fabrication.rules.spacing import RotatedSpan
+from vinefab.fabrication.rules.tree_and_base import CLAMP
+from vinefab.fabrication.rules.widths import PACKING
+from vinefab.model.design import DEFAULT_TRUNK_WIDTH_MM, Design, Level
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.search.evaluator import Evaluator
+from vinefab.search.manufacturability import ManufacturabilityPenalty, SpaceQuery, film_in_trunk
+from vinefab.search.settings import RunSettings
+from vinefab.tasks.targets import task_targets
+
+_WIDTHS = {"trunk_width_mm", "widths_mm"}
+
+MOST_BRANCHED = 20
+"""Children of a fan above which nothing is said of the film that rides in a trunk."""
+
+LEAST_EXCESS_MM = 20.0
+"""Excess over the sheet from which on it is named: fans are cut at other angles than deployed."""
+
+
+def middle_tree(query: SpaceQuery) -> Design | None:
+    """Return a design of middle depth, with the middle number of branches on each level."""
+    settings = query.settings
+    depth = int(settings.space.levels.low + settings.space.levels.high) // 2
+    below = [query.bounds(level, "branches")[1] for level in range(2, depth + 1)]
+    branches = [math.ceil((bounds.low + bounds.high) / 2.0) for bounds in below]
+    if max(branches, default=0) > MOST_BRANCHED:
+        return None
+    levels = tuple(Level.of(branches=count, length_mm=100.0, angle_deg=90.0) for count in branches)
+    build = settings.build.build(depth)
+    return Design(name="middle", trunk_length_mm=100.0, levels=levels, build=build)
+
+
+def with_trunk_for_film(settings: RunSettings) -> RunSettings:
+    """Return the settings of a run; a trunk width that it does not name is one its film takes.
+
+    The usual one, or the narrowest that the film of the middle tree of the space rides through.
+    """
+    if not settings.evaluation.fabricable or _WIDTHS & settings.build.model_fields_set:
+        return settings
+    with values_hidden():
+        profile = read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
+    query = SpaceQuery.of(settings, profile, (math.inf, math.inf))
+    tree = middle_tree(query)
+    wide_mm = DEFAULT_TRUNK_WIDTH_MM
+    if tree is not None and tree.levels:
+        holds_mm = math.ceil(film_in_trunk(query, tree)[1])
+        wide_mm = max(wide_mm, min(float(holds_mm), query.limit(CLAMP)))
+    return settings.changed(build=settings.build.changed(trunk_width_mm=wide_mm))
+
+
+def said_before(evaluator: Evaluator) -> str:
+    """Return what a user should know of a run's trunk and targets; empty if nothing."""
+    penalty, settings = evaluator.penalty, evaluator.spec.settings
+    if not isinstance(penalty, ManufacturabilityPenalty):
+        return ""
+    query = SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm)
+    return "; ".join([*_trunk(query), *_flat(evaluator, query)])
+
+
+def _trunk(query: SpaceQuery) -> Iterator[str]:
+    """Yield that film fills the trunk, or that the trunk is wide because of it."""
+    tree, build, ply_mm = middle_tree(query), query.settings.build, query.profile.material.ply_mm
+    if tree is None or not tree.levels:
+        return
+    percent, holds_mm = film_in_trunk(query, tree)
+    counts = [level.branches for level in tree.levels]
+    several = " x ".join(map(str, counts))
+    what = f"{counted(tree.depth, 'level')} ({several} branches) of {ply_mm.value:g} mm film"
+    wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
+    if percent > most:
+        yield (
+            f"a trunk of {wide_mm:g} mm is narrow for this film: {what} fill {percent:.0f} % of a "
+            f"lumen, and {most:g} % is allowed ({PACKING.id}); one of {math.ceil(holds_mm):g} mm "
+            f"holds them ({build.widths_key})"
+        )
+    elif wide_mm > DEFAULT_TRUNK_WIDTH_MM and wide_mm == math.ceil(holds_mm):
+        yield f"trunk {wide_mm:g} mm: the narrowest that {what} ride through ({PACKING.id})"
+
+
+def _flat(evaluator: Evaluator, query: SpaceQuery) -> Iterator[str]:
+    """Yield that no flat outline that touches all targets as designed fits the sheet."""
+    pieces, (wide_mm, high_mm) = query.settings.build.pieces, query.sheet_mm
+    excess_mm = max(_excesses_mm(evaluator, query), default=0.0)
+    if (pieces is None or pieces.most == 1) and excess_mm > LEAST_EXCESS_MM:
+        yield (
+            f"one flat outline that touches all targets is about {excess_mm:.0f} mm too large "
+            f"for the sheet of {wide_mm:.0f} x {high_mm:.0f} mm ({BED.id}), its tail of "
+            f"{query.settings.build.tail_mm:g} mm included, unless walls bend it: allow pieces "
+            "([build.pieces] most = 6)"
+        )
+
+
+def _excesses_mm(evaluator: Evaluator, query: SpaceQuery) -> Iterator[float]:
+    """Yield by how much mouth, base and targets exceed the sheet, on maps with targets at points.
+
+    Of several starts the best counts. Tolerances and ranges of starts make robots smaller.
+    """
+    tail_mm = query.settings.build.tail_mm
+    for prepared in evaluator.maps:
+        found = []
+        targets = task_targets(evaluator.spec.tasks[0], prepared.world)
+        points = [target for target in targets if target.point_mm is not None]
+        for start in prepared.world.starts:
+            pose = start.pose
+            heading = np.array([math.cos(pose.heading_rad), math.sin(pose.heading_rad)])
+            base = np.array([pose.x_mm, pose.y_mm])
+            slack_mm = math.hypot(start.spread_x_mm, start.spread_y_mm)
+            slack_mm += tail_mm * start.spread_heading_rad
+            span = RotatedSpan()
+            span.add(np.stack([base - tail_mm * heading, base]), np.zeros(2))
+            for target in points:
+                away_mm = np.array([target.tolerance_mm + slack_mm])
+                span.add(np.array([target.point_mm]), -away_mm)
+            found.append(span.excess_mm(query.sheet_mm) if start.area is None else 0.0)
+        if points and found:
+            yield min(found)

@@ -175,7 +175,6 @@ def optimize(
     from dataclasses import replace
 
     from vinefab.search.live_page import PAGE_NAME
-    from vinefab.search.outset import with_trunk_for_film
     from vinefab.search.record.result import RECORD_FILE
     from vinefab.search.run import make_point_evaluator, violations_of
     from vinefab.search.settings import PartSettings, RunLimits
@@ -186,7 +185,6 @@ def optimize(
         settings = settings.changed(task=PartSettings(name=task))
     if seed is not None:
         settings = settings.changed(search=settings.search.changed(seed=seed))
-    settings = with_trunk_for_film(settings)
     limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
     for name, value in limits.given.items():
         if not resume:
@@ -278,13 +276,14 @@ def _score_again(
 def _run_of(given: RunLike) -> tuple[RunSettings, Path | None]:
     """Return the settings of a run, and the file that they come from."""
     from vinefab.model.files.shipped import locate
+    from vinefab.search.outset import with_trunk_for_film
     from vinefab.search.settings import RunSettings, read_run
 
     if isinstance(given, RunSettings):
-        return given, None
+        return with_trunk_for_film(given), None
     allowed = "RunSettings, the path of a run file (TOML), or the name of a shipped one"
     path = locate("run file", name_or_path("run", given, allowed, "run file"))
-    return read_run(path), path
+    return with_trunk_for_film(read_run(path)), path
 
 
 @contextmanager

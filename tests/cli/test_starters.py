@@ -10,7 +10,7 @@ import pytest
 
 from vinefab.app.files import _NEXT_STEPS as NEXT_STEPS
 from vinefab.app.verbs import OLDER, VERBS
-from vinefab.cli.commands import each_map_named
+from vinefab.cli.commands import each_named
 from vinefab.cli.main import main
 from vinefab.core.version import __version__
 from vinefab.fabrication.rules.catalog import RULES
@@ -218,11 +218,14 @@ def test_old_names_of_studies_work_and_are_not_listed(capsys):
         ("--maps a.geojson --maps b.geojson", "--maps a.geojson --maps b.geojson"),
         ("--maps a.geojson robot.toml", "--maps a.geojson robot.toml"),
         ("--out x.json y.json", "--out x.json y.json"),
+        ("g.toml --targets 10,20 B=-3,4+-5 -q", "g.toml --targets 10,20 --targets B=-3,4+-5 -q"),
+        ("--target A=1,2 -3,4 mine", "--target A=1,2 --target -3,4 mine"),
+        ("--target 1,2 --maps a.json 3,4", "--target 1,2 --maps a.json 3,4"),
         ("a.json --map b.json c.json d.json", "a.json --map b.json --map c.json --map d.json"),
     ],
 )
 def test_maps_as_a_shell_expands_them(given, named):
-    assert each_map_named(given.split()) == named.split()
+    assert each_named(given.split()) == named.split()
 
 
 @pytest.mark.parametrize(

@@ -207,7 +207,8 @@ def context_of(
     recipe, task, growth
         As the caller gave them, None where not; left out by a verb that does not use them.
     usual_task, parameters
-        The task where neither caller nor run names one, and the caller's parameters of the task.
+        The task where neither caller nor run names one, ``reach`` where all maps have targets; and
+        the caller's parameters of the task.
     worlds, targets
         The maps, and the targets that the caller put on them: those of a run hold on the maps that
         it trained on, where the caller gave none.
@@ -229,24 +230,22 @@ def context_of(
 
                 trained_growth(robot)
     run = next((one for one in runs if one.kept), runs[0])
-    used, others = list[str](), list[str]()
-    profile = scored = None
+    profile, of_recipe = None, _NOTHING
     if recipe is not ... or robots[0].build.compensation == "none":
-        profile = _recipe_of(robots[0], run, None if recipe is ... else recipe, used, others)
+        profile, of_recipe = _recipe_of(robots[0], run, None if recipe is ... else recipe)
+    used, others = list(of_recipe[0]), list(of_recipe[1])
     placed = list(worlds)
     if as_several(targets) or any(name in typed for name in PLACES):
         run = run.without_places
     elif worlds and run.places:
-        if run.maps and not any(run.trained_on(worlds)):
-            run = run.without_places
-            others.append("without its targets, which are places on other maps")
-        else:
-            placed = run.with_places(worlds)
-            of_task = task is not ... and run.has_places
-            if of_task or any(one is not world for one, world in zip(placed, worlds, strict=True)):
-                used.append("targets")
+        run, placed, of_targets = _placed(run, worlds, in_task=task is not ... and run.has_places)
+        used += of_targets[0]
+        others += of_targets[1]
+    scored = None
     if task is not ...:
-        scored = _task_of(run, task, usual_task, typed, used, others)
+        scored, of_task = _task_of(run, task, usual_task, typed, placed)
+        used += of_task[0]
+        others += of_task[1]
     choice, given = None, as_growth(None if growth is ... else growth, **shortcuts)
     if growth is not ...:
         from vinefab.growth.options import GrowthChoice
@@ -255,9 +254,11 @@ def context_of(
         if run.growth:
             used.append("growth options")
             others += [f"{', '.join(given)} as given"] * bool(given)
-    if used or others:
+    if used or (others and run.kept):
         of_run = f"{', '.join(used)} of {run.title}" if used else run.title
-        note("; ".join([of_run, *others]), only_in_shell=True)
+        others.insert(0, of_run)
+    if others:
+        note("; ".join(others), only_in_shell=True)
     return Context(
         robots=robots,
         run=run,
@@ -269,46 +270,62 @@ def context_of(
     )
 
 
-def _recipe_of(
-    design: Design, run: RunContext, recipe: Any, used: list[str], others: list[str]
-) -> LaserProfile:
-    """Return the recipe to make a design with; note in one of the lists whose it is."""
+_Words = tuple[tuple[str, ...], tuple[str, ...]]
+"""Words on the line about a context: what of it is the run's, and what else there is to say."""
+
+_NOTHING: _Words = (), ()
+
+
+def _placed(
+    run: RunContext, worlds: Sequence[Map], *, in_task: bool
+) -> tuple[RunContext, list[Map], _Words]:
+    """Return maps with the targets of a run, which hold on the maps that it trained on."""
+    if run.maps and not any(run.trained_on(worlds)):
+        words = ("without its targets, which are places on other maps",)
+        return run.without_places, list(worlds), ((), words)
+    placed = run.with_places(worlds)
+    is_used = in_task or any(one is not world for one, world in zip(placed, worlds, strict=True))
+    return run, placed, (("targets",) * is_used, ())
+
+
+def _recipe_of(design: Design, run: RunContext, recipe: Any) -> tuple[LaserProfile, _Words]:
+    """Return the recipe to make a design with, and whose it is."""
     from vinefab.model.files.run_context import ChosenRecipe
 
     if recipe is not None:
         profile = as_recipe(recipe)
         if run.recipe and profile.recipe.name != run.recipe.name:
-            others.append(f"recipe {profile.recipe.name} in place of {run.recipe.name}")
-        return profile
+            return profile, ((), (f"recipe {profile.recipe.name} in place of {run.recipe.name}",))
+        return profile, _NOTHING
     chosen = ChosenRecipe.of(design)
     if chosen.is_other:
         note(chosen.note)
     elif chosen.note:
-        used.append(f"recipe {chosen.profile.recipe.name} ({chosen.recipe})")
-    return chosen.profile
+        return chosen.profile, ((f"recipe {chosen.profile.recipe.name} ({chosen.recipe})",), ())
+    return chosen.profile, _NOTHING
 
 
 def _task_of(
-    run: RunContext,
-    task: Any,
-    usual: str,
-    parameters: Mapping[str, object],
-    used: list[str],
-    others: list[str],
-) -> Task:
-    """Return the task to score by; note in one of the lists whose it is."""
+    run: RunContext, task: Any, usual: str, parameters: Mapping[str, object], worlds: Sequence[Map]
+) -> tuple[Task, _Words]:
+    """Return the task to score by, and whose it is."""
     from vinefab.tasks.shipped_tasks import TASKS
 
-    if not run.task or task not in (None, run.task):
-        chosen = usual if task is None else task
+    words: _Words = _NOTHING
+    if task is None and worlds and usual != "reach" and all(world.targets for world in worlds):
+        usual, words = "reach", ((), ("task reach: the maps have targets",))
+    if task is not None and task != run.task:
         if run.task:
-            others.append(f"task {getattr(chosen, 'name', chosen)} in place of {run.task}")
-        return task_of(chosen, parameters)
-    if run.task not in TASKS:
+            words = (), (f"task {getattr(task, 'name', task)} in place of {run.task}",)
+        return task_of(task, parameters), words
+    if run.task in TASKS:
+        return (
+            task_of(run.task, {**run.task_parameters, **parameters}),
+            ((f"task {run.task}",), ()),
+        )
+    if run.task:
         note(f"task {run.task} of {run.title} is not installed here: used is {usual}")
-        return task_of(usual, parameters)
-    used.append(f"task {run.task}")
-    return task_of(run.task, {**run.task_parameters, **parameters})
+    return task_of(usual, parameters), words
 
 
 def note_seen(context: Context, families: Sequence[MapFamily]) -> None:

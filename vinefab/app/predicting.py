@@ -206,7 +206,8 @@ def score(
     ----------
     task
         The name of a task, in Python also a task of your own; default: that of the run that found
-        the design, with its parameters where you give no others, else coverage.
+        the design, with its parameters where you give no others, else reach where all maps have
+        targets, else coverage.
     maps
         Maps or paths of map files, at least one: --maps *.geojson. Poses are drawn around their
         starts.
@@ -390,7 +391,7 @@ def compare(
     environment: UnseenEnvironment | None = None,
     count: UnseenCount = 100,
     options: EnvironmentOptions = None,
-    measure: str = "coverage_score",
+    measure: str | None = None,
     poses: PoseCount = 3,
     seed: Seed = 0,
     body: BodyWidth | None = None,
@@ -408,7 +409,8 @@ def compare(
     designs
         Two to twelve designs, their paths or their names.
     measure
-        What counts most, such as reach_percent.
+        What counts most, such as reach_percent; default: targets touched where all maps have
+        targets, else coverage_score.
 
     Returns
     -------
@@ -437,7 +439,7 @@ def compare(
     from vinefab.prediction.family_deployments import PredictionPlan
 
     page = page_path("out", out, force=force)
-    main = measure_named(measure)
+    main = None if measure is None else measure_named(measure)
     with told("compare", progress) as tell:
         context = context_of(
             as_several(designs),

@@ -25,7 +25,12 @@ from vinefab.core.verbs import (
 )
 from vinefab.model.inputs import MAP_SUFFIXES
 
-MAP_OPTIONS = ("--maps", "--map")
+_SEVERAL = {
+    **dict.fromkeys(("--maps", "--map"), rf"[^-].*({'|'.join(map(re.escape, MAP_SUFFIXES))})"),
+    **dict.fromkeys(("--targets", "--target"), r"([^-=][^=]*=)?-?[\d.]+,-?[\d.]+(\+-[\d.]+)?"),
+}
+"""Options that take several values, and how a value looks."""
+
 _ALIKE = 0.75
 """So alike are two names at least of which one may be meant for the other, 0 to 1."""
 
@@ -141,7 +146,7 @@ class Command:
 
     def understood(self, typed: Sequence[str]) -> dict[str, Any]:
         """Return the values that were typed, by parameter."""
-        texts = self._parsed(each_map_named(typed))
+        texts = self._parsed(each_named(typed))
         given = dict[str, Any]()
         for option in (*self.options, *_common(self.options)):
             if option.name not in texts:
@@ -397,23 +402,22 @@ def _unknown_command(typed: str, known: Sequence[str]) -> str:
     return f"there is no command {shortened(typed, 80)!r}; {hint}"
 
 
-def each_map_named(arguments: Sequence[str]) -> list[str]:
-    """Return arguments with the option before each of several map files.
+def each_named(arguments: Sequence[str]) -> list[str]:
+    """Return arguments with the option before each of several map files or targets.
 
     A shell makes ``--maps a.geojson b.geojson`` of ``--maps *.geojson``. A library's list option
     would swallow a design behind them.
 
-    >>> each_map_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
+    >>> each_named(["score", "vine", "--maps", "a.geojson", "b.geojson", "-q"])
     ['score', 'vine', '--maps', 'a.geojson', '--maps', 'b.geojson', '-q']
     """
     named: list[str] = []
     option = ""
     for argument in arguments:
-        if argument.startswith("-"):
-            option = argument if argument in MAP_OPTIONS else ""
-        elif option and not named[-1].startswith("-") and argument.endswith(MAP_SUFFIXES):
+        is_value = option and named[-1] != option and re.fullmatch(_SEVERAL[option], argument)
+        if is_value:
             named.append(option)
-        elif named and not named[-1].startswith("-"):
-            option = ""
+        elif argument.startswith("-") or (named and named[-1] != option):
+            option = argument if argument in _SEVERAL else ""
         named.append(argument)
     return named

@@ -249,11 +249,10 @@ def _hue_of(colour: FilmColour) -> Floats:
 def _mode(hues: Floats, step: float = 0.012) -> Floats:
     """Return the most frequent hue among many, shape (n, 2)."""
     cells = np.round(hues / step).astype(np.int64)
-    least, most = cells.min(axis=0), cells.max(axis=0) + 1
-    counts, _, _ = np.histogram2d(
-        *cells.T, bins=most - least, range=np.stack([least, most], axis=1)
-    )
-    best = least + np.unravel_index(int(np.argmax(counts)), counts.shape)
+    least = cells.min(axis=0)
+    rows, columns = (cells.max(axis=0) - least + 1).tolist()
+    counts = np.bincount((cells - least) @ (columns, 1), minlength=rows * columns)
+    best = least + divmod(int(np.argmax(counts)), columns)
     near = np.abs(cells - best).max(axis=1) <= 1
     return np.asarray(np.median(hues[near], axis=0))
 

@@ -44,6 +44,7 @@ from vinefab.prediction.family_deployments import (
 from vinefab.prediction.measures import (
     COVERAGE,
     MEASURES,
+    TOUCHED,
     Measure,
     MeasureTable,
     means_by_map,
@@ -56,6 +57,7 @@ from vinefab.prediction.prediction_width import (
     contact_range,
     contact_words,
 )
+from vinefab.tasks.targets import touched_targets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,10 +214,27 @@ class DesignComparison(Result):
         )
         yield paired_difference_table(self.differences)
         yield side_by_side_table(outcomes)
+        yield self._targets()
         yield Data({"standing": "simulated", "growth": self.plan.options.content,
                     "measure": measure.key, "maps": some.map_count})  # fmt: skip
         yield Data(lambda: {"designs": {name: spreads_content(o) for name, o in outcomes.items()}})
         yield from self._sections()
+
+    def _targets(self) -> Rows:
+        """Return which of the maps' targets each design touches; empty without any."""
+        found = {
+            name: touched
+            for name, result in zip(self.names, self.results, strict=True)
+            if (touched := touched_targets(result.aimed())) is not None
+        }
+        return Rows(
+            caption="Targets (simulated; tolerances assumed)",
+            headings=("design", "touched"),
+            rows=tuple((name, touched.headline) for name, touched in found.items()),
+            key="targets",
+            keys=("", ""),
+            data=tuple({"design": name, "of": one.content} for name, one in found.items()),
+        )
 
     def _sections(self) -> Iterator[Section]:
         """Yield charts of every measure, designs over contacts and on the same map."""
@@ -310,7 +329,7 @@ def compare_designs(
     plan: PredictionPlan,
     progress: ProgressCallback = no_progress,
     *,
-    measure: Measure = COVERAGE,
+    measure: Measure | None = None,
     growth_notes: tuple[str, ...] = (),
 ) -> DesignComparison:
     """Deploy designs on the same maps from the same poses and compare them pair by pair.
@@ -318,7 +337,7 @@ def compare_designs(
     Parameters
     ----------
     measure
-        What counts most.
+        What counts most; None: targets touched where all maps have some, else coverage.
     growth_notes
         Why they are grown by these rules, a sentence each.
     """
@@ -333,6 +352,9 @@ def compare_designs(
     for index, design in enumerate(designs):
         ends = (0.9 * number / len(designs) for number in (index, index + 1))
         results.append(deploy_family(design, prepared, plan, part_of(progress, *ends)))
+    if measure is None:
+        touched = np.concatenate([result.outcomes.values[TOUCHED.key] for result in results])
+        measure = COVERAGE if np.isnan(touched).any() else TOUCHED
     if not any(result.outcomes.spread(measure) for result in results):
         known = [m.key for m in MEASURES if any(r.outcomes.spread(m) for r in results)]
         raise BadInputError("--measure", measure.key, f"one that a design has: {', '.join(known)}")

@@ -1,6 +1,6 @@
 """A design deployed on families of maps from many poses, and what each deployment measures."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -144,6 +144,12 @@ class FamilyDeployments:
     def prepared_map(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
         return self.prepared.maps[self.map_of[index]]
+
+    def aimed(self) -> Iterator[tuple[Deployment, Map]]:
+        """Yield each deployment with its map; none where no map has targets."""
+        if any(prepared.world.targets for prepared in self.prepared.maps):
+            for index, deployment in enumerate(self.deployments):
+                yield deployment, self.prepared_map(index).world
 
     @property
     def map_of(self) -> tuple[int, ...]:

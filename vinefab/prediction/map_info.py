@@ -287,6 +287,18 @@ class MapInfo(Result):
         if not self.starts:
             yield Text("the map has no start: the room for robots is not computed")
         yield Rows(
+            caption="targets (places computed; tolerances assumed)",
+            headings=("target", "X,Y", "within", "to the nearest wall"),
+            rows=tuple(
+                (one.name, "{:g},{:g}".format(*one.middle_mm), Number(one.tolerance_mm, "mm", "g"),
+                 Number(shapely.distance(self.free.boundary, one.shape), "mm", ".2f"))
+                for one in world.targets
+            ),
+            key="targets",
+            keys=("", "", "", "clearance_mm"),
+            data=tuple(one.content for one in world.targets),
+        )  # fmt: skip
+        yield Rows(
             caption="widest body with room in a share of the free area (computed, within 1 %)",
             headings=("of the free area", "lay-flat width"),
             rows=tuple(

@@ -152,12 +152,7 @@ class Predicted(WrittenResult):
     @property
     def targets(self) -> TargetsResult | None:
         """Which targets of the maps it touches, in which share of deployments; None without any."""
-        return touched_targets(
-            (deployment, result.prepared_map(index).world)
-            for result in self.results
-            if any(prepared_map.world.targets for prepared_map in result.prepared.maps)
-            for index, deployment in enumerate(result.deployments)
-        )
+        return touched_targets(pair for result in self.results for pair in result.aimed())
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -482,12 +477,17 @@ def span_notes(prepared: Prepared) -> list[str]:
 
 
 def failures(outcomes: MeasureTable) -> Failures:
-    """Return in how many deployments a robot touches no target, or hardly leaves its base."""
+    """Return in how many deployments a robot touches no target, or hardly leaves its base.
+
+    On maps without targets the second counts.
+    """
     touched = outcomes.values[TOUCHED.key]
-    if np.isnan(touched).all():
-        hardly = outcomes.values[GROWN.key] < FAILED_PERCENT
-        return Failures.of(hardly, outcomes.maps, HARDLY_GROWN)
-    return Failures.of(touched == 0.0, outcomes.maps, NOTHING_TOUCHED)
+    aimed = ~np.isnan(touched)
+    hardly = outcomes.values[GROWN.key] < FAILED_PERCENT
+    what = NOTHING_TOUCHED if aimed.any() else HARDLY_GROWN
+    if aimed.any() and not aimed.all():
+        what += f"; on maps without targets, {HARDLY_GROWN}"
+    return Failures.of(np.where(aimed, touched == 0.0, hardly), outcomes.maps, what)
 
 
 def measured(outcomes: MeasureTable, measure: Measure) -> Fact:

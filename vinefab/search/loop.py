@@ -31,6 +31,7 @@ from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, Threa
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import RunResult, damage_errors, with_origin
 from vinefab.search.record.store import Recorder, RunStore
+from vinefab.search.relaxing import without_rules
 from vinefab.search.settings import (
     PartSettings,
     RunSettings,
@@ -42,9 +43,6 @@ from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.targets import task_targets
 from vinefab.tasks.task import Task
-
-FREE_GENERATIONS = 10
-"""Of the search that tells whether rules keep a robot from its targets."""
 
 AHEAD = 8
 """Generations whose poses are drawn at once, which takes half the time of one by one."""
@@ -202,9 +200,10 @@ class Search:
                 recorder.note(history, self.optimizer.state())
             finalists, repair = self._final(history, store, begin, ledger, recorder.stage)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
+        notes = (*check.notes(finalists), *self._without_rules(finalists))
         if store is not None:
             with ledger.spending("store"):
-                store.finish(finalists, stopped, ledger.split(), repair)
+                store.finish(finalists, stopped, ledger.split(), repair, notes)
         return RunResult(
             run_id=identity.run_id,
             best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
@@ -214,12 +213,7 @@ class Search:
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=(
-                *self.evaluator.notes,
-                *points.notes,
-                *check.notes(finalists),
-                *self._without_rules(finalists),
-            ),
+            notes=(*self.evaluator.notes, *points.notes, *notes),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )
@@ -233,16 +227,11 @@ class Search:
         asked = self.evaluator.penalty is not None and not settings.objectives
         if targets is None or targets.all_touched or not asked:
             return ()
-        evaluation = settings.evaluation.changed(fabricable=False, joint_weight=0.0)
-        generations = min(settings.search.generations, FREE_GENERATIONS)
-        search = settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0)
-        changed = settings.changed(evaluation=evaluation, search=search, start_from=())
-        free = Search.of(changed, self.maps).run()
-        more = free.targets
-        if more is None or len(more.missed) >= len(targets.missed):
+        free = Search.of(without_rules(settings), self.maps).run()
+        if free.targets is None or len(free.targets.missed) >= len(targets.missed):
             return ("robots that no rule stops touch no more: what is missing is length or levels",)
         rules = rules_broken(self.evaluator, [one.x for one in free.finalists])
-        return (f"robots that no rule stops: {more.headline}; they break {rules}",)
+        return (f"robots that no rule stops: {free.targets.headline}; they break {rules}",)
 
     def _generation(
         self,

@@ -27,6 +27,20 @@ _POINTS, _ROUNDS, _KEPT, _CHECKED = 256, 4, 24, 4
 how many of them are changed, and how many without penalty are asked for all rules."""
 
 
+FREE_GENERATIONS = 10
+"""Of the search that tells whether rules keep a robot from its targets."""
+
+
+def without_rules(settings: RunSettings) -> RunSettings:
+    """Return the settings of a short search that no rule stops."""
+    generations = min(settings.search.generations, FREE_GENERATIONS)
+    return settings.changed(
+        evaluation=settings.evaluation.changed(fabricable=False, joint_weight=0.0),
+        search=settings.search.changed(generations=generations, evaluations=0, wall_time_s=0.0),
+        start_from=(),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
     """Settings that differ from those of a run in one key."""

@@ -685,6 +685,7 @@ class RunArchive:
     stopped: str  # why it stopped; empty before it has
     sessions: tuple[Session, ...]  # in order
     repair: str = ""  # message on the feasibility repair
+    notes: tuple[str, ...] = ()  # why no design may win, or why the winner misses targets
     extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
     prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
     recipe: RunRecipe | None = None  # as in `RunResult`
@@ -727,6 +728,7 @@ class RunArchive:
                 for began_utc, seconds in sessions
             ),
             repair=entries.get("repair", ""),
+            notes=tuple(json.loads(entries.get("notes", "[]"))),
             extensions=read_extensions(connection),
             prediction=read_prediction(entries.get("prediction", "{}")),
             recipe=RunRecipe(**json.loads(entries["recipe"])) if "recipe" in entries else None,
@@ -756,6 +758,7 @@ class RunArchive:
             times=self.sessions[-1].times,
             checked=self.settings.evaluation.fabricable,
             repair=self.repair,
+            notes=self.notes,
             extensions=self.extensions,
         )
         if self.recipe is not None:

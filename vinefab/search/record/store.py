@@ -177,6 +177,7 @@ class RunStore:
         stopped: str,
         times: TimeSplit | None = None,
         repair: str = "",
+        notes: Sequence[str] = (),
     ) -> None:
         """Record the end of the run; recording it again changes nothing."""
         rows = [
@@ -186,7 +187,8 @@ class RunStore:
         with self._transaction() as connection:
             connection.execute("DELETE FROM finalist")
             connection.executemany("INSERT INTO finalist VALUES (?, ?, ?, ?, ?)", rows)
-            entries = [("stopped", stopped), *([("repair", repair)] if repair else [])]
+            entries = [("stopped", stopped), ("notes", json.dumps(notes))]
+            entries += [("repair", repair)] if repair else []
             connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", entries)
             self._record_times(times)
 
@@ -328,7 +330,8 @@ class RunStore:
             connection.execute("INSERT INTO extension (content) VALUES (?)", (content,))
             rows = [("settings", settings), ("run_id", run_id)]
             connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", rows)
-            connection.execute("DELETE FROM run WHERE key IN ('stopped', 'repair', 'prediction')")
+            ended = "('stopped', 'repair', 'notes', 'prediction')"
+            connection.execute(f"DELETE FROM run WHERE key IN {ended}")  # noqa: S608  constants
             connection.execute("DELETE FROM finalist")
 
     @contextmanager

@@ -78,8 +78,8 @@ def _trunk(query: SpaceQuery) -> Iterator[str]:
         return
     percent, holds_mm = film_in_trunk(query, tree)
     counts = [level.branches for level in tree.levels]
-    several = " x ".join(map(str, counts))
-    what = f"{counted(tree.depth, 'level')} ({several} branches) of {ply_mm.value:g} mm film"
+    shape = " x ".join(map(str, counts))
+    what = f"{counted(tree.depth, 'level')} (branches {shape}) of {ply_mm.value:g} mm film"
     wide_mm, most = build.build(1).widths_mm[0], query.limit(PACKING)
     if percent > most:
         yield (

@@ -76,7 +76,7 @@ FORMATS = (
         title="Machine (`vinefab/machine-1`, TOML)",
         form=Machine,
         about="A laser cutter; `vinefab new machine mine.toml` writes one. A recipe names it "
-        "(`machine`) and finds it beside itself, or in your "
+        "(`machine`) and finds it in the same folder, or in your "
         "[own folder](../files.md#where-files-are-found). "
         "Every number is a table with its standing.",
     ),
@@ -294,7 +294,7 @@ def rules_page() -> str:
         "# Design rules\n\n`vinefab rules VF-C01` explains one in the terminal. An error forbids "
         "cutting unless it is waived; a warning does not. Limits are changed by a recipe, by "
         "`[limits.VF-C01]` of a design, or by `vinefab check --limit VF-C01.warning=6`.\n\n"
-        "Each picture shows what breaks a rule, then what keeps it. Both were drawn and checked by "
+        "Each picture shows a rule broken, then kept. Both were drawn and checked by "
         "vinefab itself: shapes and numbers are computed, from values that are assumed or "
         "published; none was measured.\n"
     ]
@@ -336,7 +336,7 @@ options of a command.
 |---|---|
 | 0 | good; of `studio` also Ctrl-C |
 | 1 | a rule forbids it, or no manufacturable robot was found |
-| 2 | bad input or a refusing system: one line names file, key, value and what is allowed |
+| 2 | bad input or a refusing system: one line names file, key, value and the allowed range |
 | 3 | a fault of vinefab: one line names a log to report |
 | 129, 130, 143 | terminal closed, interrupted, terminated |
 | 141 | the reader of the output is gone |
@@ -501,7 +501,7 @@ def parts_page() -> str:
     """Return the page of environments, tasks and optimizers with their parameters."""
     parts = [
         "# Parts and their parameters\n\nEnvironments, tasks and optimizers are named in run files "
-        "and on the command line; their parameters are keys beside the name, `--set NAME=VALUE`, "
+        "and on the command line; their parameters are keys next to the name, `--set NAME=VALUE`, "
         "or options of `vinefab map NAME`.\n"
     ]
     groups = (

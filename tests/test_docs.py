@@ -20,6 +20,7 @@ import shapely
 import vinefab as vf
 from vinefab.app.verbs import GROUPS, OLDER, VERBS
 from vinefab.cli.commands import Command, UsageError, all_options, command_for, flags_of
+from vinefab.cli.help import command_help
 from vinefab.core.table import declared_keys
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.start_place import StartTable
@@ -210,6 +211,74 @@ def test_every_link_of_the_pages_leads_somewhere():
     pages = [ROOT / "README.md", ROOT / "vinefab" / "README.md", *sorted(DOCS.rglob("*.md"))]
     pages = [page for page in pages if "_build" not in page.parts]
     assert {page.name: broken for page in pages if (broken := broken_links(page))} == {}
+
+
+# --- Language -----------------------------------------------------------------------------------
+
+
+BANNED = re.compile(
+    r"(?<!-)\b(?:beside(?!\n)|whoever|nobody|(?<!there )is no(?! longer)|of its own|in words"
+    r"|goes on|by heart|at hand"
+    r"|(?:says?|shows?|knows?|tells?|reads?|yields?|breaks|keeps) what"
+    r"|(?:of|with|by|from|for|and|than) what)\b",
+    re.IGNORECASE,
+)
+"""Turns of speech to avoid, the last ones "what ..." clauses as objects.
+
+``beside`` at the end of a line is the parameter of that name.
+"""
+
+
+def public_docstrings():
+    """Yield the names of the public face with their docstrings, methods of classes included."""
+    for name in vf.__all__:
+        public = getattr(vf, name)
+        if inspect.ismodule(public):
+            continue  # its function is a command
+        yield name, inspect.getdoc(public) or ""
+        for method, found in vars(public).items() if inspect.isclass(public) else ():
+            if not method.startswith("_") and (callable(found) or isinstance(found, property)):
+                yield f"{name}.{method}", inspect.getdoc(found) or ""
+
+
+def written_texts():
+    """Yield the pages, the helps and the docstrings of the public face, with their names."""
+    pages = [
+        ROOT / "README.md",
+        *(page for page in DOCS.rglob("*.md") if "_build" not in page.parts),
+    ]
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        yield (
+            page.relative_to(ROOT).as_posix(),
+            re.sub(r"^ *```.*?^ *```", "", text, flags=re.S | re.M),
+        )
+    for name in VERBS:
+        yield f"vinefab {name} --help", command_help(Command.named(name), 10_000)
+    yield from public_docstrings()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["It lies beside the wall", "Say what is wrong of what was made", "It is no path", "In words"],
+)
+def test_banned_turns_are_found(text):
+    assert BANNED.search(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["There is no such file", "Further designs: --beside DESIGN", "beside\n    Further designs."],
+)
+def test_plain_turns_are_not_banned(text):
+    assert not BANNED.search(text)
+
+
+def test_no_page_help_or_public_docstring_has_a_banned_turn():
+    texts = dict(written_texts())
+    assert len(texts) > 150
+    found = {name: match[0] for name, text in texts.items() if (match := BANNED.search(text))}
+    assert found == {}
 
 
 # --- What a user types --------------------------------------------------------------------------

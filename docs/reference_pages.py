@@ -305,7 +305,8 @@ def rules_page() -> str:
 
 
 def _rule_part(rule: Rule) -> str:
-    limits = "; ".join(rule.limit_text(name) for name in rule.limits) or "none: it holds or not"
+    limits = "; ".join(rule.limit_text(name) for name in rule.limits)
+    first = f"- **Limits:** {limits}\n" if limits else ""
     picture = Path(__file__).parent / "pictures" / "rules" / f"{rule.id}.svg"
     shown = (
         f"\n![{rule.id} broken and kept](../pictures/rules/{rule.id}.svg)\n"
@@ -313,8 +314,7 @@ def _rule_part(rule: Rule) -> str:
         else ""
     )
     return (
-        f"### {rule.id}: {rule.title}\n{shown}\n- **Limits:** {limits}\n"
-        f"- **Why:** {rule.reason}\n"
+        f"### {rule.id}: {rule.title}\n{shown}\n{first}- **Why:** {rule.reason}\n"
         f"- **Remedy:** {rule.remedy}\n"
     )
 

@@ -423,15 +423,13 @@ def commands_page(shared: Iterable[Option]) -> str:
     """Return the page of all commands: exit codes, a list, and the options that many have."""
     does = {name: verb.summary for name, verb in VERBS.items()}
     does[GENERATE] = "Generate a map: grid, cave, corridors, pegs, rubble."
-    rows = [
-        f"| [{name}](verbs/{page_name(name)}.md) | {summary} |" for name, summary in does.items()
-    ]
+    rows = [f"- [{name}](verbs/{page_name(name)}.md): {summary}" for name, summary in does.items()]
     every = [option_line(one) for one in COMMON]
     every.append(f"- `--force`: {get_args(Force)[1].documentation}")
     parts = [
         COMMANDS_INTRODUCTION,
         "## One page for each\n",
-        "\n".join(["| command | does |", "|---|---|", *rows, ""]),
+        "\n".join([*rows, ""]),
         "## Options of every command\n",
         "\n".join([*every, ""]),
         "## Options of several commands\n",

@@ -208,9 +208,15 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path):
 
 
 def test_every_link_of_the_pages_leads_somewhere():
-    pages = [ROOT / "README.md", ROOT / "vinefab" / "README.md", *sorted(DOCS.rglob("*.md"))]
+    pages = [*ROOT.glob("*.md"), ROOT / "vinefab" / "README.md", *sorted(DOCS.rglob("*.md"))]
     pages = [page for page in pages if "_build" not in page.parts]
     assert {page.name: broken for page in pages if (broken := broken_links(page))} == {}
+
+
+def test_the_readme_and_the_glossary_stay_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 600
+    terms = re.findall(r"^- \*\*", (DOCS / "glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert 30 < len(terms) <= 60
 
 
 # --- Language -----------------------------------------------------------------------------------

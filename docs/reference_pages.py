@@ -403,20 +403,32 @@ def shared_options(commands: Iterable[Command]) -> list[Option]:
     return [option for line, option in found.items() if counted[line] > 1]
 
 
+PLAIN = {"", "N", "NUMBER", "TEXT"}
+"""Forms of values that an option's meaning tells."""
+
+
 def option_line(option: Option) -> str:
     """Return how an option is typed and what it means."""
-    first, *others = flags_of(option)[:2] or [""]
-    others = [flag for flag in others if flag != re.sub(r"-(mm|deg|px)$", "", first)]
-    flags = ", ".join(f"`{flag}`" for flag in [first, *others])
-    shown = f"`{option.metavar}`" if option.positional else flags
-    known = f"; one of {', '.join(option.kind.known())}" if option.kind.known else ""
-    choices = f"; one of {', '.join(option.choices)}" if option.choices else ""
     words = option.help.replace("``", "`").rstrip(".")
+    known = [*(option.kind.known() if option.kind.known else ()), *option.choices]
+    if not all(name in words for name in known):
+        words += f"; one of {', '.join(known)}"
     needed = " (required)" if option.required and not option.positional else ""
     plain = isinstance(option.default, int | float | str) and not isinstance(option.default, bool)
     shows_default = plain and option.default not in ("", REQUIRED)
     default = f" (`{text_of(option.default)}`)" if shows_default else ""
-    return f"- {shown}{needed or default}: {words}{known}{choices}."
+    return f"- {option_names(option)}{needed or default}: {words}."
+
+
+def option_names(option: Option) -> str:
+    """Return the names of an option, the first with the form of its value."""
+    if option.positional:
+        return f"`{option.metavar}`"
+    first, *others = flags_of(option)[:2]
+    takes = "" if option.base is bool or option.choices else option.metavar
+    typed = first if takes in PLAIN else f"{first} {takes}"
+    others = [flag for flag in others if flag != re.sub(r"-(mm|deg|px)$", "", first)]
+    return ", ".join(f"`{name}`" for name in [typed, *others])
 
 
 def commands_page(shared: Iterable[Option]) -> str:
@@ -456,13 +468,17 @@ def verb_page(name: str, command: Command, shared: Iterable[Option]) -> str:
         words = " ".join(result[2].replace("``", "`").split())
         parts.append(f"Returns in Python `{result[1]}`: {words}\n")
     known = {option_line(one) for one in shared}
-    lines = [option_line(one) for one in own_options(command) if one.name != "force"]
-    own = [line for line in lines if line not in known]
+    options = [one for one in own_options(command) if one.name != "force"]
+    own = [line for one in options if (line := option_line(one)) not in known]
     if own:
         parts.append("\n".join([*own, ""]))
     if name == GENERATE:
         parts.append("More options are the parameters of each [environment](../parts.md).\n")
-    names = [line[2:].partition(":")[0].partition(" (")[0] for line in lines if line in known]
+    names = [
+        f"`{one.metavar if one.positional else one.flag}`"
+        for one in options
+        if option_line(one) in known
+    ]
     if names:
         where = "../commands.md#options-of-several-commands"
         parts.append(f"[As in other commands]({where}): {'; '.join(names)}.\n")

@@ -373,6 +373,24 @@ def test_obstacles_are_moved_added_and_deleted(tab, grid):
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
 
 
+def test_scores_wait_while_an_obstacle_is_dragged_and_come_once_the_hand_rests(tab, grid):
+    tab.page.evaluate(
+        """() => {
+          window.seen = [];
+          const note = () => seen.push(document.getElementById("scores").classList.contains("stale"));
+          new MutationObserver(note).observe(document.getElementById("scores"), {attributes: true});
+        }"""
+    )
+    tab.drag(tab.middle('[data-obstacle="4"]'), (30, 0), drop=False)
+    tab.until("() => seen.length > 1 && !seen.at(-1)")  # dimmed, then known: the hand is still down
+    assert tab.page.evaluate("seen[0]")
+    ((_, _, dx, dy),) = tab.state()["map"]["edits"]
+    moved = list(grid.obstacles)
+    moved[4] = shapely.affinity.translate(moved[4], dx, dy)
+    shows(tab, tab.design(), with_obstacles(grid, moved))
+    tab.page.mouse.up()
+
+
 def test_an_obstacle_is_typed_resized_and_turned(tab, grid):
     """Its frame as the library has it, before and after."""
     tab.page.select_option("#thing", "obstacle 4")

@@ -451,7 +451,8 @@ export function mount(root, app) {
     if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
     dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
     if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
-    // The plan keeps its size while it is dragged: the answers below it have more or fewer lines.
+    // The plan keeps its size while it is dragged and when it is let go, however many lines the
+    // answers below it have; the next change from elsewhere frees it.
     svg.parentElement.style.flex = `0 0 ${svg.parentElement.getBoundingClientRect().height}px`;
     Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
     const { kind, id } = dragging;
@@ -517,7 +518,6 @@ export function mount(root, app) {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
-    svg.parentElement.style.flex = "";
     if (!was.busy) app.store.endGroup();
     if (SHAPING.includes(was.kind) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
@@ -580,7 +580,10 @@ export function mount(root, app) {
       part.classList.toggle("highlit", wanted.has(part.dataset.branch));
     }
   });
+  const freeHeight = () => { if (!dragging) svg.parentElement.style.flex = ""; };
+  addEventListener("resize", freeHeight);
   app.store.subscribe((state, before) => {
+    freeHeight();
     if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
     // What undo takes away is chosen no more.
     if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;

@@ -142,6 +142,33 @@ declare var studio: App;
 /** The kinds of change that a fix can leave out. */
 type Keep = "branches" | "length" | "angle" | "width";
 
+// ---- many maps
+
+/** One map of the family on the page: its elements, and what is drawn of it. */
+type Tile = {
+  entry: FamilyMap; item: HTMLElement; button: HTMLButtonElement; value: HTMLElement; difference: HTMLElement;
+  ground: Element; robot: Element; drawn: { ground?: string; robot?: string };
+};
+/** Scores by the maps' keys. */
+type Scores = Record<string, number>;
+
+// ---- searches
+
+type ShownFront = Front & { folder: string };
+type ChosenPoint = { point: FrontPoint; design: Design; words: string };
+
+// ---- exports
+
+/** An option, named as the command calls it; without a kind it is a checkbox. */
+type ExportOption = {
+  key: string; label: string; kind?: "number" | "select" | "text"; value?: string | number; least?: number; most?: number;
+  choices?(state: StudioState): string[];
+  /** Whether it is shown. */
+  when?(found: CommandsAnswer): boolean;
+};
+type ExportEntry = { name: ExportKind; title: string; about: string; out: string; place: string; note?: string; options: ExportOption[] };
+type AskedExport = { out: string; options: Record<string, string | number | boolean> };
+
 // ---- the map
 
 /** What is chosen on the map: an obstacle by its place, a target by its name; nothing is the start. */
@@ -168,6 +195,13 @@ type Version = {
   conditions: Partial<Record<keyof Compared, string>>;
 };
 type Compared = Pick<Answers, "live" | "rules" | "family">;
+
+/** A number that versions are compared in: where it comes from, whether more or less of it is better, how it is written. */
+type Measure = {
+  key: string; name: string; group: string; panel: keyof Compared; better: number; digits: number; unit: string; title: string; note?: string;
+  of(found: Partial<Compared>): number | null | undefined;
+  isUnclear?(found: Partial<Compared>): boolean;
+};
 
 type OpenFile = {
   path: string;
@@ -327,10 +361,12 @@ type FamilyAnswer = {
   difference: Difference | null;
   grown_share: number;
   heat: Heat | null;
+  /** The page's mark of what the scores depend on beside the design. */
+  conditions?: string;
 };
 
 /** What is known of each export before it is written. */
-type CommandsAnswer = { commands: Record<string, { command?: string; inputs?: string[]; error?: string }>; unverified: boolean };
+type CommandsAnswer = { commands: Partial<Record<ExportKind, { command?: string; inputs?: string[]; error?: string }>>; unverified: boolean };
 type WrittenAnswer = {
   command: string; written: string[]; inputs: string[]; view: Block[]; refused: string;
   findings?: { id: string; severity: string; message: string; waived: boolean }[];

@@ -1,5 +1,6 @@
 // Elements from code: no markup is ever put together from texts of the user.
 
+const COPIED_MS = 1500;
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
@@ -33,6 +34,27 @@ export function el(tag, attributes = {}, ...children) {
 
 /** Where arrow keys go, up counted positive. @type {Record<string, Place | undefined>} */
 export const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+/**
+ * Return a command that can be copied.
+ * @param {App} app
+ * @param {string} what is copied
+ */
+export function copyable(app, what) {
+  const text = el("code", { class: "command", tabindex: 0, "aria-label": `Command ${what}` });
+  const button = el("button", { type: "button", "aria-label": `Copy the command ${what}` }, "Copy");
+  button.addEventListener("click", async () => {
+    try {
+      await navigator.clipboard.writeText(text.textContent);
+      button.textContent = "Copied";
+      setTimeout(() => { button.textContent = "Copy"; }, COPIED_MS);
+    } catch {
+      getSelection()?.selectAllChildren(text);
+      app.say("The command is selected: copy it by hand");
+    }
+  });
+  return { text, button };
+}
 
 /** @param {Block} one */
 function shownBlock(one) {

@@ -6,6 +6,9 @@ export const GONE = "The studio does not answer; what you changed stays here. Tr
 /** Tell whether a question failed because a newer one took its place. @param {unknown} thrown */
 export const isStale = (thrown) => Boolean(/** @type {Failure} */ (Object(thrown)).stale);
 
+/** Tell whether a question failed because it was stopped. @param {unknown} thrown */
+export const isStopped = (thrown) => Boolean(/** @type {Failure} */ (Object(thrown)).stopped);
+
 /**
  * Return what the user should read of a question that failed: nothing where it only came too late.
  * @param {unknown} thrown

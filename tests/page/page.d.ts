@@ -157,6 +157,14 @@ type Scores = Record<string, number>;
 type ShownFront = Front & { folder: string };
 type ChosenPoint = { point: FrontPoint; design: Design; words: string };
 
+// ---- files
+
+type Kind = "design" | "map" | "environment" | "recipe";
+/** What can be opened: its name, and where it is or what it is about. */
+type Openable = { name: string; path?: string; where?: string; about?: string };
+type Note = "disk" | "map" | "unsaved";
+type NoteActions = [label: string, act: () => unknown][];
+
 // ---- exports
 
 /** An option, named as the command calls it; without a kind it is a checkbox. */

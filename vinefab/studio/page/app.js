@@ -146,7 +146,7 @@ function mountTabs() {
       const step = key === "ArrowRight" ? 1 : key === "ArrowLeft" ? -1 : 0;
       if (!step) return;
       const shown = tabs.filter((tab) => tab.checkVisibility());
-      const next = shown.at((shown.findIndex((tab) => tab === document.activeElement) + step) % shown.length);
+      const next = shown.at((shown.findIndex((tab) => tab.matches(":focus")) + step) % shown.length);
       if (!next) return;
       next.focus();
       show(next);

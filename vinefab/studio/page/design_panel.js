@@ -237,18 +237,18 @@ export function mount(root, app) {
    * @param {string} key
    * @param {{ label: string, about: string }} row
    * @param {string[][]} options
-   * @param {(design: Design) => unknown} valueOf
+   * @param {(design: Design) => unknown} chosen
    * @param {(state: StudioState, value: string) => void} set
    * @returns {Part}
    */
-  function choiceField(key, row, options, valueOf, set) {
+  function choiceField(key, row, options, chosen, set) {
     const id = idOf("choice", key);
     const select = el("select", { id }, options.map(([value, text]) => el("option", { value }, text)));
     select.addEventListener("change", () => app.store.change(row.label.toLowerCase(), (state) => set(state, select.value)));
     return {
       box: labelled(id, row, select),
       show(state) {
-        select.value = String(valueOf(state.design));
+        select.value = String(chosen(state.design));
         select.disabled = !app.live;
       },
     };
@@ -315,7 +315,9 @@ export function mount(root, app) {
     for (const row of form.rows.filter(isTable)) {
       if (!row.many) parts.push(...tableGroups(design, row.label, row.rows, row.key, row.key === "trunk" ? listRows(form, 1) : []));
       else if (row.key === "level") {
-        design.level.forEach((_, index) => parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2))));
+        for (const index of design.level.keys()) {
+          parts.push(...tableGroups(design, `Level ${index + 2}`, row.rows, `level.${index}`, listRows(form, index + 2)));
+        }
         parts.push({ box: levels, show() {} });
       }
     }

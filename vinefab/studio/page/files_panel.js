@@ -505,7 +505,7 @@ function createOpenDialog(root, app, choose) {
   search.addEventListener("input", fill);
   dialog.addEventListener("keydown", (event) => {
     const buttons = [...list.querySelectorAll("button")];
-    const at = buttons.findIndex((one) => one === document.activeElement);
+    const at = buttons.findIndex((one) => one.matches(":focus"));
     if (event.key === "Enter" && document.activeElement === search && buttons.length) {
       event.preventDefault();
       buttons[0].click();

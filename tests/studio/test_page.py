@@ -275,7 +275,7 @@ def test_the_start_and_its_heading_are_dragged(tab, grid):
     )
 
 
-def test_the_plan_keeps_its_size_while_it_is_dragged(tab):
+def test_the_plan_keeps_its_size_while_it_is_dragged_and_let_go(tab):
     height = "document.querySelector('#map .canvas').clientHeight"
     x, y = tab.middle(".pose-layer .base")
     tab.page.mouse.move(x, y)
@@ -285,6 +285,9 @@ def test_the_plan_keeps_its_size_while_it_is_dragged(tab):
     tab.page.get_by_text("outside the bounds").first.wait_for()  # a line more below the map
     assert tab.page.evaluate(height) == before
     tab.page.mouse.up()
+    tab.page.wait_for_timeout(300)
+    assert tab.page.evaluate(height) == before, "no jump under the hand"
+    tab.page.keyboard.press("ArrowUp")  # a change by key lets it take what room there is
     tab.page.wait_for_function(f"before => {height} !== before", arg=before, timeout=5000)
 
 

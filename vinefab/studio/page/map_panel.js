@@ -486,11 +486,12 @@ export function mount(root, app) {
     if (event.button !== 0 || !answer) return;
     const at = view.place(event);
     if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
+    // The plan keeps its size while it is dragged and when it is let go, however many lines the
+    // answers below it have; the next change from elsewhere frees it.
+    canvas.style.flex = `0 0 ${canvas.getBoundingClientRect().height}px`;
     const grab = grabbed(event.target);
     drags += 1;
     dragging = { ...grab, at: grab.kind === "measure" ? snapped(at) : at, drag: drags, moved: false, matrix: view.matrix() };
-    // The plan keeps its size while it is dragged: the answers below it have more or fewer lines.
-    canvas.style.flex = `0 0 ${canvas.getBoundingClientRect().height}px`;
     focused = grab.kind === "base" || grab.kind === "heading" ? grab.kind : "";
     if (grab.kind === "obstacle") choose({ kind: grab.kind, id: grab.id });
     else if (grab.kind === "target") choose({ kind: grab.kind, id: grab.id });
@@ -554,7 +555,6 @@ export function mount(root, app) {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
-    canvas.style.flex = "";
     if (was.kind !== "tip" || !was.isBusy) app.store.endGroup();
     if (isShape(was) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
@@ -618,7 +618,10 @@ export function mount(root, app) {
       part.classList.toggle("highlit", branches.includes(part.getAttribute("data-branch") ?? ""));
     }
   });
+  const freeHeight = () => { if (!dragging) canvas.style.flex = ""; };
+  addEventListener("resize", freeHeight);
   app.store.subscribe((state, before) => {
+    freeHeight();
     if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
     // What undo takes away is chosen no more.
     if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;

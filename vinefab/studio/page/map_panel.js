@@ -320,7 +320,7 @@ export function mount(root, app) {
   function changeTargets(label, change, group) {
     app.store.change(label, (state) => {
       if (!state.map) return;
-      const own = (/** @type {Target} */ { name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
+      const own = (/** @type {TargetFound} */ { name, point_mm, area_mm, tolerance_mm }) => ({ name, tolerance_mm, ...(point_mm ? { point_mm } : { area_mm }) });
       state.map.targets ??= (answer?.targets ?? []).map(own);
       change(state.map.targets, state.map);
     }, group ? { group } : {});

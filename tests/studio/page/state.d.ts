@@ -85,9 +85,9 @@ type Build = {
   /** may be cut in flat pieces, joined by sleeves; left out: one outline */
   pieces?: PieceSettings;
   /** inflation: cut with the flat angles and lengths that deploy as designed (simulated); none: cut as designed, and grown as that deploys */
-  compensation: "inflation" | "none";
+  compensation?: "inflation" | "none";
   /** tail_inverted: mounted as cut, faces inside end outside; turned: first turned inside out */
-  mounting: "tail_inverted" | "turned";
+  mounting?: "tail_inverted" | "turned";
 };
 
 /** A finding that the designer accepts. */
@@ -129,7 +129,7 @@ type MeasuredNumber = {
   /** the most likely one; left out where only a bound is known */
   value?: number;
   /** both: an interval; lower or upper: only that bound is known */
-  side: "both" | "upper" | "lower";
+  side?: "both" | "upper" | "lower";
   /** of contacts or places that it rests on */
   count: number;
   /** that they were seen on */
@@ -137,7 +137,7 @@ type MeasuredNumber = {
   /** which photos, and how */
   source: string;
   /** always that */
-  standing: "measured";
+  standing?: "measured";
 };
 
 /** A share of trials with its 95 % interval. */
@@ -155,7 +155,7 @@ type MeasuredShare = {
   /** which coupons, and how */
   source: string;
   /** always that */
-  standing: "measured";
+  standing?: "measured";
 };
 
 /** What was measured of contacts: a number that was not is None. */
@@ -177,9 +177,9 @@ type GrowthOptions = {
   /** deg: within it of head-on a tip stops, 0 to 90; [low, high]: drawn */
   head_on_half_angle_deg: number | [number, number];
   /** of a branch that stopped early: they stay inside, or grow from where it stopped */
-  children_of_stuck: "stop" | "deploy";
+  children_of_stuck?: "stop" | "deploy";
   /** inflated, or a line as in the paper */
-  body: "centerline" | "inflated";
+  body?: "centerline" | "inflated";
   /** whether growth ends where the design's pressure no longer everts the film */
   pressure_stop: boolean;
   /** kPa: tension of the film in its store: 0 if it lies loosely, 8.32 on a tight spool */
@@ -187,7 +187,7 @@ type GrowthOptions = {
   /** mm: of the tube of the published fit of the growth pressure (assumed) */
   fitted_diameter_mm: number;
   /** of a tip that meets the body of another branch: it stops there, or passes through */
-  branch_contact: "stop" | "pass";
+  branch_contact?: "stop" | "pass";
   /** probability that a child comes out of its parent's tip; below 1: drawn */
   emergence: number;
   /** how far bodies keep their centre lines from walls, over lay-flat width / pi */
@@ -198,7 +198,7 @@ type GrowthOptions = {
 
 /** The maps of the panel with many maps: seeds of an environment, or files. */
 type Family = {
-  environment: string;
+  environment?: string;
   count: number;
   /** of the first map; the others follow */
   seed: number;
@@ -207,7 +207,7 @@ type Family = {
   /** in place of an environment */
   files: string[];
   /** changes when a file has changed */
-  stamp: string;
+  stamp?: string;
 };
 
 /** The smallest rectangle around an obstacle: what is typed and dragged of it. */
@@ -227,7 +227,7 @@ type Frame = {
 /** A point or an area of a map that a robot is to touch. */
 type Target = {
   /** in results; default: A, B, C ... */
-  name: string;
+  name?: string;
   /** mm: [x, y] of a point */
   point_mm?: [number, number];
   /** mm: corners of an area */

@@ -17,7 +17,7 @@ type MapEdit =
   | ["add", corners_mm: Place[]]
   | ["remove", index: number];
 
-type MapTarget = Omit<Target, "tolerance_mm"> & { tolerance_mm?: number };
+type MapTarget = Omit<Target, "tolerance_mm"> & { name: string; tolerance_mm?: number };
 type OpenMap = { source: MapSource; edits: MapEdit[]; targets?: MapTarget[] };
 
 type StudioState = {
@@ -217,6 +217,8 @@ type OpenFile = {
   writable: boolean;
   stamp?: string;
   run_note?: string;
+  /** As it was read. */
+  text?: string;
   saved_design: Design;
   dirty: boolean;
 };
@@ -270,9 +272,11 @@ type Block =
   | { kind: "facts"; rows: string[][] }
   | { kind: "table"; caption: string; headings: string[]; rows: string[][] };
 
+type GrowthValues = Omit<GrowthOptions, "contacts"> & { contacts: MeasuredContacts | null };
+
 type LiveAnswer = {
   engine: string;
-  growth: { values: GrowthOptions; usual: GrowthOptions; trained: boolean; text: string };
+  growth: { values: GrowthValues; usual: GrowthValues; trained: boolean; text: string };
   ground_key: string;
   facts: {
     branches: number; text: string;
@@ -282,7 +286,7 @@ type LiveAnswer = {
   ground_svg?: string | null;
   view_box?: string;
   map_size_mm?: number[];
-  targets?: (Target & { state?: string; touched?: boolean })[];
+  targets?: TargetFound[];
   targets_svg?: string;
   obstacle?: { index: number; frame: Frame; path: string; svg: string } | null;
   // where the map has a start
@@ -301,10 +305,15 @@ type LiveAnswer = {
   isUnscored?: boolean;
 };
 
+/** A target, and where something grows how near the robot came. */
+type TargetFound = Target & {
+  name: string; state?: string; touched?: boolean; missed_mm?: number | null; branch?: string | null; share?: number; deployments?: number;
+};
+
 type CutNote = { kind: string; text: string; about: string };
 
 type Finding = {
-  id?: string; rule: string; title: string; reason: string; severity: Severity; message: string;
+  rule: string; title: string; reason: string; severity: Severity; message: string;
   measured: number | null; limit: number | null; unit: string; branches: string[]; at_mm: number[] | null; marker: string;
   fingerprint: string; waived: boolean; waiver_reason: string;
 };
@@ -337,7 +346,7 @@ type RulesAnswer = CheckReport & {
 };
 
 type FixAnswer = {
-  nothing_to_fix: boolean; failed: string; lines: string[]; in_the_way: string[];
+  nothing_to_fix: boolean; failed: boolean; lines: string[]; in_the_way: string[];
   changes: { what: string; before: unknown; after: unknown; unit: string; text: string }[];
   cost: number;
   design: Design | null;
@@ -377,7 +386,11 @@ type FamilyAnswer = {
 type CommandsAnswer = { commands: Partial<Record<ExportKind, { command?: string; inputs?: string[]; error?: string }>>; unverified: boolean };
 type WrittenAnswer = {
   command: string; written: string[]; inputs: string[]; view: Block[]; refused: string;
-  findings?: { id: string; severity: string; message: string; waived: boolean }[];
+  findings?: WrittenFinding[];
+};
+type WrittenFinding = {
+  id: string; severity: Severity; title: string; message: string; measured: number | null; limit: number | null; unit: string;
+  branches: string[]; x_mm: number | null; y_mm: number | null; marker_wkt: string; fingerprint: string; waived: boolean; reason: string;
 };
 type ExportAnswer = CommandsAnswer | WrittenAnswer;
 

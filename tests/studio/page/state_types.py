@@ -31,7 +31,7 @@ NAMES = {
     "Severity": map(str, Severity),
     "Tone": get_args(Tone),
 }
-PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
+PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", Any: "unknown"}
 
 
 def state_types() -> str:
@@ -54,9 +54,10 @@ def _table(table: type[BaseModel]) -> str:
     about = (table.__doc__ or "").partition("\n")[0]
     lines = [f"/** {about} */", f"type {table.__name__} = {{"]
     for key in declared_keys(table):
-        # What a table leaves empty is not in its content.
+        # What is empty, and words at their default, are not in a file's content.
         kinds = [kind for kind in _members(key.annotation) if kind is not type(None)]
-        missing = "?" if len(kinds) < len(_members(key.annotation)) else ""
+        optional = len(kinds) < len(_members(key.annotation)) or isinstance(key.default, str)
+        missing = "?" if optional else ""
         about = ": ".join(filter(None, (key.unit, key.meaning)))
         lines += [f"  /** {about} */"] if about else []
         lines.append(f"  {key.name}{missing}: {' | '.join(map(_type, kinds))};")
@@ -74,15 +75,12 @@ def _type(kind: Any) -> str:
         return _type(inner[0])
     if origin is Literal:
         return _choice(inner)
-    if origin is tuple and inner[-1] is Ellipsis:
-        return f"{_type(inner[0])}[]"
     if origin is tuple:
-        return f"[{', '.join(map(_type, inner))}]"
+        many = inner[-1] is Ellipsis
+        return f"{_type(inner[0])}[]" if many else f"[{', '.join(map(_type, inner))}]"
     if origin is Mapping:
         return f"Record<string, {_type(inner[1])}>"
-    if kind is Any:
-        return "unknown"
-    return PLAIN[kind] if kind in PLAIN else str(kind.__name__)
+    return PLAIN.get(kind) or str(kind.__name__)
 
 
 def _choice(values: Any) -> str:

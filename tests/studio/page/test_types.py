@@ -2,7 +2,6 @@
 
 import json
 import math
-import subprocess
 from dataclasses import replace
 
 import pytest
@@ -20,7 +19,6 @@ from vinefab.studio.search_desk import SEARCH_DESK
 from vinefab.studio.workplace import TIP, Opened, Workplace
 
 PAGE = STATE.parent
-TSC = PAGE / "node_modules" / ".bin" / "tsc"
 KEY = "abcdef012345"
 
 
@@ -50,7 +48,7 @@ PANEL_ASKS = {
 """What the panels ask; the others ask nothing."""
 
 RUNS = {"search_start", "search_stop", "search_resume", "search_load", "search_front"}
-"""Questions about a run: a search would have to be made first."""
+"""Questions about a run: `test_search_desk` asks them."""
 
 
 def desk_asks(state):
@@ -97,17 +95,5 @@ def answers(workplace):
             yield f'DeskAnswers["{name}"]', workplace.answer(name, state, ask)
 
 
-@pytest.mark.skipif(not TSC.exists(), reason="`make page` installs what reads the page's types")
-def test_the_answers_of_the_server_are_those_that_the_page_takes(workplace, tmp_path):
-    lines = [
-        f"export const a{number}: {kind} = {json.dumps(answer, allow_nan=False)};"
-        for number, (kind, answer) in enumerate(answers(workplace))
-    ]
-    (tmp_path / "answers.ts").write_text("\n".join(lines), encoding="utf-8")
-    project = {
-        "extends": str(PAGE / "tsconfig.json"),
-        "include": [str(PAGE / "*.d.ts"), "answers.ts"],
-    }
-    (tmp_path / "tsconfig.json").write_text(json.dumps(project), encoding="utf-8")
-    done = subprocess.run([TSC, "-p", tmp_path], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+def test_the_answers_of_the_server_are_those_that_the_page_takes(workplace, page_types):
+    page_types(answers(workplace))

@@ -55,7 +55,6 @@ export function deployedView(app, redraw) {
     step.textContent = "when the design rests";
     box.replaceChildren(el("div", { class: "progress" }, bar, step));
     timer = setTimeout(ask, wait_ms);
-    return undefined;
   }
 
   async function ask() {

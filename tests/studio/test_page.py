@@ -380,8 +380,9 @@ def test_scores_wait_while_an_obstacle_is_dragged_and_come_once_the_hand_rests(t
     tab.page.evaluate(
         """() => {
           window.seen = [];
-          const note = () => seen.push(document.getElementById("scores").classList.contains("stale"));
-          new MutationObserver(note).observe(document.getElementById("scores"), {attributes: true});
+          const scores = document.getElementById("scores");
+          const note = () => seen.push(scores.classList.contains("stale"));
+          new MutationObserver(note).observe(scores, {attributes: true});
         }"""
     )
     tab.drag(tab.middle('[data-obstacle="4"]'), (30, 0), drop=False)

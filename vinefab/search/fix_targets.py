@@ -178,6 +178,7 @@ class FixTargets:
     profile: LaserProfile  # machine, material and recipe
     limits: LimitChanges  # that differ from the defaults, slightly stricter than those of the check
     rules: PenaltyRules  # that a penalty counts
+    fit: GrowthConstantsRange
     # Share of the allowed pressure that growth in free space may take: below 1 where contacts on a
     # map add to it.
     window_share: float = 1.0
@@ -213,8 +214,15 @@ class FixTargets:
             named = limits.setdefault(rule.id, {})
             named["error"] = named.get("error", rule.limits["error"]) + stricter_mm
         sheet_mm = bare_sheet_mm(profile)
-        rules = PenaltyRules.of(design.build, profile, limits, sheet_mm, grows=False)
-        return cls(profile=profile, limits=limits, rules=rules, window_share=window_share)
+        penalized = PenaltyRules.of(design.build, profile, limits, sheet_mm, grows=False)
+        fit = GrowthConstantsRange.of(profile, WINDOW.limits_with(limits.get(WINDOW.id, {})))
+        return cls(
+            profile=profile,
+            limits=limits,
+            rules=penalized,
+            fit=fit,
+            window_share=window_share,
+        )
 
     def of_rule(self, rule: Rule) -> Limits:
         """Return a rule's limits."""
@@ -225,8 +233,8 @@ class FixTargets:
 
         Of the rules about the laser's paths only those that go by the joints are included.
         """
-        excess = self.rules.path_excess(designs) + [self._making_excess(one) for one in designs]
-        return self.rules.penalties(designs) + np.log1p(excess)
+        found, excess = self.rules.with_path_excess(designs)
+        return found + np.log1p(excess + [self._making_excess(one) for one in designs])
 
     def _making_excess(self, design: Design) -> float:
         """Return how far mouth, pouch and the pressure for growth are from their limits."""
@@ -278,13 +286,13 @@ class FixTargets:
 
     def _least_kpa(self, design: Design) -> float:
         """Return the working pressure that growth takes where that was measured, else 0."""
-        if not GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW)).measured:
+        if not self.fit.measured:
             return 0.0
         return math.ceil(1000.0 * self._growth_kpa(design) / self.window_share) / 1000.0
 
     def _growth_kpa(self, design: Design) -> float:
         """Return the pressure that growth of the worst branch takes in free space."""
-        fit = GrowthConstantsRange.of(self.profile, self.of_rule(WINDOW))
+        fit = self.fit
         worst = 0.0
         for depth, end_mm in enumerate(design.build.end_widths_mm):
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)

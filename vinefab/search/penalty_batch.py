@@ -362,17 +362,18 @@ class PenaltyRules:
         """Return the penalties of some designs with even fans, shape (m,)."""
         return self.found(designs).penalty
 
-    def path_excess(self, designs: Sequence[Design]) -> Floats:
-        """Return how far some designs are from what the laser can run, shape (m,).
-
-        That is the summed excess of straight sides and drawn fillets that are too small.
-        """
-        return self._at_once(designs).path_excess(DesignBatch.of(*designs), np.arange(len(designs)))
-
     def found(self, designs: Sequence[Design]) -> "BatchFound":
         """Return the penalties of some designs with even fans, and where the last one is cut."""
-        batch, rows = DesignBatch.of(*designs), np.arange(len(designs))
-        return self._at_once(designs).found(batch, rows, self._known_sides(designs))
+        return self._at_once(designs).found(*_rows(designs), self._known_sides(designs))
+
+    def with_path_excess(self, designs: Sequence[Design]) -> tuple[Floats, Floats]:
+        """Return the penalties of some designs, and how far they are from what the laser can run.
+
+        That is the summed excess of straight sides and drawn fillets that are too small; (m,) each.
+        """
+        at_once, rows = self._at_once(designs), _rows(designs)
+        found = at_once.found(*rows, self._known_sides(designs))
+        return found.penalty, at_once.path_excess(*rows)
 
     def _known_sides(self, designs: Sequence[Design]) -> tuple[Floats, Floats] | None:
         """Return where sides of tapered branches are straight, from outlines; None without any.
@@ -473,6 +474,11 @@ class BatchPenalty:
             arrays, self.tables, self.limits, scratch, cutting, penalty, joints
         )
         return BatchFound(penalty, joints, np.flatnonzero(cutting.cut), float(cutting.left[0]))
+
+
+def _rows(designs: Sequence[Design]) -> tuple[DesignBatch, Ints]:
+    """Return designs with a build each as arrays, and the rows of their builds."""
+    return DesignBatch.of(*designs), np.arange(len(designs))
 
 
 def _arrays(designs: DesignBatch, builds: Ints) -> DesignArrays:

@@ -50,7 +50,7 @@ thorough: check fuzz outlines
 	$(BIN)/pytest -n 2 -m thorough
 	$(BIN)/python tests/fabrication/rules/mutate.py
 	$(BIN)/python tests/fabrication/rules/cuts_clear.py 2000
-	$(BIN)/python tests/fabrication/rules/fix_many.py 40
+	$(BIN)/python tests/search/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
 	$(BIN)/python tests/search/target_cases.py

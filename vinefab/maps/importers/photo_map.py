@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy  # its parts load at their first use
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from scipy import ndimage
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
@@ -399,7 +399,7 @@ class _Tones:
         """Return which cells of a plan are obstacles."""
         if self.threshold is None:
             *colour, tolerance = self.chosen.colour or ()
-            pixels = ndimage.gaussian_filter(
+            pixels = scipy.ndimage.gaussian_filter(
                 view.pixels.astype(np.float32), (_SMOOTHING_PX, _SMOOTHING_PX, 0)
             )
             off = pixels - np.array(colour, dtype=np.float32)
@@ -407,8 +407,8 @@ class _Tones:
         bright = _brightness(view)
         # Half the light at an edge where one is near, else the threshold: in a shadow, and where
         # the light is weaker, an edge lies at another brightness.
-        high = ndimage.maximum_filter(bright, _EDGE_CELLS)
-        low = ndimage.minimum_filter(bright, _EDGE_CELLS)
+        high = scipy.ndimage.maximum_filter(bright, _EDGE_CELLS)
+        low = scipy.ndimage.minimum_filter(bright, _EDGE_CELLS)
         edge = high - low > _EDGE_SHARE * self.contrast
         light = (high ** (1.0 / self.mixing) + low ** (1.0 / self.mixing)) / 2.0
         between = np.where(edge, light**self.mixing, np.float32(self.threshold or 0.0))
@@ -417,7 +417,7 @@ class _Tones:
 
 def _brightness(view: PlanView) -> NDArray[np.float32]:
     grey = np.asarray(Image.fromarray(view.pixels).convert("L"), dtype=np.float32)
-    return np.asarray(ndimage.gaussian_filter(grey, _SMOOTHING_PX))
+    return np.asarray(scipy.ndimage.gaussian_filter(grey, _SMOOTHING_PX))
 
 
 def _two_tones(bright: NDArray[np.float32]) -> tuple[float, float]:

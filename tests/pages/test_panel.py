@@ -2,7 +2,6 @@
 
 import io
 import re
-import zlib
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -131,53 +130,6 @@ def test_names_of_any_length_and_letters_give_a_picture():
     assert b"<script" not in page_svg(page)
     assert page_png(page).startswith(b"\x89PNG")
     assert page_pdf(page).startswith(b"%PDF")
-
-
-def streams_of(pdf):
-    """Return the content of each object of a PDF by its number; its table tells where it stands."""
-    table = int(pdf.rsplit(b"startxref", 1)[1].split()[0])
-    assert pdf[table:].startswith(b"xref")
-    places = [int(line.split()[0]) for line in pdf[table:].split(b"\n") if line.endswith(b" n ")]
-    found = {}
-    for number, place in enumerate(places, start=1):
-        assert pdf[place:].startswith(b"%d 0 obj\n" % number)
-        head, _, rest = pdf[place:].partition(b"stream\n")
-        if b"endobj" not in head:
-            size = int(re.search(rb"/Length (\d+)", head)[1])
-            assert rest[size:].startswith(b"\nendstream")
-            found[number] = zlib.decompress(rest[:size]).decode("latin-1")
-    return found
-
-
-def test_a_pdf_holds_lines_text_and_pixels_of_its_page():
-    panel = plan_panel((0.0, 0.0, 100.0, 100.0), 200.0)
-    faint = Ink(fill="#c80000", fill_alpha=0.4, line="#000000", width_pt=1.5, dash_pt=(3.0, 2.0))
-    panel.polygons([HOLLOW], faint)
-    panel.marks([(20.0, 20.0)], "o", 8.0, Ink(fill="#00c800"), rank=5.0)
-    panel.add(Raster((0.0, 0.0, 50.0, 50.0), blended(np.eye(4), ("#ffffff", "#000000"))))
-    panel.title = "a \u03b2 long title " + "".join(chr(0x100 + k) for k in range(300))
-    page = page_of(panel)
-    pdf = page_pdf(page)
-    streams = streams_of(pdf)
-    drawn = next(text for text in streams.values() if " cm\nq" in text)
-    assert drawn.split().count("q") == drawn.split().count("Q") > 0
-    assert " re W n" in drawn
-    assert "0.7843 0 0 rg" in drawn
-    assert "1.5 w 0 J 1 j [3 2] 0 d" in drawn
-    assert b"/ca 0.4 /CA 1" in pdf
-    assert b"/Width 4 /Height 4" in pdf
-    meant = [dict(re.findall(r"^<(..)> <(.+)>$", s, re.M)) for s in streams.values()]
-    meant = [codes for codes in meant if codes]
-    assert all(len(codes) <= 255 for codes in meant)
-    texts = [
-        "".join(
-            bytes.fromhex(meant[int(font)][code]).decode("utf-16-be")
-            for font, codes in re.findall(r"/F(\d+) \S+ Tf <(\w+)> Tj", block)
-            for code in re.findall("..", codes)
-        )
-        for block in re.findall(r"BT.*?ET", drawn, re.DOTALL)
-    ]
-    assert texts == texts_of(page)
 
 
 def test_the_same_page_gives_the_same_bytes():

@@ -2,6 +2,8 @@
 
 import io
 from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -22,7 +24,6 @@ from vinefab.pages.panel import (
     Raster,
     Shape,
     Words,
-    font_file,
     rgb,
 )
 
@@ -229,5 +230,11 @@ def _lines(
 
 @cache
 def _font(size: int, *, bold: bool) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    path = font_file(bold=bold)
-    return ImageFont.truetype(str(path), size) if path.exists() else ImageFont.load_default(size)
+    # Looked for, not imported: matplotlib comes with the font, and takes half a second to load.
+    found = find_spec("matplotlib")
+    if found is not None and found.origin:
+        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+        path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / name
+        if path.exists():
+            return ImageFont.truetype(str(path), size)
+    return ImageFont.load_default(size)

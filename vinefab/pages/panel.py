@@ -10,8 +10,6 @@ import math
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
-from pathlib import Path
 from textwrap import wrap
 from typing import Literal
 
@@ -138,16 +136,6 @@ def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> 
     while line and text_width(line, size_pt, bold=bold) > room_pt:
         line = line[:-1]
     return f"{line.rstrip()}…"
-
-
-def font_file(*, bold: bool = False) -> Path:
-    """Return where DejaVu Sans lies.
-
-    It is looked for and not imported: matplotlib comes with it, and takes half a second to load.
-    """
-    found = find_spec("matplotlib")
-    folder = Path(found.origin).parent if found is not None and found.origin else Path()
-    return folder / "mpl-data/fonts/ttf" / f"DejaVuSans{'-Bold' if bold else ''}.ttf"
 
 
 # --- Panels ---------------------------------------------------------------------------------------

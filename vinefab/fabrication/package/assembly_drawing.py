@@ -33,7 +33,6 @@ from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
 from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.label_places import Labels, boxes_around, spots_around
-from vinefab.pages.page_pdf import page_pdf
 from vinefab.pages.page_svg import page_svg
 from vinefab.pages.panel import (
     Ink,
@@ -104,6 +103,8 @@ def assembly_files(
         page = mounting_drawing(design)
     else:
         page = assembly_drawing(design, partition, outlines, profile)
+    from vinefab.pages.page_pdf import page_pdf  # noqa: PLC0415  loads matplotlib
+
     return {f"{ASSEMBLY_NAME}.svg": page_svg(page), f"{ASSEMBLY_NAME}.pdf": page_pdf(page)}
 
 

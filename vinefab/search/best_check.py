@@ -103,7 +103,7 @@ def rules_broken(evaluator: Evaluator, x: Iterable[Floats]) -> str:
     rules = Counter[str]()
     for point in x:
         found = evaluator.broken(evaluator.space.design(point)) or ()
-        rules.update({f"{finding.rule} ({finding.title})" for finding in found})
+        rules.update(sorted({f"{finding.rule} ({finding.title})" for finding in found}))
     named = ", ".join(rule for rule, _ in rules.most_common(2))
     return named or "the rules of the quick penalty"
 

@@ -14,7 +14,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 import tomllib
 import warnings
 import zipfile
@@ -212,7 +211,7 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         os.dup2(handle, number)
         os.close(handle)
     os.chdir(folder)
-    begin = time.process_time()
+    begin = _cpu_s()
     signal.setitimer(signal.ITIMER_PROF, attempt.cpu_s)
     signal.setitimer(signal.ITIMER_REAL, MOST_WALL_S)
     try:
@@ -221,12 +220,14 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         code = f"{type(error).__name__} left the program: {error}"
     signal.setitimer(signal.ITIMER_PROF, 0.0)
     signal.setitimer(signal.ITIMER_REAL, 0.0)
-    cpu_s = time.process_time() - begin
+    cpu_s = _cpu_s() - begin
     sys.stdout.flush()
     sys.stderr.flush()
     words = streams[1].read_text(errors="replace")
     reason = _reason(attempt, code, words, streams[0].read_text(errors="replace"))
     reason = reason or _reason_of_files(attempt, code, before)
+    if not reason and not attempt.endless and cpu_s > attempt.cpu_s:
+        reason = "out of processor time, its children counted"
     if not reason and _contents(folder.parent, folder) != around:
         reason = "wrote outside its folder"
     return Verdict(
@@ -236,8 +237,18 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         words=words[-2_000:],
         arguments=tuple(attempt.arguments),
         cpu_s=cpu_s,
-        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        peak_bytes=1024
+        * max(
+            resource.getrusage(who).ru_maxrss
+            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        ),
     )
+
+
+def _cpu_s() -> float:
+    """Return the processor time of this process and of the children that it waited for."""
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, who))
 
 
 def _contents(folder: Path, but: Path | None = None) -> dict[str, bytes]:

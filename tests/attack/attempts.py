@@ -9,6 +9,7 @@ import csv
 import io
 import json
 import os
+import re
 import resource
 import signal
 import sqlite3
@@ -296,14 +297,31 @@ def _no_constants(text: str) -> float:
     raise ValueError(f"{text} in JSON")
 
 
+def _bare(script: str) -> str:
+    return re.sub(r"\{\{.*?\}\}|\{#.*?#\}|[\d\s]", "", script, flags=re.DOTALL)
+
+
+_TEMPLATES = Path(__file__).parents[2] / "vinefab" / "pages" / "templates"
+OWN_SCRIPTS = {
+    _bare(script)
+    for page in _TEMPLATES.glob("*.j2")
+    for script in re.findall(r"<script>(.*?)</script>", page.read_text("utf-8"), re.DOTALL)
+}
+"""Scripts of the templates, without numbers: the only thing in them that is filled in."""
+
+
 class _Page(HTMLParser):
-    """Finds scripts and handlers in a page."""
+    """Finds foreign scripts, and handlers, in a page."""
+
+    def handle_data(self, data: str) -> None:
+        if self.cdata_elem == "script" and _bare(data) not in OWN_SCRIPTS:
+            raise ValueError("a foreign script in a page")
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         for name, value in attrs:
             if name.startswith("on") or "javascript:" in (value or "").lower():
                 raise ValueError(f"<{tag} {name}> in a page")
-        if tag in ("script", "iframe", "object", "embed", "base"):
+        if tag in ("iframe", "object", "embed", "base") or (tag == "script" and attrs):
             raise ValueError(f"<{tag}> in a page")
 
 

@@ -181,7 +181,7 @@ def fix(
     Parameters
     ----------
     maps
-        As in `check`; with maps the ``summary`` says what the fix costs in score, too.
+        As in `check`; with maps the ``summary`` gives the cost of the fix in score, too.
     keep
         What must not change: branches, length, angle, width, one or several.
     growth
@@ -212,9 +212,9 @@ def fix(
     """
     from dataclasses import replace
 
-    from vinefab.fabrication.rules.fix import parsed_keeps
     from vinefab.model.files.design_toml import design_text
     from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
+    from vinefab.search.fix import parsed_keeps
 
     file = page_path("out", out, force=force)
     if file is not None:
@@ -357,7 +357,7 @@ def coupon(
     recipe
         A recipe's name or path, in Python also a laser profile.
     out
-        The folder to write; ``README.txt`` in it says what to do, ``results.csv`` is the table.
+        The folder to write; ``README.txt`` in it lists the steps, ``results.csv`` is the table.
     force
         Overwrite what vinefab did not write, and a table that was filled in.
 

@@ -9,15 +9,6 @@ from vinefab.core.statistics import PAIRED_TAILS, group_means, mean_interval
 from vinefab.core.view import NO_INTERVAL, Block, Notes, Picture, Result
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_CUT_BRANCHES
-from vinefab.fabrication.rules.fix import (
-    BRANCHES,
-    FixedDesign,
-    FixStage,
-    fix_design,
-    fix_in_stage,
-    fix_stages,
-)
-from vinefab.fabrication.rules.fix_targets import DesignChange, FixTargets, design_changes
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.model.design import Design
@@ -25,6 +16,15 @@ from vinefab.model.files.run_context import RunContext
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.search.fix import (
+    BRANCHES,
+    FixedDesign,
+    FixStage,
+    fix_design,
+    fix_in_stage,
+    fix_stages,
+)
+from vinefab.search.fix_targets import DesignChange, FixTargets, design_changes
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -69,7 +69,7 @@ class ProposedFix(Result):
         return int(self.failed)
 
     def view(self) -> Iterator[Block]:
-        """Yield the changed design, what was changed, and what it costs."""
+        """Yield the changed design, its changes and their cost."""
         if self.design is not None and (drawn := self.design._repr_svg_()):
             yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
         verdict = [self.report.verdict] if self.design is not None else []
@@ -82,7 +82,7 @@ class ProposedFix(Result):
         return self.before.json_text()
 
     def lines(self) -> list[str]:
-        """Return the outcome in words."""
+        """Return the outcome as lines."""
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:

@@ -17,7 +17,6 @@ from vinefab.maps.importers.csv_polygons import import_csv
 from vinefab.maps.importers.geojson_any import import_geojson
 from vinefab.maps.importers.import_options import PHOTO_SUFFIXES, ImportOptions
 from vinefab.maps.importers.ros_map import import_ros
-from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
 
 
@@ -73,8 +72,9 @@ IMPORTERS: Registry[MapImporter] = Registry(
         ),
         "svg": MapImporter(
             suffixes=(".svg",),
-            read=import_svg,
+            read=_late("svg_drawing", "import_svg"),
             malformed=b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 9 x"/></svg>',
+            loads=(f"{_ROOM}.svg_drawing",),
         ),
         "csv": MapImporter(
             suffixes=(".csv",),

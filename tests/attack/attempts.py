@@ -9,12 +9,12 @@ import csv
 import io
 import json
 import os
+import re
 import resource
 import signal
 import sqlite3
 import subprocess
 import sys
-import time
 import tomllib
 import warnings
 import zipfile
@@ -212,7 +212,7 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         os.dup2(handle, number)
         os.close(handle)
     os.chdir(folder)
-    begin = time.process_time()
+    begin = _cpu_s()
     signal.setitimer(signal.ITIMER_PROF, attempt.cpu_s)
     signal.setitimer(signal.ITIMER_REAL, MOST_WALL_S)
     try:
@@ -221,12 +221,14 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         code = f"{type(error).__name__} left the program: {error}"
     signal.setitimer(signal.ITIMER_PROF, 0.0)
     signal.setitimer(signal.ITIMER_REAL, 0.0)
-    cpu_s = time.process_time() - begin
+    cpu_s = _cpu_s() - begin
     sys.stdout.flush()
     sys.stderr.flush()
     words = streams[1].read_text(errors="replace")
     reason = _reason(attempt, code, words, streams[0].read_text(errors="replace"))
     reason = reason or _reason_of_files(attempt, code, before)
+    if not reason and not attempt.endless and cpu_s > attempt.cpu_s:
+        reason = "out of processor time, its children counted"
     if not reason and _contents(folder.parent, folder) != around:
         reason = "wrote outside its folder"
     return Verdict(
@@ -236,8 +238,18 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
         words=words[-2_000:],
         arguments=tuple(attempt.arguments),
         cpu_s=cpu_s,
-        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        peak_bytes=1024
+        * max(
+            resource.getrusage(who).ru_maxrss
+            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        ),
     )
+
+
+def _cpu_s() -> float:
+    """Return the processor time of this process and of the children that it waited for."""
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, who))
 
 
 def _contents(folder: Path, but: Path | None = None) -> dict[str, bytes]:
@@ -285,14 +297,31 @@ def _no_constants(text: str) -> float:
     raise ValueError(f"{text} in JSON")
 
 
+def _bare(script: str) -> str:
+    return re.sub(r"\{\{.*?\}\}|\{#.*?#\}|[\d\s]", "", script, flags=re.DOTALL)
+
+
+_TEMPLATES = Path(__file__).parents[2] / "vinefab" / "pages" / "templates"
+OWN_SCRIPTS = {
+    _bare(script)
+    for page in _TEMPLATES.glob("*.j2")
+    for script in re.findall(r"<script>(.*?)</script>", page.read_text("utf-8"), re.DOTALL)
+}
+"""Scripts of the templates, without numbers: the only thing in them that is filled in."""
+
+
 class _Page(HTMLParser):
-    """Finds scripts and handlers in a page."""
+    """Finds foreign scripts, and handlers, in a page."""
+
+    def handle_data(self, data: str) -> None:
+        if self.cdata_elem == "script" and _bare(data) not in OWN_SCRIPTS:
+            raise ValueError("a foreign script in a page")
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         for name, value in attrs:
             if name.startswith("on") or "javascript:" in (value or "").lower():
                 raise ValueError(f"<{tag} {name}> in a page")
-        if tag in ("script", "iframe", "object", "embed", "base"):
+        if tag in ("iframe", "object", "embed", "base") or (tag == "script" and attrs):
             raise ValueError(f"<{tag}> in a page")
 
 

@@ -58,6 +58,7 @@ BROKEN = {
     "open('o.txt', 'w').close(); print('error: x', file=sys.stderr); return 2": "refused, but left",
     "open('o.json', 'w').write('NaN'); return 0": "o.json: ValueError: NaN in JSON",
     "open('o.html', 'w').write('<p onclick=x>'); return 0": "o.html: ValueError: <p onclick>",
+    "open('o.html', 'w').write('<script>x()</script>'); return 0": "a foreign script in a page",
     "open('o.csv', 'w').write('a,=1+1'); return 0": "a cell that computes",
     "os._exit(7)": "the process ended with 7",
 }

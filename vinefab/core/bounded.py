@@ -20,7 +20,7 @@ if sys.platform == "linux":
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_CPU_S = 7
+_CPU_S = 20
 _CPU_S_PER_MB = 20
 """Of the file: a survey of 20 MB takes 10 s, a drawing that is crossed by itself any time."""
 _MORE_BYTES = 3 << 29
@@ -63,6 +63,8 @@ def bounded(path: Path, read: Callable[P, R], *arguments: P.args, **options: P.k
 
 
 def _limit(cpu_s: int) -> None:
+    if (cv2 := sys.modules.get("cv2")) is not None:
+        cv2.setNumThreads(1)  # a fork has none of the threads that OpenCV would wait for
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
     held = pages * os.sysconf("SC_PAGE_SIZE")
     _, most = resource.getrlimit(resource.RLIMIT_DATA)

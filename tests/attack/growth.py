@@ -24,7 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.oracles.growth_reference import grow_reference_branches
+from tests.oracles.growth_spans import grow_reference
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
@@ -309,7 +309,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     for number, fast in enumerate(batch.deployments()):
         launch, design = number // len(designs), designs[number % len(designs)]
         alone = options.changed(head_on_half_angle_rad=angles_rad[launch])
-        plain = grow_on(design, terrain, poses[launch], alone, grow_reference_branches)
+        plain = grow_reference(design, terrain, poses[launch], alone)
         free = [terrain.free_space(options.radius_mm(one)) for one in design.build.widths_mm]
         deep = depth_mm(fast, free) / size_mm
         counts.growths += 1

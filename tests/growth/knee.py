@@ -26,8 +26,9 @@ from typing import NamedTuple
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.oracles.growth_reference import GrowingBranch, World
+from tests.oracles.tube_mechanics import axial_buckling_n, growth_push_n
+from vinefab.growth.engine import rules_of
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Pose
@@ -56,9 +57,9 @@ class Push(NamedTuple):
 
     def folds(self, span_mm: float, from_normal_rad: float) -> bool:
         """Tell whether a span is too long for the push at its tip."""
-        push_n = tubes.growth_push_n(self.pressure_kpa, self.path_kpa, self.width_mm)
+        push_n = growth_push_n(self.pressure_kpa, self.path_kpa, self.width_mm)
         film = (self.ply_mm, self.modulus_mpa, self.modulus_mpa / 3.0)
-        axial_n = tubes.axial_buckling_n(span_mm, self.pressure_kpa, self.width_mm, *film)
+        axial_n = axial_buckling_n(span_mm, self.pressure_kpa, self.width_mm, *film)
         across_n_mm = push_n * math.sin(from_normal_rad) * span_mm
         collapse_n_mm = tubes.collapse_moment_n_mm(self.pressure_kpa, self.width_mm, 1.0)
         return push_n >= axial_n or across_n_mm >= collapse_n_mm

@@ -12,17 +12,9 @@ import numpy as np
 from vinefab.core.compiling import imported_later
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
+from vinefab.growth.engine import Engine, Settling, chosen_engine, grow_jobs_of, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import (
-    POINTS_PER_BRANCH,
-    SPARE_POINTS,
-    Engine,
-    Settling,
-    grow_jobs_of,
-    quickest_engine,
-    rules_of,
-)
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
@@ -68,6 +60,11 @@ class TerrainSet:
     def pages(self, radii_mm: tuple[float, ...]) -> Ints:
         """Return the page of each terrain and radius, shape (terrains, radii)."""
         return np.arange(len(self.terrains) * len(radii_mm)).reshape(-1, len(radii_mm))
+
+
+POINTS_PER_BRANCH = 6
+SPARE_POINTS = 16
+"""Initial room for chain points; doubled when a tree needs more."""
 
 
 class Workspace:
@@ -298,7 +295,7 @@ class Batch:
     idle
         Workspaces shared with other batches; threads take and return them.
     engine
-        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.simulator.Engine`.
+        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.engine.Engine`.
 
     Notes
     -----
@@ -329,10 +326,8 @@ class Batch:
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
         self._idle = [] if idle is None else idle
-        if engine == "auto":
-            corners = max((one.corners for one in launches.atlas.terrains), default=0)
-            engine = quickest_engine(len(launches) * len(plans.trees.parent), corners)
-        self._engine = engine
+        corners = max((one.corners for one in launches.atlas.terrains), default=0)
+        self._engine = chosen_engine(engine, len(launches) * len(plans.trees.parent), corners)
 
     def __len__(self) -> int:
         return len(self.plans) * len(self.launches)

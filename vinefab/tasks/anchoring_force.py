@@ -157,22 +157,6 @@ class Leaves:
         return slice(first, last)
 
 
-def path_turn_rad(deployment: Deployment) -> Floats:
-    """Return the sum of absolute turns at contacts from the base to each tip, shape (n,)."""
-    return Turns.of(GrownBatch.of(deployment)).path_rad
-
-
-def tip_gaps_mm(deployment: Deployment, branches: Ints, context: MapContext) -> Floats:
-    """Return the width of free space at the tips of some branches, across each, shape (m,).
-
-    Parameters
-    ----------
-    branches
-        Branches that have grown, shape (m,).
-    """
-    return gaps_mm(deployment.points_mm, deployment.first_point[1:][branches] - 1, context)
-
-
 def gaps_mm(points_mm: Floats, tip: Ints, context: MapContext) -> Floats:
     """Return the width of free space at some tips, across the body there, shape (m,).
 

@@ -12,12 +12,12 @@ from vinefab.inflation.compensation import (
     WITHIN_DEG,
     FlatJoint,
     UnreachableJointError,
+    cache_folder,
     deployed_joint,
     flat_joint,
     simulated_flat_joint,
 )
 from vinefab.inflation.joint import Joint, inflated_joint, turned_joint
-from vinefab.inflation.joint_cache import cache_folder
 
 UNEVEN = Joint(angles_deg=(-30.0, 50.0), widths=(0.6, 0.5), fillets=(0.1, 0.2, 0.1))
 

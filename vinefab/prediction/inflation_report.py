@@ -40,7 +40,6 @@ from vinefab.inflation.pattern import (
 )
 from vinefab.inflation.pattern_view import pattern_blocks
 from vinefab.inflation.robot import ACROSS, InflatedRobot, inflated_robot, with_short_tail
-from vinefab.inflation.surface import closed_surface
 from vinefab.inflation.tube import tube_stretch
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Material, Standing
@@ -50,7 +49,7 @@ from vinefab.pages.panel import Ink, Page, Panel, Shape, page_of_rows, plan_pane
 from vinefab.pages.plan import page_bytes
 from vinefab.physics.seam import hoop_strain
 from vinefab.prediction.family_deployments import ProgressCallback, no_progress, part_of
-from vinefab.prediction.surface_files import SURFACE_FORMATS
+from vinefab.prediction.surface_files import SURFACE_FORMATS, closed_surface
 
 LEFT_OUT = (
     "contact of branches with each other",

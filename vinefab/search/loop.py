@@ -20,13 +20,14 @@ from vinefab.search.best_check import BestCheck, rules_broken
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated, settled
 from vinefab.search.front import minimized
+from vinefab.search.optimizers.evolution import FrontOptimizer
 from vinefab.search.optimizers.islands import (
     ScreeningOptimizer,
     StartingOptimizer,
 )
-from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.outset import refuse_starts_without_room
 from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
 from vinefab.search.record.result import RunResult, damage_errors, with_origin
@@ -38,7 +39,6 @@ from vinefab.search.settings import (
     SearchSettings,
     check_objectives,
 )
-from vinefab.search.start_room import refuse_starts_without_room
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.targets import task_targets

@@ -28,7 +28,7 @@ from tests.oracles.growth_spans import grow_reference
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import DeclaredKey, declared_keys
 from vinefab.core.validation import SMALLEST
-from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
+from vinefab.growth.batch import Batch, GrowthBlock, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow_on
@@ -297,7 +297,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     poses = [nasty_pose(rng, terrain) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
     batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([terrain]), [poses]), options)
 
-    def events(block: Block) -> tuple[int, int]:
+    def events(block: GrowthBlock) -> tuple[int, int]:
         return int(block.growth.events.sum()), int(block.growth.events.max())
 
     for total, most in batch.each(events):

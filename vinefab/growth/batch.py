@@ -109,11 +109,11 @@ class Workspace:
         return part
 
 
-BLOCK = 128
+GROWTHS_PER_CALL = 128
 """Growths in one compiled call: enough to amortize the call, few enough for the caches."""
 
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
 class BlockMapper(Protocol):
@@ -186,7 +186,7 @@ class Launches:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Block:
+class GrowthBlock:
     """Finished growths of a batch, j of them."""
 
     # plan, launch: index of the design and of the launch of each, shape (j,)
@@ -250,7 +250,7 @@ class Block:
         )
 
 
-def _deployments_of(block: Block) -> list[Deployment]:
+def _deployments_of(block: GrowthBlock) -> list[Deployment]:
     return [block.deployment(index) for index in range(len(block))]
 
 
@@ -333,8 +333,11 @@ class Batch:
         return len(self.plans) * len(self.launches)
 
     def each(
-        self, work: Callable[[Block], Result], over: BlockMapper = map, size: int = BLOCK
-    ) -> Iterator[Result]:
+        self,
+        work: Callable[[GrowthBlock], _Result],
+        over: BlockMapper = map,
+        size: int = GROWTHS_PER_CALL,
+    ) -> Iterator[_Result]:
         """Grow all blocks and yield the result of ``work`` on each, in order.
 
         Parameters
@@ -345,7 +348,7 @@ class Batch:
         """
         yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
 
-    def worked(self, first: int, size: int, work: Callable[[Block], Result]) -> Result:
+    def worked(self, first: int, size: int, work: Callable[[GrowthBlock], _Result]) -> _Result:
         """Grow ``size`` growths from ``first`` on, and return the result of ``work`` on them."""
         try:
             scratch = self._idle.pop()
@@ -367,7 +370,9 @@ class Batch:
         """Return every growth, grown again whenever it is asked for: for more than memory holds."""
         return Regrown(self)
 
-    def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace) -> Block | None:
+    def _grown(
+        self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace
+    ) -> GrowthBlock | None:
         """Return some growths, or None if they need more chain points per branch."""
         branches = np.diff(self.plans.trees.first)[plan]
         branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
@@ -411,7 +416,7 @@ class Batch:
                 self.launches.seeds[launch],
                 self._engine,
             )
-        return Block(
+        return GrowthBlock(
             plan=plan,
             launch=launch,
             plans=self.plans,

@@ -32,8 +32,8 @@ from vinefab.inflation.free import FreeJoint, free_joint
 from vinefab.inflation.pattern import (
     ASSUMED_PRESSURE_KPA,
     MOST_STRAIN,
-    LevelJoint,
     Pattern,
+    PatternJoint,
     pattern_of,
     strain_of,
     stretch_of,
@@ -177,7 +177,7 @@ def _signed_area_mm2(ring: shapely.Polygon) -> float:
     return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2.0)
 
 
-def _solvable_words(joint: LevelJoint) -> str:
+def _solvable_words(joint: PatternJoint) -> str:
     """Return why the joint of a level cannot be cut so that it deploys, and what to change."""
     # The triangles' own words say nothing to the designer.
     why = joint.problem.partition(": outline is")[0]

@@ -30,7 +30,7 @@ from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.outset import refuse_starts_without_room
 from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
 from vinefab.search.record.generations import Finalist, Generation, Progress, RunIdentity
-from vinefab.search.record.result import RunResult, damage_errors, with_origin
+from vinefab.search.record.result import RunResult, damage_errors, design_of_finalist
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.relaxing import without_rules
 from vinefab.search.settings import (
@@ -206,7 +206,9 @@ class Search:
                 store.finish(finalists, stopped, ledger.split(), repair, notes)
         return RunResult(
             run_id=identity.run_id,
-            best=with_origin(finalists[0], settings, identity.run_id, identity.versions, self.maps),
+            best=design_of_finalist(
+                finalists[0], settings, identity.run_id, identity.versions, self.maps
+            ),
             finalists=finalists,
             history=tuple(history),
             stopped=stopped,

@@ -15,7 +15,7 @@ from vinefab.core.compiling import imported_later
 from vinefab.core.errors import BadInputError
 from vinefab.core.table import Table
 from vinefab.core.validation import Floats, Ints, number
-from vinefab.growth.batch import Block
+from vinefab.growth.batch import GrowthBlock
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build
 from vinefab.model.score import IDEAL_CASE
@@ -61,7 +61,7 @@ class GrownBatch(NamedTuple):
     grown: Floats
 
     @classmethod
-    def of_block(cls, block: Block) -> "GrownBatch":
+    def of_block(cls, block: GrowthBlock) -> "GrownBatch":
         """Return the growths of a block."""
         trees, growth = block.plans.trees, block.growth
         return cls(
@@ -417,7 +417,7 @@ class Anchoring(Table):
             name, alone = "leaves that came out, each alone (ideal case)", terms["leaves"]
         return {name: alone, "turns at contacts": score - alone}
 
-    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: GrowthBlock, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""
         used, which = np.unique(block.plan, return_inverse=True)
         plans = [block.plans.each[index] for index in used.tolist()]

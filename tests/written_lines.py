@@ -12,7 +12,12 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
     ROOT / "README.md",
-    *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts),
+    *sorted(
+        path
+        for path in (ROOT / "docs").rglob("*.md")
+        # Pages of verbs show the examples of the helps, which are typed in their order.
+        if not {"_build", "verbs"} & set(path.parts)
+    ),
     *sorted((ROOT / "examples").rglob("*.md")),
 ]
 """Pages for users: what stands in their blocks is theirs to type."""

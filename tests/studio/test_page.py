@@ -275,7 +275,7 @@ def test_the_start_and_its_heading_are_dragged(tab, grid):
     )
 
 
-def test_the_plan_keeps_its_size_while_it_is_dragged(tab):
+def test_the_plan_keeps_its_size_while_it_is_dragged_and_let_go(tab):
     height = "document.querySelector('#map .canvas').clientHeight"
     x, y = tab.middle(".pose-layer .base")
     tab.page.mouse.move(x, y)
@@ -285,6 +285,9 @@ def test_the_plan_keeps_its_size_while_it_is_dragged(tab):
     tab.page.get_by_text("outside the bounds").first.wait_for()  # a line more below the map
     assert tab.page.evaluate(height) == before
     tab.page.mouse.up()
+    tab.page.wait_for_timeout(300)
+    assert tab.page.evaluate(height) == before, "no jump under the hand"
+    tab.page.keyboard.press("ArrowUp")  # a change by key lets it take what room there is
     tab.page.wait_for_function(f"before => {height} !== before", arg=before, timeout=5000)
 
 
@@ -371,6 +374,25 @@ def test_obstacles_are_moved_added_and_deleted(tab, grid):
     assert tab.state()["map"]["edits"][2] == ["remove", 9]
     shows(tab, tab.design(), world)
     tab.until("() => document.querySelectorAll('[data-obstacle]').length === 9")
+
+
+def test_scores_wait_while_an_obstacle_is_dragged_and_come_once_the_hand_rests(tab, grid):
+    tab.page.evaluate(
+        """() => {
+          window.seen = [];
+          const scores = document.getElementById("scores");
+          const note = () => seen.push(scores.classList.contains("stale"));
+          new MutationObserver(note).observe(scores, {attributes: true});
+        }"""
+    )
+    tab.drag(tab.middle('[data-obstacle="4"]'), (30, 0), drop=False)
+    tab.until("() => seen.length > 1 && !seen.at(-1)")  # dimmed, then known: the hand is still down
+    assert tab.page.evaluate("seen[0]")
+    ((_, _, dx, dy),) = tab.state()["map"]["edits"]
+    moved = list(grid.obstacles)
+    moved[4] = shapely.affinity.translate(moved[4], dx, dy)
+    shows(tab, tab.design(), with_obstacles(grid, moved))
+    tab.page.mouse.up()
 
 
 def test_an_obstacle_is_typed_resized_and_turned(tab, grid):

@@ -44,7 +44,7 @@ def new(
     original
         The shipped or own file to copy; default: a usual one.
     force
-        Overwrite what is there, whoever wrote it.
+        Overwrite the file, also one of another program.
 
     Returns
     -------

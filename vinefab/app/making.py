@@ -181,7 +181,7 @@ def fix(
     Parameters
     ----------
     maps
-        As in `check`; with maps the ``summary`` says what the fix costs in score, too.
+        As in `check`; with maps the ``summary`` gives the cost of the fix in score, too.
     keep
         What must not change: branches, length, angle, width, one or several.
     growth
@@ -357,7 +357,7 @@ def coupon(
     recipe
         A recipe's name or path, in Python also a laser profile.
     out
-        The folder to write; ``README.txt`` in it says what to do, ``results.csv`` is the table.
+        The folder to write; ``README.txt`` in it lists the steps, ``results.csv`` is the table.
     force
         Overwrite what vinefab did not write, and a table that was filled in.
 

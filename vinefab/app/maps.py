@@ -155,7 +155,7 @@ def start(
 ) -> Map:
     """Give a map other starts: a pose, a side, a line or an area, each with a range of headings.
 
-    Poses are drawn evenly from what of a line or area is free and 15 mm from walls (clear MM).
+    Poses are drawn evenly from the free part of a line or area, 15 mm from walls (clear MM).
 
     Raises
     ------
@@ -252,7 +252,7 @@ def import_(
     Parameters
     ----------
     path
-        The file: a drawing, a GIS layer, a ROS map or a photo; its ending says what it is.
+        The file: a drawing, a GIS layer, a ROS map or a photo; its ending tells the kind.
     start
         Where robots start, in the map; default: the roomiest place.
     layers

@@ -81,7 +81,7 @@ def observe(
     Returns
     -------
     Observation
-        A ``summary`` in lines, all ``numbers``, and the ``path`` of what was written.
+        A ``summary`` in lines, all ``numbers``, and the ``path`` of the written file.
 
     Raises
     ------

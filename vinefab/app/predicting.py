@@ -294,7 +294,7 @@ def aim(
         As in `score`; without a run: reach.
     where
         Where the base may stand: border (of the free space, growing in, and where the map's starts
-        are), anywhere, starts, or a start in words: 'left side', 'area 0,0 50,480'.
+        are), anywhere, starts, or the text of a start: 'left side', 'area 0,0 50,480'.
     robots
         How many poses to choose that together cover most; for reach, coverage and tasks with a
         method ``cover``.

@@ -43,7 +43,7 @@ class WrittenFile(Result):
         return str(self.path)
 
     def view(self) -> Iterator[Block]:
-        """Yield the file and what to know about it."""
+        """Yield the file and notes on it."""
         yield from [Text(f"written: {self.path}")] * self.is_new
         yield Notes(self.summary)
 
@@ -53,7 +53,7 @@ class WrittenFile(Result):
 
 
 class Names(tuple[str, ...]):
-    """Names of shipped files and the user's own, with what a shell prints of them.
+    """Names of shipped files and the user's own, with the lines that a shell prints.
 
     Examples
     --------

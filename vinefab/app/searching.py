@@ -432,7 +432,7 @@ def contest(
     progress: Progress = True,
     force: Force = False,
 ) -> StudyOutcome:
-    """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
+    """Compare optimizers on run files at equal evaluations; run again, it continues.
 
     Parameters
     ----------
@@ -516,7 +516,7 @@ def reproduce(
     workers: Annotated[Workers, Within(1, 256)] = 2,
     progress: Progress = True,
 ) -> StudyOutcome:
-    """Do the paper's experiments again and put our numbers beside the paper's.
+    """Do the paper's experiments again and compare our numbers with the paper's.
 
     Finished parts are kept in the folder and not done again; no number depends on how many
     processes work or on how often the run was stopped. The exit code is 0 whether the paper's
@@ -527,7 +527,7 @@ def reproduce(
     *names
         Experiments, or all.
     out
-        The folder; a stopped run goes on in it.
+        The folder; a stopped run continues in it.
     quick
         A smoke run within a minute.
 

@@ -73,7 +73,7 @@ VERBS = {
     "rig": Verb(f"{_APP}.making:rig", "Write printable obstacles for a test rig."),
     "observe": Verb(
         f"{_APP}.observing:observe",
-        "Trace a grown robot on a photo and put it beside the prediction.",
+        "Trace a grown robot on a photo and compare it with the prediction.",
     ),
     "fit-observations": Verb(
         f"{_APP}.observing:fit_observations",

@@ -166,7 +166,7 @@ class ExportRefusedError(VinefabError, ValueError):
     name
         What was to be made.
     reason
-        What forbids it, in words.
+        Why it is forbidden, as text.
     report
         The ``CheckReport`` with the findings, or None.
     summary

@@ -56,7 +56,7 @@ def mean_interval(
 
     Its degrees of freedom are those of map scores (`degrees_of`), or with ``tails`` 0 those of the
     normal law. It leaves out 0 exactly where
-    `mean_p` is below ``1 - level``. How often it holds the truth: `docs/validity.md`.
+    `mean_p` is below ``1 - level``. How often it holds the truth: `docs/trust.md`.
 
     Examples
     --------

@@ -119,8 +119,8 @@ class Deployment:
         """Front length at which each branch begins to grow, shape (n,).
 
         The front length is the way along the body from the robot's base to a growing tip, the same
-        for all that grow. It is infinite for what never emerges: branches of a parent that did not,
-        and those that a stuck parent holds back.
+        for all that grow. It is infinite for branches that never emerge: those of a parent that did
+        not, and those that a stuck parent holds back.
         """
         begin = [0.0] * len(self.tree)
         end = np.where(self.deployed, self.grown_mm, np.inf).tolist()
@@ -145,7 +145,7 @@ class Deployment:
 
     @property
     def summary(self) -> tuple[str, ...]:
-        """What became of the branches and why, a line each; of what `Design.grow` returned."""
+        """How each branch ended and why, a line each; only of results of `Design.grow`."""
         lines: tuple[str, ...] = front_door().deployment_summary(self)
         return lines
 

@@ -754,7 +754,7 @@ class Design(Table):
         Raises
         ------
         BadInputError
-            If ``path`` is no path.
+            If ``path`` cannot be a path.
         CannotWriteError
             If the system refuses.
         ForeignFileError

@@ -69,7 +69,7 @@ class Finding(Result):
         return f"<Finding {self.rule} {self.weight}{where}: {self.message}>"
 
     def view(self) -> Iterator[Block]:
-        """Yield what is wrong, where, and what it is and may be."""
+        """Yield the fault, its place, the measured value and the limits."""
         yield Remark(f"{self.rule}  {self.title}".rstrip(), self.weight, (self.words,))
         yield Data(self.content)
 
@@ -88,7 +88,7 @@ class Finding(Result):
 
     @property
     def measures(self) -> str:
-        """The measured value and what is allowed; empty if the rule has no number."""
+        """The measured value and its limit; empty if the rule has no number."""
         if self.measured is None or self.limit is None:
             return ""
         unit, side = f" {self.unit}".rstrip(), "least" if self.measured < self.limit else "most"
@@ -193,7 +193,7 @@ class CheckReport(Result):
     Parameters
     ----------
     design, recipe
-        Names of what was checked.
+        Names of the checked design and its recipe.
     run, skipped
         Together, every rule that exists.
     findings

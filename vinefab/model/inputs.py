@@ -250,7 +250,7 @@ else:
         object,
         Kind(metavar="DEG", read=_half_angle, words=_numbers_words, hyphen=True),
         Doc("Contacts closer to head-on than this stop a tip (assumed); a range LOW,HIGH gives "
-            "every deployment a value of its own."),
+            "every deployment another value."),
     ]  # fmt: skip
     Pairs = Annotated[object, PAIRS]
     GrowthLike = Annotated[

@@ -382,7 +382,7 @@ class OperationSettings(Table):
 class Operations(Table):
     """The tables ``[operations.NAME]`` of a recipe."""
 
-    mark: Annotated[OperationSettings | None, Doc("labels beside the body")] = None
+    mark: Annotated[OperationSettings | None, Doc("labels next to the body")] = None
     weld: Annotated[OperationSettings | None, Doc("seam only")] = None
     weldcut: Annotated[OperationSettings | None, Doc("seam and cut in one pass")] = None
     cut: Annotated[OperationSettings, Doc("mouth and sheet")]
@@ -625,8 +625,8 @@ class Recipe(Table):
     ] = "vinefab/recipe-1"
     name: _Name
     title: _Title
-    machine: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
-    material: Annotated[FileName, Doc("its profile, by name or beside the recipe")]
+    machine: Annotated[FileName, Doc("its profile: a name, or a file in the recipe's folder")]
+    material: Annotated[FileName, Doc("its profile: a name, or a file in the recipe's folder")]
     status: Annotated[
         RecipeStatus, Field(strict=False), Doc("how far it is verified on your machine")
     ]

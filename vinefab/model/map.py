@@ -128,7 +128,7 @@ class Map:
         Raises
         ------
         BadInputError
-            If it is no path, or a value in the file cannot be used.
+            If it cannot be a path, or a value in the file cannot be used.
         UnreadableFileError
             If there is no such file, or it is not JSON.
 
@@ -158,7 +158,7 @@ class Map:
         Raises
         ------
         BadInputError
-            If ``path`` is no path.
+            If ``path`` cannot be a path.
         CannotWriteError
             If the system refuses.
         ForeignFileError
@@ -175,7 +175,7 @@ class Map:
         return write_text(path_given("path", path), map_text(self), force=force)
 
     def with_start(self, *starts: "Start | Pose | tuple[float, float, float] | str") -> "Map":
-        """Return the map with other starts in place of its own.
+        """Return the map with other starts instead.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Map:
     def with_targets(
         self, *targets: "Target | tuple[float, float] | Mapping[str, object] | str"
     ) -> "Map":
-        """Return the map with other targets in place of its own.
+        """Return the map with other targets instead.
 
         Parameters
         ----------

@@ -102,7 +102,7 @@ class Start:
         What a single growth takes. The middle of the range; with an area, a free place in it and
         the middle of the headings.
     spread_x_mm, spread_y_mm
-        Half-widths of the range of positions; not beside an area.
+        Half-widths of the range of positions; not with an area.
     spread_heading_rad
         Half-width of the range of headings.
     area

@@ -289,7 +289,7 @@ class AimResult(Result):
     plan
         How poses were searched.
     robots
-        The design, and what it is held against.
+        The design, and the one that it is compared with.
     notes
         What a user should know, a sentence each.
     growth_notes
@@ -514,7 +514,7 @@ class AimResult(Result):
 
     @property
     def region(self) -> str:
-        """Where bases may stand, in words."""
+        """Where bases may stand, as text."""
         return f"base {self.first.search.words}"
 
     @property

@@ -273,7 +273,7 @@ class DesignComparison(Result):
 
     @property
     def means(self) -> dict[str, float]:
-        """The mean of what counts most by the designs' names, the best first."""
+        """The mean of the chosen measure by the designs' names, the best first."""
         return dict(self.ranked(self.measure))
 
     @property
@@ -304,7 +304,7 @@ class DesignComparison(Result):
         return int(order[len(order) // 2])
 
     def over_contacts(self, name: str, measure: Measure) -> str:
-        """Return a design's range of a measure over what contacts may be like, in words."""
+        """Return a design's range of a measure over possible contacts, as text."""
         contacts = self.contacts[self.names.index(name)]
         if measure.key not in contacts.values:
             return ""

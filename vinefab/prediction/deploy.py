@@ -335,7 +335,7 @@ class DeployedDesign(Result):
         }
 
     def view(self) -> Iterator[Block]:
-        """Yield where the branches ended, a plan, by which rules they grew, and what is odd."""
+        """Yield where the branches ended, a plan, by which rules they grew, and oddities."""
         tree = self.deployment.tree
         stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
         yield Answer(

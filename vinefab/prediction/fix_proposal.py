@@ -69,7 +69,7 @@ class ProposedFix(Result):
         return int(self.failed)
 
     def view(self) -> Iterator[Block]:
-        """Yield the changed design, what was changed, and what it costs."""
+        """Yield the changed design, its changes and their cost."""
         if self.design is not None and (drawn := self.design._repr_svg_()):
             yield Picture(image=drawn.encode(), caption="The changed design, flat (computed).")
         verdict = [self.report.verdict] if self.design is not None else []
@@ -82,7 +82,7 @@ class ProposedFix(Result):
         return self.before.json_text()
 
     def lines(self) -> list[str]:
-        """Return the outcome in words."""
+        """Return the outcome as lines."""
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:

@@ -224,7 +224,7 @@ class InflatedDesign(Result):
 
     @property
     def pattern(self) -> Pattern:
-        """The flat tree that is cut, and what every joint becomes."""
+        """The flat tree that is cut, and the deployed angles of every joint."""
         return self.deployed.pattern
 
     @property

@@ -64,7 +64,7 @@ class RunListing(Result):
     schema = "vinefab/runs-1"
 
     def view(self) -> Iterator[Block]:
-        """Yield the runs, those that differ in their seed alone together, and what is broken."""
+        """Yield the runs, those that differ in their seed alone together, and broken records."""
         yield Rows(
             caption=counted(len(self.rows), "run"),
             headings=("folder", "run", "generations", "best fitness", "winner on fresh poses", ""),

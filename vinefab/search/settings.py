@@ -71,7 +71,7 @@ class MapSettings(Table):
     start: Annotated[
         InstanceOf[Start] | InstanceOf[StartPlace] | None,
         BeforeValidator(_start),
-        Doc("of every map, in place of its own"),
+        Doc("of every map, in place of the map's start"),
         LATER,
     ] = None
 
@@ -113,7 +113,7 @@ class PartSettings(Table):
 
 
 class SearchSettings(Table):
-    """How long and with what seed the optimizer searches: a part of ``[optimizer]``."""
+    """How long and with which seed the optimizer searches: a part of ``[optimizer]``."""
 
     population: Annotated[int, Ge(2), Le(100_000), Doc("designs of a generation")] = 20
     generations: Annotated[int, Ge(1), Le(1_000_000), Doc("at most")] = 15
@@ -221,7 +221,7 @@ class RunSettings(RunTables):
     start_from: Annotated[
         tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
         Field(strict=False),
-        Doc("points of the space at which the optimizer begins, beside its own"),
+        Doc("points of the space at which the optimizer begins, as well as at the usual ones"),
         LATER,
     ] = ()
 
@@ -252,7 +252,7 @@ class RunSettings(RunTables):
 
     @property
     def further_objectives(self) -> tuple[str, ...]:
-        """The objectives beside the task's score, in their order: other tasks and costs."""
+        """The objectives other than the task's score, in their order: other tasks and costs."""
         return tuple(name for name in self.objectives if name != self.task.name)
 
     @property

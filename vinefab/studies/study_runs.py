@@ -32,7 +32,7 @@ NAMES = {"grid": "Grid", "cave": "Cave"}
 
 STUDY_MAP_OPTIONS: Mapping[str, Mapping[str, object]] = {"grid": {}, "cave": {"loops": 1.0}}
 """What the maps of an environment have in common, where it is not the generator's default: the
-paper's Cave is "a series of interconnected closed pathways" (DECISIONS.md says how it was set)."""
+paper's Cave is "a series of interconnected closed pathways" (docs/studies/paper.md)."""
 
 FIRST_TRAINING = 1
 

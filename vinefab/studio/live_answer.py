@@ -51,8 +51,9 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
     Parameters
     ----------
     ask
-        ``have``: key of the ground that the page shows; ``ground = false`` while an obstacle is
-        dragged; ``obstacle``: index of the one that is chosen, which is drawn for itself.
+        ``have``: key of the ground that the page shows; ``ground = false`` and ``scores = false``
+        while an obstacle is dragged: the page keeps what it has; ``obstacle``: index of the one
+        that is chosen, which is drawn for itself.
     """
     answer: dict[str, Any] = {"engine": engine_now(), "growth": _growth(state)}
     if state.world is None or state.ground is None:
@@ -68,7 +69,7 @@ def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str
         "targets_svg": targets_svg(state.world.targets),
         "obstacle": _obstacle(state.ground, ask.get("obstacle")),
     }
-    return answer | _grown(state, state.world)
+    return answer | _grown(state, state.world, with_scores=bool(ask.get("scores", True)))
 
 
 def _obstacle(ground: Ground, index: object) -> dict[str, Any] | None:
@@ -84,7 +85,7 @@ def _obstacle(ground: Ground, index: object) -> dict[str, Any] | None:
     }
 
 
-def _grown(state: StudioState, world: Map) -> dict[str, Any]:
+def _grown(state: StudioState, world: Map, *, with_scores: bool) -> dict[str, Any]:
     start = state.start
     if start is None:
         return _not_grown(state.design, "the map has no start: put one on it")
@@ -94,12 +95,10 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
     }
     if problem := not_followed(state.design):
         return place | _not_grown(state.design, problem)
-    prepared = prepared_map(state)
     try:
         deployment, _ = grown(state, start)
     except BadInputError as error:
         return place | _not_grown(state.design, str(error))
-    scores, titles, problems = _scores(deployment, prepared)
     widths_mm = state.growth.drawn_widths_mm(state.design.build.widths_mm)
     return (
         place
@@ -107,11 +106,10 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         | {
             "robot_svg": robot_svg(deployment, widths_mm),
             "front_full_mm": deployment.full_mm,
-            "scores": scores,
-            "titles": titles,
             "facts": _facts(state.design, deployment),
-            "problems": problems + _troubles(state, deployment),
+            "problems": _troubles(state, deployment),
         }
+        | (_scores(deployment, prepared_map(state)) if with_scores else {})
     )
 
 
@@ -164,21 +162,19 @@ def _not_grown(design: Design, problem: str) -> dict[str, Any]:
     nothing = dict.fromkeys(TASKS)
     return {
         "robot_svg": "", "front_full_mm": 0.0, "scores": nothing, "facts": _planned(design),
-        "problems": [problem],
+        "problems": [problem], "unscored": [],
     }  # fmt: skip
 
 
-def _scores(
-    deployment: Deployment, prepared: PreparedMap
-) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+def _scores(deployment: Deployment, prepared: PreparedMap) -> dict[str, Any]:
     """Return score and title of each task (simulated), None where a map has none, and why."""
     scores: dict[str, Any] = {}
     titles: dict[str, str] = {}
-    problems = []
+    unscored = []
     for name in TASKS:
         if name in COMPILED_TASKS and engine_now() != "kernel":
             scores[name] = None
-            problems.append(f"{name}: as soon as the simulator is compiled, once on this computer")
+            unscored.append(f"{name}: as soon as the simulator is compiled, once on this computer")
             continue
         task = _task(name)
         try:
@@ -187,8 +183,8 @@ def _scores(
             titles[name] = f"{name}, ideal case" if terms.get(IDEAL_CASE) else name
         except VinefabError as error:
             scores[name] = None
-            problems.append(f"{name}: {error}")
-    return scores, titles, problems
+            unscored.append(f"{name}: {error}")
+    return {"scores": scores, "titles": titles, "unscored": unscored}
 
 
 def _planned(design: Design) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import Point, Polygon
 
 from vinefab.growth.simulator import grow_on
@@ -16,12 +17,15 @@ from vinefab.studio.state import StudioState
 from vinefab.studio.warming import engine_now
 from vinefab.tasks.evaluate import PreparedMap
 
-FEW_OBSTACLES = 40
-"""Walls around so many are built for all of them: the robot need not be looked for first."""
-
-
 _SLACK = 1.25
 """Obstacles so much farther than a branch grows are taken too: with them it may start elsewhere."""
+
+_LAST_NEAR: dict[tuple[str, int], NDArray[np.bool_]] = {}
+"""The obstacles near the robot at the last growth on a map of some name and count: a first guess.
+
+A guess that is too large costs time; one that is too small, a second growth. No result depends on
+it.
+"""
 
 
 def prepared_map(state: StudioState) -> PreparedMap:
@@ -44,30 +48,32 @@ def grown(state: StudioState, start: Pose) -> tuple[Deployment, Terrain]:
     Building walls for every body radius takes time with every obstacle of a map, far more than
     growing. So obstacles are left out that no branch could come to, however it turned: those
     farther from its base than it grows. Where fewer obstacles make it grow farther, it is grown
-    again with those that it comes to.
+    again with those that it comes to; those of the last growth are the first guess.
     """
-    whole, design, options = prepared_map(state).terrain, state.grown_now, state.growth
-    world = whole.world
-
-    def grow(on: Terrain) -> Deployment:
-        return grow_on(design, on, start, options, engine=engine_now())
-
-    if len(world.obstacles) <= FEW_OBSTACLES:
-        return grow(whole), whole
+    world, design, options = state.world, state.grown_now, state.growth
+    if world is None:
+        raise ValueError("no map is open")
     tree = shapely.STRtree(world.obstacles)
-    body_mm = options.radius_mm(max(design.build.widths_mm)) + whole.tolerance_mm
-    near = np.zeros(len(world.obstacles), dtype=np.bool_)
+    tolerance_mm = _terrain(world.name, world.bounds, ()).tolerance_mm
+    body_mm = options.radius_mm(max(design.build.widths_mm)) + tolerance_mm
+    map_key = world.name, len(world.obstacles)
+    near = _LAST_NEAR.get(map_key, np.zeros(len(world.obstacles), dtype=np.bool_)).copy()
     near[tree.query(Point(start.x_mm, start.y_mm), "dwithin", body_mm)] = True
     while True:
         obstacles = tuple(world.obstacles[index] for index in np.flatnonzero(near).tolist())
         terrain = _terrain(world.name, world.bounds, obstacles)
-        deployment = grow(terrain)
+        deployment = grow_on(design, terrain, start, options, engine=engine_now())
         out = np.flatnonzero(deployment.deployed)
         bases = shapely.points(deployment.points_mm[deployment.first_point[:-1][out]])
         reach_mm = deployment.grown_mm[out] + body_mm
-        if near[tree.query(bases, "dwithin", reach_mm)[1]].all():
+        wider = np.zeros_like(near)
+        wider[tree.query(bases, "dwithin", _SLACK * reach_mm)[1]] = True
+        is_whole = near[tree.query(bases, "dwithin", reach_mm)[1]].all()
+        if is_whole:
+            _LAST_NEAR.clear()
+            _LAST_NEAR[map_key] = near if near.sum() <= 2 * wider.sum() else wider
             return deployment, terrain
-        near[tree.query(bases, "dwithin", _SLACK * reach_mm)[1]] = True
+        near |= wider
 
 
 @lru_cache(maxsize=32)

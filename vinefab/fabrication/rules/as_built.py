@@ -324,7 +324,7 @@ SEAM_WIDTH = Rule(
     unit="mm",
     limits={"slack": 0.005},
     reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
-    "the slack is what a laser's steps round away (assumed)",
+    "a laser's steps round the slack away (assumed)",
     remedy="use the recipe's seam width and overcut, or test the narrower seam with coupons",
     check=check_seams,
 )

@@ -278,7 +278,7 @@ FOREIGN_FILLET = Rule(
     unit="mm",
     limits={"error": 0.0, "warning": 2.0},
     reason="a fillet that swallows another branch's side changes the robot",
-    remedy="a smaller fillet, or more distance between the joint and the branch beside it",
+    remedy="a smaller fillet, or more distance between the joint and the next branch",
     check=check_foreign,
 )
 

@@ -286,7 +286,7 @@ FILLET = Rule(
     },
     reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
     "but a fillet much larger than the child makes it wide where it should be narrow",
-    remedy="a larger fillet on a sharp crotch, a smaller one beside a narrow child",
+    remedy="a larger fillet on a sharp crotch, a smaller one next to a narrow child",
     check=check_fillet,
 )
 

@@ -236,7 +236,7 @@ MARKS = Rule(
     unit="mm",
     limits={"error": 3.0},
     reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
-    remedy="more room beside the robot for its label",
+    remedy="more room around the robot for its label",
     check=check_marks,
 )
 PATHS = Rule(

@@ -298,7 +298,7 @@ PIECE_LABELS = Rule(
     title="every piece, plug and socket is labelled",
     broken="labels of pieces or joints are missing",
     reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
-    remedy="more room beside the piece, or mark it by hand before it leaves the bed",
+    remedy="more room next to the piece, or mark it by hand before it leaves the bed",
     check=check_piece_labels,
 )
 EASE = Rule(
@@ -308,7 +308,7 @@ EASE = Rule(
     unit="mm",
     limits={"films": 1.0, "rooms": 2.0},
     reason="flat, a plug is as thick as all plies, and as much wider must a socket be; half the "
-    "ease is gathered on each side within the room that the lap has beside its band, at 45 degrees "
+    "ease is gathered on each side within the room that the lap leaves to its band, at 45 degrees "
     "at most, or folds lead out of the lap (assumed)",
     remedy="an ease between the film's thickness and the lap less the band's width",
     check=check_ease,

@@ -197,7 +197,7 @@ class Rule(Result):
         return f"{name}: {self.limits[name]:g} {unit}".rstrip()
 
     def view(self) -> Iterator[Block]:
-        """Yield what must hold, limits, reason, remedy, and how to change it."""
+        """Yield the condition, limits, reason, remedy, and how to change it."""
         yield Answer(f"{self.id}: {self.title}")
         facts = Fact("broken", self.broken), Fact("why", self.reason), Fact("remedy", self.remedy)
         yield Facts(facts if self.remedy else facts[:2])

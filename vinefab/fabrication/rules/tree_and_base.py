@@ -229,6 +229,6 @@ DEPLOYED_LENGTH = Rule(
     unit="mm",
     limits={"short_warning": 250.0, "long_warning": 2000.0},
     reason="untested above 2 m and below 0.25 m (paper)",
-    remedy="change the lengths, or accept that nobody has tried such a length",
+    remedy="change the lengths, or accept that such a length was never tried",
     check=check_reach,
 )

@@ -313,7 +313,7 @@ class CorridorsOptions(StartOptions):
         Share,
         Doc(
             "share of the possible further doors that are open; without any, every room has just "
-            "the doors that make all reachable: one to a hall where there is one beside it"
+            "the doors that make all reachable: one to a hall where there is one next to it"
         ),
     ] = 0.15
     start_spread_x_mm: StartSpread = 5.0

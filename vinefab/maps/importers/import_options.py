@@ -52,7 +52,7 @@ class PhotoOptions:
     threshold
         Brightness between floor and obstacles, 0 to 255; found from the photo (Otsu) when None.
     crop_mm
-        Left, low, right and top of what is imported, in map coordinates.
+        Left, low, right and top of the imported part, in map coordinates.
     """
 
     points_px: tuple[tuple[float, float], ...] = ()

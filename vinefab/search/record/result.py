@@ -330,7 +330,7 @@ class RunResult(Result):
         Raises
         ------
         BadInputError
-            If the run has not ended; ``vf.optimize(..., resume=True)`` goes on with it.
+            If the run has not ended; ``vf.optimize(..., resume=True)`` continues it.
         UnreadableFileError
             If there is no record, or it is damaged.
 
@@ -349,7 +349,7 @@ class RunResult(Result):
         return self.finalists[0].score
 
     def with_prediction(self, prediction: Mapping[str, Any]) -> "RunResult":
-        """Return the result with what is predicted of the winner, also in the winner's origin."""
+        """Return the result with the winner's prediction, also in the winner's origin."""
         best = self.best.changed(origin={**self.best.origin, **prediction.get("origin", {})})
         return replace(self, best=best, prediction=prediction)
 

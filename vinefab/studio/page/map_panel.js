@@ -7,6 +7,8 @@ import { createView, ZOOM } from "studio/view.js";
 
 const PLAY_S = 4;
 const REST_MS = 700;
+const HELD_MS = 150; // a hand that rests so long waits for the scores
+const SHAPING = ["obstacle", "size", "turn"];
 
 const LEAST_OBSTACLE_MM = 1;
 
@@ -78,17 +80,22 @@ export function mount(root, app) {
   const timings = (app.timings = []);
   addEventListener("moved", (event) => { lastMoved ||= event.detail; });
 
-  async function ask() {
+  /** Ask for what grows; while an obstacle is dragged, for scores only once the hand rests. */
+  async function ask(isHeld = false) {
+    const isShaping = SHAPING.includes(dragging?.kind);
+    if (isShaping) askHeld();
     const since = lastMoved;
     lastMoved = 0;
     try {
-      await app.ask("live", { have: ground, ground: !["obstacle", "size", "turn"].includes(dragging?.kind), obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
+      await app.ask("live", { have: ground, ground: !isShaping, scores: !isShaping || isHeld, obstacle: chosen?.kind === "obstacle" ? chosen.id : null });
       if (since) requestAnimationFrame(() => setTimeout(() => keepTiming(performance.now() - since)));
     } catch (error) {
       if (error.stale) lastMoved ||= since;
       else if (!error.stopped) app.say(error.message, "error");
     }
   }
+
+  const askHeld = paused(() => { if (dragging && answer?.isUnscored) ask(true); }, HELD_MS);
 
   function keepTiming(ms) {
     timings.push(ms);
@@ -175,13 +182,14 @@ export function mount(root, app) {
   }
 
   function showFacts() {
-    scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
+    scores.classList.toggle("stale", Boolean(answer.isUnscored));
+    if (!answer.isUnscored) scores.replaceChildren(...Object.entries(answer.scores ?? {}).map(([task, score]) =>
       el("div", { class: "score", "data-task": task },
         el("span", { class: "name" }, answer.titles?.[task] ?? task), el("span", { class: "value" }, score === null ? "–" : number(score, 3)),
         el("span", { class: "standing" }, "simulated"))));
     facts.replaceChildren(`${answer.facts.text}. `, growth);
     growth.title = `Grown with: ${answer.growth?.text}`;
-    problems.replaceChildren(...(answer.problems ?? []).map((text) => el("li", {}, text)));
+    problems.replaceChildren(...[...(answer.unscored ?? []), ...(answer.problems ?? [])].map((text) => el("li", {}, text)));
   }
 
   /** Ask how wide the scores are once everything rests: it takes a process that simulates. */
@@ -201,6 +209,8 @@ export function mount(root, app) {
   function show(found) {
     width.classList.add("stale");
     askWidth();
+    // While an obstacle is dragged the scores stay those before, and are shown as such.
+    if (!found.scores && answer) Object.assign(found, { scores: answer.scores, titles: answer.titles, unscored: answer.unscored, isUnscored: true });
     answer = found;
     if (!app.previewed) app.present = found;
     if (found.ground_svg !== null && found.ground_svg !== undefined) {
@@ -441,7 +451,8 @@ export function mount(root, app) {
     if (aim.getAttribute("aria-pressed") === "true") return addTarget([at[0], -at[1]]);
     dragging = tools.isOn() ? { kind: "measure", at: [tools.mm(at[0]), tools.mm(at[1])] } : grabbed(event);
     if (!app.live && dragging.kind !== "measure") dragging.kind = "view";
-    // The plan keeps its size while it is dragged: the answers below it have more or fewer lines.
+    // The plan keeps its size while it is dragged and when it is let go, however many lines the
+    // answers below it have; the next change from elsewhere frees it.
     svg.parentElement.style.flex = `0 0 ${svg.parentElement.getBoundingClientRect().height}px`;
     Object.assign(dragging, { drag: ++drags, moved: false, matrix: view.matrix() });
     const { kind, id } = dragging;
@@ -507,9 +518,8 @@ export function mount(root, app) {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
-    svg.parentElement.style.flex = "";
     if (!was.busy) app.store.endGroup();
-    if (["obstacle", "size", "turn"].includes(was.kind) && was.moved) ask();
+    if (SHAPING.includes(was.kind) && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
   }
   svg.addEventListener("pointerup", release);
@@ -570,14 +580,17 @@ export function mount(root, app) {
       part.classList.toggle("highlit", wanted.has(part.dataset.branch));
     }
   });
+  const freeHeight = () => { if (!dragging) svg.parentElement.style.flex = ""; };
+  addEventListener("resize", freeHeight);
   app.store.subscribe((state, before) => {
+    freeHeight();
     if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
     // What undo takes away is chosen no more.
     if (chosen?.kind === "obstacle" && (state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) chosen = null;
     if (app.live) ask();
   });
-  app.on("engine", ask);
-  app.on("again", ask);
+  app.on("engine", () => ask());
+  app.on("again", () => ask());
   for (const button of [add, aim]) button.disabled = !app.live;
   showSource(app.store.get());
   if (app.live) ask();
